@@ -1,0 +1,55 @@
+"""The errors a user can cause, and the sentence each must carry.
+
+Every message says what came, what was allowed and what to try, in one line: it is shown
+as it stands on the page and in the terminal.
+"""
+
+from __future__ import annotations
+
+
+class QuadlabError(Exception):
+    """Root of every error that is the user's, the network's or the disk's, not a defect."""
+
+
+class ParameterError(QuadlabError):
+    """A parameter name or value was refused; nothing was changed."""
+
+
+class UnknownParameterError(ParameterError):
+    """No parameter has this name."""
+
+
+class OutOfBoundsError(ParameterError):
+    """The value is not finite or lies outside the parameter's bounds."""
+
+
+class WrongTypeError(ParameterError):
+    """The value's type does not fit the parameter."""
+
+
+class ReadOnlyError(ParameterError):
+    """The parameter cannot be changed now."""
+
+
+class RefusedError(QuadlabError):
+    """A command (arm, behavior, emergency, ...) was refused; the text is the reason."""
+
+
+class MeasurementError(QuadlabError):
+    """A measurement cannot be used: degenerate geometry, not finite, not unit length."""
+
+
+class LinkError(QuadlabError):
+    """The radio link, a service or a session failed or did not answer in time."""
+
+
+class StorageError(QuadlabError):
+    """A file or folder cannot be read or written, or the disk is full."""
+
+
+class LogFormatError(QuadlabError):
+    """A log is torn, foreign or not what its name says."""
+
+
+class UsageError(QuadlabError):
+    """Wrong words on the command line; the process exits with status 2."""

@@ -1,0 +1,247 @@
+"""Parameters: one pydantic model a component is the only source of names, bounds and units.
+
+From it come command-line flags, the ROS 2 parameter services, the sliders, the log's
+snapshot and docs/parameters.md. A `ParameterStore` is the authority for one tree of
+components: it validates, applies, counts revisions, and never half-applies.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
+
+from quadrotor.errors import (
+    OutOfBoundsError,
+    ReadOnlyError,
+    UnknownParameterError,
+    WrongTypeError,
+)
+
+ParameterValue = bool | int | float | str
+
+
+class Parameters(BaseModel):
+    """Base of every component's parameters; fields are made with `parameter`."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def parameter(
+    default: ParameterValue,
+    *,
+    description: str,
+    unit: str = "",
+    ge: float | None = None,
+    le: float | None = None,
+    step: float | None = None,
+    read_only: bool = False,
+    choices: tuple[str, ...] = (),
+) -> Any:
+    """A scalar field with unit, bounds, slider step and description.
+
+    Vectors are written as named scalars (`kp_xy`, `kp_z`): each has its own bounds and slider.
+    """
+    extra: dict[str, Any] = {"unit": unit, "step": step, "read_only": read_only}
+    extra["choices"] = list(choices)
+    return Field(default, ge=ge, le=le, description=description, json_schema_extra=extra)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterDescription:
+    """What a client needs to show and edit one parameter."""
+
+    name: str
+    type: str  # "bool", "int", "float" or "str"
+    default: ParameterValue
+    description: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    step: float | None
+    read_only: bool
+    choices: tuple[str, ...]
+
+
+class ParameterStore:
+    """Flat names (`position.kp_xy`) over a tree of `Parameters`; the single writer's side.
+
+    Args:
+        root: a `Parameters` whose fields are components (`Parameters`) of scalar fields.
+    """
+
+    def __init__(self, root: Parameters) -> None:
+        self._root = root
+        self._places: dict[str, tuple[Parameters, str]] = dict(_walk(root, ""))
+        self._descriptions = {
+            name: _describe(name, type(owner).model_fields[field])
+            for name, (owner, field) in self._places.items()
+        }
+        self.revision = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self._places)
+
+    def description(self, name: str) -> ParameterDescription:
+        """Raises UnknownParameterError."""
+        self._require(name)
+        return self._descriptions[name]
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return tuple(self._descriptions.values())
+
+    def get(self, name: str) -> ParameterValue:
+        """Raises UnknownParameterError."""
+        self._require(name)
+        owner, field = self._places[name]
+        value: ParameterValue = getattr(owner, field)
+        return value
+
+    def values(self) -> dict[str, ParameterValue]:
+        return {name: self.get(name) for name in self._places}
+
+    def check(self, name: str, value: object) -> ParameterValue:
+        """The value as it would be applied.
+
+        Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or ReadOnlyError.
+        """
+        self._require(name)
+        description = self._descriptions[name]
+        if description.read_only:
+            raise ReadOnlyError(
+                f"parameter {name} cannot be changed while running "
+                f"(it is {self.get(name)}); set it at the start with --set {name}=…"
+            )
+        return coerce(description, value)
+
+    def set(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        """Apply all or nothing; returns the applied values. Raises as `check`."""
+        checked = {name: self.check(name, value) for name, value in values.items()}
+        self._apply(checked)
+        return checked
+
+    def preset(self, values: Mapping[str, object]) -> None:
+        """As `set`, before the start: read-only parameters included."""
+        for name in values:
+            self._require(name)
+        self._apply({n: coerce(self._descriptions[n], v) for n, v in values.items()})
+
+    def _apply(self, values: Mapping[str, ParameterValue]) -> None:
+        for name, value in values.items():
+            owner, field = self._places[name]
+            setattr(owner, field, value)
+        if values:
+            self.revision += 1
+
+    def _require(self, name: str) -> None:
+        if name not in self._places:
+            near = difflib.get_close_matches(name, self._places, n=3, cutoff=0.5)
+            hint = f"did you mean {' or '.join(near)}?" if near else "list them on the Gains tab"
+            raise UnknownParameterError(f"unknown parameter {name!r}: {hint}")
+
+
+def coerce(description: ParameterDescription, value: object) -> ParameterValue:
+    """`value` as the described type and within its bounds.
+
+    Raises WrongTypeError or OutOfBoundsError.
+    """
+    name, kind = description.name, description.type
+    if kind == "bool":
+        if not isinstance(value, bool):
+            raise _wrong_type(description, value, "true or false")
+        return value
+    if kind == "str":
+        if not isinstance(value, str):
+            raise _wrong_type(description, value, "text")
+        if description.choices and value not in description.choices:
+            raise OutOfBoundsError(
+                f"{name} = {value!r} is not one of {', '.join(description.choices)}"
+            )
+        return value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise _wrong_type(description, value, "a number")
+    if not math.isfinite(value):
+        raise OutOfBoundsError(f"{name} = {value} is not a finite number; {_allowed(description)}")
+    if kind == "int" and value != int(value):
+        raise _wrong_type(description, value, "a whole number")
+    low, high = description.minimum, description.maximum
+    if (low is not None and value < low) or (high is not None and value > high):
+        raise OutOfBoundsError(f"{name} = {value:g} is out of bounds; {_allowed(description)}")
+    return int(value) if kind == "int" else float(value)
+
+
+def parse_text(description: ParameterDescription, text: str) -> ParameterValue:
+    """A value typed by a person (`--set name=value`, a text box), checked as in `coerce`."""
+    if description.type == "bool":
+        if text.lower() in ("true", "false"):
+            return text.lower() == "true"
+        raise _wrong_type(description, text, "true or false")
+    if description.type == "str":
+        return coerce(description, text)
+    try:
+        number = float(text)
+    except ValueError:
+        raise _wrong_type(description, text, "a number") from None
+    return coerce(description, number)
+
+
+def _wrong_type(
+    description: ParameterDescription, value: object, expected: str
+) -> WrongTypeError:
+    return WrongTypeError(
+        f"{description.name} must be {expected}, not {value!r}; {_allowed(description)}"
+    )
+
+
+def _allowed(description: ParameterDescription) -> str:
+    unit = f" {description.unit}" if description.unit else ""
+    low, high = description.minimum, description.maximum
+    if low is not None and high is not None:
+        bounds = f"allowed {low:g} to {high:g}{unit}"
+    elif low is not None:
+        bounds = f"allowed from {low:g}{unit}"
+    elif high is not None:
+        bounds = f"allowed up to {high:g}{unit}"
+    else:
+        bounds = f"any {description.type}{unit} is allowed"
+    return f"{bounds}, default {description.default}"
+
+
+def _walk(owner: Parameters, prefix: str) -> Iterator[tuple[str, tuple[Parameters, str]]]:
+    for field in type(owner).model_fields:
+        value = getattr(owner, field)
+        if isinstance(value, Parameters):
+            yield from _walk(value, f"{prefix}{field}.")
+        else:
+            yield f"{prefix}{field}", (owner, field)
+
+
+def _describe(name: str, field: FieldInfo) -> ParameterDescription:
+    extra = field.json_schema_extra
+    if not isinstance(extra, dict):
+        raise TypeError(f"{name} was not made with quadrotor.parameters.parameter")
+    bounds: dict[str, float] = {}
+    for constraint in field.metadata:
+        for key in ("ge", "le"):
+            if hasattr(constraint, key):
+                bounds[key] = float(getattr(constraint, key))
+    kind = field.annotation.__name__ if field.annotation else "str"
+    step, choices = extra.get("step"), extra.get("choices")
+    return ParameterDescription(
+        name=name,
+        type=kind,
+        default=field.default,
+        description=field.description or "",
+        unit=str(extra.get("unit", "")),
+        minimum=bounds.get("ge"),
+        maximum=bounds.get("le"),
+        step=float(step) if isinstance(step, int | float) else None,
+        read_only=bool(extra.get("read_only")),
+        choices=tuple(str(c) for c in choices) if isinstance(choices, list) else (),
+    )

@@ -1,0 +1,133 @@
+"""The records that travel through one tick, as numpy structured types.
+
+Numba reads them by field name, a ring buffer copies them as bytes, and an array of N is a
+batch of N vehicles: one definition serves the tick, the log and compiled campaigns.
+Frames are in the names: `_w` world (z up), `_b` body (x forward, y left, z up), `_wb`
+maps body to world. Units are SI; stamps are integer nanoseconds of the vehicle's clock.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Record = npt.NDArray[np.void]
+"""A structured array, shape (1,) in the tick, (N,) in a batch."""
+
+STATE = np.dtype(
+    [
+        ("position_w", "f8", 3),  # m
+        ("velocity_w", "f8", 3),  # m/s, world axes
+        ("quaternion_wb", "f8", 4),  # (w, x, y, z), unit, body to world
+        ("angular_velocity_b", "f8", 3),  # rad/s, body axes
+    ],
+    align=True,
+)
+
+REFERENCE = np.dtype(
+    [
+        ("position_w", "f8", 3),  # m
+        ("velocity_w", "f8", 3),  # m/s
+        ("acceleration_w", "f8", 3),  # m/s^2
+        ("jerk_w", "f8", 3),  # m/s^3
+        ("snap_w", "f8", 3),  # m/s^4
+        ("yaw", "f8"),  # rad, about z_W
+        ("yaw_rate", "f8"),  # rad/s
+        ("yaw_acceleration", "f8"),  # rad/s^2
+    ],
+    align=True,
+)
+
+IMU_SAMPLE = np.dtype(
+    [
+        ("stamp_ns", "i8"),
+        ("specific_force_b", "f8", 3),  # m/s^2, +g on z when level and at rest
+        ("angular_velocity_b", "f8", 3),  # rad/s
+    ],
+    align=True,
+)
+
+POSE_SAMPLE = np.dtype(
+    [
+        ("stamp_ns", "i8"),  # when the pose was true, not when it arrived
+        ("position_w", "f8", 3),  # m
+        ("quaternion_wb", "f8", 4),  # (w, x, y, z)
+    ],
+    align=True,
+)
+
+ACTUATORS = np.dtype(
+    [
+        ("wrench", "f8", 4),  # thrust (N), torque about body x, y, z (N m)
+        ("thrusts", "f8", 4),  # N, motors front, left, rear, right
+        ("motor_references", "f8", 4),  # counts sent to the motor controllers
+        ("scaling", "f8"),  # lambda of the saturation rule, 1 = nothing scaled
+    ],
+    align=True,
+)
+
+ESTIMATE = np.dtype(
+    [
+        ("mass", "f8"),  # kg
+        ("mass_variance", "f8"),  # kg^2
+        ("accelerometer_bias_b", "f8", 3),  # m/s^2
+        ("gyroscope_bias_b", "f8", 3),  # rad/s
+        ("position_innovation_w", "f8", 3),  # m
+        ("attitude_innovation_b", "f8", 3),  # rad
+        ("measurement_age", "f8"),  # s since the newest pose was true; inf if none came yet
+    ],
+    align=True,
+)
+
+STATUS = np.dtype(
+    [
+        ("mode", "u1"),  # vehicle.modes.Mode
+        ("behavior", "u1"),  # index into control.behaviors.table.BehaviorName
+        ("armed", "u1"),
+        ("airborne", "u1"),
+        ("flags", "u4"),  # bit set of vehicle.modes.Flag
+        ("parameter_revision", "u4"),
+        ("tick_rate", "f8"),  # Hz
+        ("lateness_p50", "f8"),  # s, over the last second
+        ("lateness_p99", "f8"),  # s
+        ("lateness_max", "f8"),  # s
+        ("missed_share", "f8"),  # periods without a tick, 0..1, over the last second
+        ("battery_voltage", "f8"),  # V
+        ("pressure", "f8"),  # Pa
+    ],
+    align=True,
+)
+
+TICK = np.dtype(
+    [
+        ("sequence", "u8"),
+        ("imu", IMU_SAMPLE),  # imu.stamp_ns is the time of the whole tick
+        ("state", STATE),
+        ("reference", REFERENCE),
+        ("actuators", ACTUATORS),
+        ("estimate", ESTIMATE),
+        ("status", STATUS),
+    ],
+    align=True,
+)
+"""Everything one tick knew and decided: what leaves the flight process."""
+
+
+def new_state() -> Record:
+    """One state at the origin, level and at rest, shape (1,)."""
+    state = np.zeros(1, STATE)
+    state["quaternion_wb"][:, 0] = 1.0
+    return state
+
+
+def new_reference() -> Record:
+    """One reference at the origin, at rest, yaw 0, shape (1,)."""
+    return np.zeros(1, REFERENCE)
+
+
+def new_tick() -> Record:
+    """One empty tick record with a valid attitude, shape (1,)."""
+    tick = np.zeros(1, TICK)
+    tick["state"]["quaternion_wb"][:, 0] = 1.0
+    tick["estimate"]["measurement_age"] = np.inf
+    return tick

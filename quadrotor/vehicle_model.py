@@ -1,0 +1,144 @@
+"""The vehicle: mixing matrix of eq. 1, affine motor law, limits.
+
+Default numbers are the MK-Quadro of the paper (Secs. 2, 5.3); the inertia is not printed there
+and is a reasonable one for that frame (docs/deviations.md).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from quadrotor.parameters import Parameters, parameter
+from quadrotor.records import Record
+
+Array = npt.NDArray[np.float64]
+
+GRAVITY = 9.81
+"""m/s^2, along -z_W."""
+
+MODEL = np.dtype(
+    [
+        ("mass", "f8"),  # kg
+        ("inertia_b", "f8", 3),  # kg m^2, diagonal
+        ("arm", "f8"),  # m
+        ("torque_ratio", "f8"),  # m, c of eq. 1
+        ("motor_time_constant", "f8"),  # s
+        ("motor_slope", "f8"),  # sqrt(N) per count
+        ("motor_offset", "f8"),  # counts
+        ("thrust_min", "f8"),  # N a motor
+        ("thrust_max", "f8"),  # N a motor
+    ],
+    align=True,
+)
+
+
+class VehicleModel(Parameters):
+    """What the controller believes of the vehicle."""
+
+    mass: float = parameter(
+        1.308, unit="kg", ge=0.5, le=2.4, step=0.001, description="total mass"
+    )
+    inertia_xx: float = parameter(
+        0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, description="inertia about body x"
+    )
+    inertia_yy: float = parameter(
+        0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, description="inertia about body y"
+    )
+    inertia_zz: float = parameter(
+        0.0250, unit="kg m²", ge=0.001, le=0.2, step=0.0001, description="inertia about body z"
+    )
+    arm: float = parameter(
+        0.25, unit="m", ge=0.05, le=1.0, step=0.001, description="rotor axis to centre, l of eq. 1"
+    )
+    torque_ratio: float = parameter(
+        0.0174, unit="m", ge=0.001, le=0.1, step=0.0001, description="torque per thrust, c of eq. 1"
+    )
+    motor_time_constant: float = parameter(
+        0.047, unit="s", ge=0.001, le=0.5, step=0.001, description="first-order lag of rotor speed"
+    )
+    motor_slope: float = parameter(
+        0.0126403, unit="√N", ge=0.001, le=0.1, step=1e-7, description="√thrust per reference count"
+    )
+    motor_offset: float = parameter(
+        14.267, unit="count", ge=-50, le=50, step=0.01, description="offset of the affine motor law"
+    )
+    motor_reference_min: float = parameter(
+        30.0, unit="count", ge=0, le=100, step=1, description="smallest reference in flight"
+    )
+    motor_reference_max: float = parameter(
+        180.0, unit="count", ge=100, le=255, step=1, description="largest reference in flight"
+    )
+
+    def record(self) -> Record:
+        """The model as one MODEL record, shape (1,)."""
+        out = np.zeros(1, MODEL)
+        out["mass"] = self.mass
+        out["inertia_b"] = (self.inertia_xx, self.inertia_yy, self.inertia_zz)
+        out["arm"] = self.arm
+        out["torque_ratio"] = self.torque_ratio
+        out["motor_time_constant"] = self.motor_time_constant
+        out["motor_slope"] = self.motor_slope
+        out["motor_offset"] = self.motor_offset
+        out["thrust_min"] = thrust_of_reference(
+            self.motor_reference_min, self.motor_slope, self.motor_offset
+        )
+        out["thrust_max"] = thrust_of_reference(
+            self.motor_reference_max, self.motor_slope, self.motor_offset
+        )
+        return out
+
+
+def mixing_matrix(arm: float, torque_ratio: float) -> Array:
+    """M of eq. 1, shape (4, 4): thrusts (N) of motors front, left, rear, right to the wrench.
+
+    The wrench is (total thrust in N; torques about body x, y, z in N m).
+    """
+    l, c = arm, torque_ratio  # noqa: E741 - the paper's symbol
+    return np.array([[1, 1, 1, 1], [0, l, 0, -l], [-l, 0, l, 0], [c, -c, c, -c]], dtype=float)
+
+
+@njit(cache=True)
+def wrench_of_thrusts(thrusts: Array, arm: float, torque_ratio: float) -> Array:
+    """u = M f, eq. 1."""
+    f1, f2, f3, f4 = thrusts[0], thrusts[1], thrusts[2], thrusts[3]
+    out = np.empty(4)
+    out[0] = f1 + f2 + f3 + f4
+    out[1] = arm * (f2 - f4)
+    out[2] = arm * (f3 - f1)
+    out[3] = torque_ratio * (f1 - f2 + f3 - f4)
+    return out
+
+
+@njit(cache=True)
+def thrusts_of_wrench(wrench: Array, arm: float, torque_ratio: float) -> Array:
+    """f = M^-1 u: M M^T is diagonal, so the inverse is M^T diag(1/4, 1/2l^2, 1/2l^2, 1/4c^2)."""
+    a = 0.25 * wrench[0]
+    roll = 0.5 * wrench[1] / arm
+    pitch = 0.5 * wrench[2] / arm
+    yaw = 0.25 * wrench[3] / torque_ratio
+    out = np.empty(4)
+    out[0] = a - pitch + yaw
+    out[1] = a + roll - yaw
+    out[2] = a + pitch + yaw
+    out[3] = a - roll - yaw
+    return out
+
+
+@njit(cache=True)
+def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
+    """Steady thrust (N) of a motor reference (counts), f = (slope (ref + offset))^2.
+
+    The paper's two printed forces fit only a law affine in speed (docs/deviations.md).
+    """
+    root = slope * (reference + offset)
+    return root * root if root > 0.0 else 0.0
+
+
+@njit(cache=True)
+def reference_of_thrust(thrust: float, slope: float, offset: float) -> float:
+    """Motor reference (counts) of a thrust (N); 0 N and below give the law's zero, >= 0."""
+    return max(0.0, math.sqrt(max(0.0, thrust)) / slope - offset)

@@ -1,0 +1,112 @@
+"""What the comms process puts into the flight process's mailbox, and the answers.
+
+msgpack by msgspec: 1 µs each, so the flight loop can drain them between ticks. Stamps are
+nanoseconds of the vehicle's clock.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from quadrotor.parameters import ParameterValue
+
+
+class ChangeParameters(msgspec.Struct, frozen=True, tag="change_parameters"):
+    request_id: str
+    requester: str
+    values: dict[str, ParameterValue]
+
+
+class Arm(msgspec.Struct, frozen=True, tag="arm"):
+    request_id: str
+    requester: str
+
+
+class Disarm(msgspec.Struct, frozen=True, tag="disarm"):
+    request_id: str
+    requester: str
+
+
+class StartBehavior(msgspec.Struct, frozen=True, tag="start_behavior"):
+    request_id: str
+    requester: str
+    name: str
+    arguments: dict[str, ParameterValue]
+
+
+class Emergency(msgspec.Struct, frozen=True, tag="emergency"):
+    request_id: str
+    requester: str
+    action: str  # "land" or "cut"
+
+
+class Pose(msgspec.Struct, frozen=True, tag="pose"):
+    """A pose measurement, position in m (world), quaternion (w, x, y, z) body to world."""
+
+    stamp_ns: int
+    position_w: tuple[float, float, float]
+    quaternion_wb: tuple[float, float, float, float]
+
+
+class Bearings(msgspec.Struct, frozen=True, tag="bearings"):
+    """Unit vectors in body axes towards beacons at known world positions (m)."""
+
+    stamp_ns: int
+    beacon_ids: tuple[int, ...]
+    bearings_b: tuple[tuple[float, float, float], ...]
+    sigma: float  # rad on each of two tangent axes
+
+
+class Joy(msgspec.Struct, frozen=True, tag="joy"):
+    """Sticks: axes (forward, left, up, yaw) in -1..1; enabled while the dead-man is held."""
+
+    stamp_ns: int
+    axes: tuple[float, float, float, float]
+    enabled: bool
+
+
+class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat"):
+    """The station was heard at this time."""
+
+    stamp_ns: int
+
+
+Command = ChangeParameters | Arm | Disarm | StartBehavior | Emergency
+Measurement = Pose | Bearings | Joy | Heartbeat
+Inbound = Command | Measurement
+
+
+class Reply(msgspec.Struct, frozen=True, tag="reply"):
+    """The answer to a Command; `reason` is empty when accepted."""
+
+    request_id: str
+    accepted: bool
+    reason: str = ""
+    applied: dict[str, ParameterValue] = {}
+    revision: int = 0
+
+
+class Event(msgspec.Struct, frozen=True, tag="event"):
+    """One line for the log and the page; levels as rcl_interfaces/Log (20 info, 30, 40)."""
+
+    stamp_ns: int
+    level: int
+    text: str
+
+
+class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):
+    stamp_ns: int
+    name: str
+    old: ParameterValue
+    new: ParameterValue
+    requester: str
+    revision: int
+
+
+Outbound = Reply | Event | ParameterChange
+
+INFO, WARN, ERROR = 20, 30, 40
+
+encode = msgspec.msgpack.Encoder().encode
+decode_inbound = msgspec.msgpack.Decoder(Inbound).decode
+decode_outbound = msgspec.msgpack.Decoder(Outbound).decode

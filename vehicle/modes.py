@@ -1,0 +1,50 @@
+"""Modes of the vehicle and the flags of its status, with the legal moves between modes."""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+
+from quadrotor.errors import RefusedError
+
+
+class Mode(IntEnum):
+    """What the vehicle as a whole is doing."""
+
+    STARTING = 0  # waiting for still gyroscope samples and a first pose
+    READY = 1  # on the ground, motors off
+    ARMED = 2  # motors turning, behaviors fly
+    EMERGENCY_LAND = 3  # landing; commands other than cut are refused
+    CUT = 4  # motors stopped by the emergency cut
+
+
+LEGAL_MOVES: dict[Mode, frozenset[Mode]] = {
+    Mode.STARTING: frozenset({Mode.READY}),
+    Mode.READY: frozenset({Mode.ARMED, Mode.STARTING}),
+    Mode.ARMED: frozenset({Mode.READY, Mode.EMERGENCY_LAND, Mode.CUT}),
+    Mode.EMERGENCY_LAND: frozenset({Mode.READY, Mode.CUT}),
+    Mode.CUT: frozenset({Mode.READY}),
+}
+
+
+def check_move(current: Mode, wanted: Mode) -> None:
+    """Raises RefusedError when the table has no such move."""
+    if wanted not in LEGAL_MOVES[current]:
+        allowed = ", ".join(sorted(m.name.lower() for m in LEGAL_MOVES[current]))
+        raise RefusedError(
+            f"cannot go from {current.name.lower()} to {wanted.name.lower()}; "
+            f"from here: {allowed}"
+        )
+
+
+class Flag(IntFlag):
+    """Conditions shown on the page; several may hold at once."""
+
+    NONE = 0
+    GYRO_UNCALIBRATED = 1
+    NO_POSE = 2  # the pose measurement has timed out
+    LINK_DEGRADED = 4
+    LINK_LOST = 8
+    BATTERY_LOW = 16
+    SATURATED = 32  # scaling < 1 in the last tick
+    TILT_LIMITED = 64
+    NOT_REAL_TIME = 128  # no SCHED_FIFO here
