@@ -1,0 +1,19 @@
+"""Simulated measurements: a tracking system and bearings to beacons, from true poses.
+
+numpy only. Deterministic: the same poses and seed give the same measurements.
+"""
+
+from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
+from bearing_sim.tracker import PoseMeasurement, SimulatedTracker, TrackerParameters
+
+__all__ = [
+    "PAPER_BEACONS",
+    "BearingEmulator",
+    "BearingMeasurement",
+    "BearingParameters",
+    "Beacons",
+    "PoseMeasurement",
+    "SimulatedTracker",
+    "TrackerParameters",
+]

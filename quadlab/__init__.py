@@ -1,0 +1,1 @@
+"""The command line: composition of vehicle, station, web and simulator. One file a command."""

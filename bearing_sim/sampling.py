@@ -1,0 +1,58 @@
+"""When a sensor samples, and when its measurement arrives."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+SECOND_NS = 1_000_000_000
+
+
+class SampleGrid:
+    """Picks from observations at any rate those nearest behind a sensor's own grid.
+
+    A tenth of a period of tolerance keeps jittered stamps of the sensor's own rate from being
+    skipped; the grid does not drift, so the mean rate is exact.
+    """
+
+    def __init__(self) -> None:
+        self._next_ns: int | None = None
+        self._last_ns = 0
+
+    def takes(self, stamp_ns: int, rate: float) -> bool:
+        """True when the observation at `stamp_ns` is a sample of a sensor of `rate` Hz."""
+        period = SECOND_NS / rate
+        went_back = stamp_ns < self._last_ns - period
+        self._last_ns = stamp_ns
+        if self._next_ns is None or went_back or stamp_ns > self._next_ns + period:
+            self._next_ns = stamp_ns
+        if stamp_ns < self._next_ns - 0.1 * period:
+            return False
+        self._next_ns = round(self._next_ns + period)
+        return True
+
+
+class DelayLine(Generic[T]):
+    """Measurements on their way; those still travelling when the source went back are lost."""
+
+    def __init__(self) -> None:
+        self._travelling: deque[tuple[int, T]] = deque()
+
+    def put(self, due_ns: int, measurement: T) -> None:
+        while self._travelling and self._travelling[-1][0] > due_ns + SECOND_NS:
+            self._travelling.pop()
+        self._travelling.append((due_ns, measurement))
+
+    def due(self, now_ns: int) -> list[T]:
+        """Those that have arrived by `now_ns`, in the order they were sampled."""
+        arrived: list[T] = []
+        while self._travelling and self._travelling[0][0] <= now_ns:
+            arrived.append(self._travelling.popleft()[1])
+        return arrived
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next one arrives."""
+        return self._travelling[0][0] if self._travelling else None

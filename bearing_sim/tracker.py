@@ -1,0 +1,83 @@
+"""A simulated external tracking system: noisy poses at its own rate, some lost, all late."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from bearing_sim.quaternions import Array, turned
+from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
+from quadrotor.parameters import Parameters, parameter
+
+
+class TrackerParameters(Parameters):
+    """The tracking system of the simulated laboratory."""
+
+    rate: float = parameter(100.0, unit="Hz", ge=1, le=500, step=1, description="poses a second")
+    position_noise: float = parameter(
+        0.001, unit="m", ge=0, le=0.5, step=0.0005, description="standard deviation on each axis"
+    )
+    attitude_noise: float = parameter(
+        0.2, unit="deg", ge=0, le=20, step=0.05, description="standard deviation on each body axis"
+    )
+    delay: float = parameter(
+        0.0,
+        unit="s",
+        ge=0,
+        le=0.5,
+        step=0.001,
+        description="from the pose being true to its arrival",
+    )
+    drop_out: float = parameter(0.0, ge=0, le=1, step=0.01, description="share of poses lost")
+    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the noise")
+
+
+class PoseMeasurement(NamedTuple):
+    """One pose: when it was true (ns), position (3,) m, quaternion (4,) (w, x, y, z)."""
+
+    stamp_ns: int
+    position_w: Array
+    quaternion_wb: Array
+
+
+class SimulatedTracker:
+    """Feed the truth with `observe`, take measurements with `due`.
+
+    `parameters` may be changed between calls; a new seed restarts the noise.
+    """
+
+    def __init__(self, parameters: TrackerParameters) -> None:
+        self.parameters = parameters
+        self._seed: int | None = None
+        self._random = np.random.default_rng()
+        self._grid = SampleGrid()
+        self._line: DelayLine[PoseMeasurement] = DelayLine()
+
+    def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """The true pose at `stamp_ns`: (3,) m, (4,) unit. Any rate from the tracker's upwards."""
+        p = self.parameters
+        if not self._grid.takes(stamp_ns, p.rate):
+            return
+        if p.seed != self._seed:
+            self._seed, self._random = p.seed, np.random.default_rng(p.seed)
+        # Drawn for lost poses too, so that drop-outs do not shift the noise of the others.
+        noise = self._random.standard_normal(6)
+        lost = self._random.random() < p.drop_out
+        if lost:
+            return
+        measurement = PoseMeasurement(
+            stamp_ns,
+            position_w + p.position_noise * noise[:3],
+            turned(quaternion_wb, np.radians(p.attitude_noise) * noise[3:]),
+        )
+        self._line.put(stamp_ns + round(p.delay * SECOND_NS), measurement)
+
+    def due(self, now_ns: int) -> list[PoseMeasurement]:
+        """What has arrived by `now_ns`, each given once, in order."""
+        return self._line.due(now_ns)
+
+    @property
+    def next_ns(self) -> int | None:
+        """When the next measurement under way arrives, None when there is none."""
+        return self._line.next_ns

@@ -1,0 +1,1 @@
+"""Experiments: the same script flies the simulated vehicle and the real one."""

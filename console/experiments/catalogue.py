@@ -1,0 +1,19 @@
+"""The built-in experiments by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from console.experiments.client import Experiment
+from console.experiments.figure_eight import FigureEight
+from console.experiments.hover import Hover
+from quadrotor.errors import UsageError
+
+EXPERIMENTS: dict[str, Callable[[], Experiment]] = {"figure_eight": FigureEight, "hover": Hover}
+
+
+def find(name: str) -> Experiment:
+    """Raises UsageError naming what there is."""
+    if name not in EXPERIMENTS:
+        raise UsageError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
+    return EXPERIMENTS[name]()

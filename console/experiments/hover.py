@@ -1,0 +1,46 @@
+"""Hover at 1 m for ten seconds: the smallest flight that shows whether a vehicle is well."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from console.experiments.client import Client, Result
+from console.experiments.tracking import tracking_errors
+from quadrotor.errors import RefusedError
+
+DURATION = 10.0
+
+
+class Hover:
+    """Takes off to 1 m, hovers, lands; judged on the hover."""
+
+    name = "hover"
+    limits = {"position_rms_m": 0.005, "position_max_m": 0.010}  # noqa: RUF012
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self._vehicle = vehicle
+        self._window: tuple[float, float] | None = None
+
+    def fly(self, client: Client) -> None:
+        """Raises RefusedError with the vehicle's reason when it will not."""
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.wait(0.5)
+        client.arm()
+        client.wait(1.0)
+        client.start("take_off", height=1.0)
+        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        client.wait(2.0)
+        start = client.view().time
+        client.wait(DURATION)
+        self._window = (start, client.view().time)
+        client.start("land")
+        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
+        client.wait(0.5)
+
+    def evaluate(self, log: Path) -> Result:
+        """Errors in hover against the limits. Raises LogFormatError, RefusedError."""
+        if self._window is None:
+            raise RefusedError("the hover was not flown to its end")
+        metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
+        passed = all(metrics[name] <= limit for name, limit in self.limits.items())
+        return Result("passed" if passed else "failed", metrics, dict(self.limits))

@@ -1,0 +1,236 @@
+"""The whole controller: eqs. 4 and 5, saturation and wind-up rules, for N vehicles at once."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from control.allocation import allocate
+from control.attitude_law import attitude_torque
+from control.desired_attitude import attitude_of_force, attitude_rates
+from control.parameters import ControlParameters, control_record
+from control.position_law import desired_force, force_rates, limit_force
+from quadrotor.records import ACTUATORS, Record, new_reference, new_state
+from quadrotor.rotations import quaternion_to_matrix
+from quadrotor.vehicle_model import GRAVITY, reference_of_thrust, wrench_of_thrusts
+
+Array = npt.NDArray[np.float64]
+
+DIRECTION_MIN = 0.1
+"""Below this share of the weight a force has no usable direction."""
+
+CONTROL_MEMORY = np.dtype(
+    [
+        ("position_integral_w", "f8", 3),  # m s
+        ("attitude_integral_b", "f8", 3),  # rad s
+        ("desired_attitude", "f8", (3, 3)),  # R_d of the last tick that had one
+        ("tilt_limited", "i8"),  # 1 while the force limits act
+    ],
+    align=True,
+)
+
+
+def new_control_memory(size: int = 1) -> Record:
+    """Empty integrals and a level desired attitude, shape (size,)."""
+    memory = np.zeros(size, CONTROL_MEMORY)
+    memory["desired_attitude"] = np.eye(3)
+    return memory
+
+
+@njit(cache=True)
+def _desired_rates(
+    state: Record, reference: Record, gains: Record, mass: float, R_wb: Array, force: Array
+) -> bool:
+    """Fills rows f, f', f'' (3, 3) that omega_d follows from; False when they have no direction.
+
+    Row 0 must hold f_d on entry. The nominal force m (r_t'' + g z) is what the paper's text
+    says ("derivatives up to the fourth order"); the exact one is an option (`rates`).
+    """
+    if gains.exact_rates == 1:
+        force_rates(state, reference, gains, mass, R_wb, force[0], force[1], force[2])
+    else:
+        for i in range(3):
+            force[0, i] = mass * (reference.acceleration_w[i] + (GRAVITY if i == 2 else 0.0))
+            force[1, i] = mass * reference.jerk_w[i]
+            force[2, i] = mass * reference.snap_w[i]
+    return bool(force[0, 2] >= DIRECTION_MIN * mass * GRAVITY)
+
+
+@njit(cache=True)
+def _wind(integral: Array, error: Array, dt: float, bound: float) -> None:
+    for i in range(3):
+        if math.isfinite(error[i]):
+            integral[i] = min(bound, max(-bound, integral[i] + error[i] * dt))
+
+
+@njit(cache=True)
+def step_one(
+    memory: Record,
+    state: Record,
+    reference: Record,
+    gains: Record,
+    model: Record,
+    airborne: bool,
+    dt: float,
+    actuators: Record,
+) -> None:
+    """One vehicle: records, not arrays. See `step`."""
+    mass, J = model.mass, model.inertia_b
+    weight = mass * GRAVITY
+    R_wb = quaternion_to_matrix(state.quaternion_wb)
+    R_wd = memory.desired_attitude
+    force, w_d, w_dot_d = np.empty((3, 3)), np.zeros(3), np.zeros(3)
+    error, e_R, wrench = np.empty(3), np.empty(3), np.empty(4)
+
+    desired_force(state, reference, memory.position_integral_w, gains, mass, force[0])
+    limited = limit_force(force[0], weight, gains.tan_tilt_max)
+    memory.tilt_limited = 1 if limited else 0
+    length, thrust = 0.0, 0.0
+    for i in range(3):
+        length += force[0, i] * force[0, i]
+        thrust += force[0, i] * R_wb[i, 2]
+    # Print leaves f_d = 0 open. A force too small (or not finite) keeps the last R_d, at rest.
+    if math.sqrt(length) >= DIRECTION_MIN * weight and math.isfinite(reference.yaw):
+        attitude_of_force(force[0], reference.yaw, R_wd)
+        if _desired_rates(state, reference, gains, mass, R_wb, force):
+            attitude_rates(
+                force,
+                reference.yaw,
+                reference.yaw_rate,
+                reference.yaw_acceleration,
+                w_d,
+                w_dot_d,
+            )
+
+    wrench[0] = thrust  # u_1 = f_d . z_B
+    w_b = state.angular_velocity_b
+    attitude_torque(
+        R_wb, w_b, R_wd, w_d, w_dot_d, memory.attitude_integral_b, gains, J, e_R, wrench
+    )
+    # Departs from print: yaw has a thirtieth of the others' authority, and through the common
+    # scaling an unbounded yaw torque would take theirs.
+    bound = gains.yaw_torque_max
+    wrench[3] = min(bound, max(-bound, wrench[3]))
+    scaling = allocate(wrench, model, actuators.thrusts)
+
+    # Wind-up, unspecified in print: clamped, and frozen on the ground and while anything limits.
+    if airborne and scaling == 1.0 and not limited:
+        for i in range(3):
+            error[i] = reference.position_w[i] - state.position_w[i]
+        _wind(memory.position_integral_w, error, dt, gains.position_integral_max)
+        _wind(memory.attitude_integral_b, e_R, dt, gains.attitude_integral_max)
+
+    applied = wrench_of_thrusts(actuators.thrusts, model.arm, model.torque_ratio)
+    for i in range(4):
+        actuators.wrench[i] = applied[i]
+        actuators.motor_references[i] = reference_of_thrust(
+            actuators.thrusts[i], model.motor_slope, model.motor_offset
+        )
+    actuators.scaling = scaling
+
+
+@njit(cache=True)
+def step(
+    memory: Record,
+    state: Record,
+    reference: Record,
+    gains: Record,
+    model: Record,
+    airborne: bool,
+    dt: float,
+    actuators: Record,
+) -> None:
+    """From state and reference to actuators, in place; all arrays of records, shape (N,).
+
+    `gains` and `model` may have shape (1,) for all. `actuators.wrench` is M f of the thrusts
+    commanded, so after the scaling. Integrals move last, by this tick's own verdict.
+
+    Args:
+        memory: CONTROL_MEMORY, see `new_control_memory`.
+        airborne: False freezes the integrals.
+        dt: s since the last step.
+    """
+    for k in range(state.shape[0]):
+        step_one(
+            memory[k],
+            state[k],
+            reference[k],
+            gains[min(k, gains.shape[0] - 1)],
+            model[min(k, model.shape[0] - 1)],
+            airborne,
+            dt,
+            actuators[k],
+        )
+
+
+class Controller(Protocol):
+    """What the vehicle's tick needs of a controller; plain Python is allowed."""
+
+    @property
+    def tilt_limited(self) -> bool:
+        """True when the last step cut the desired force."""
+        ...
+
+    def configure(self, parameters: ControlParameters, model: Record) -> None: ...
+
+    def reset(self) -> None: ...
+
+    def step(
+        self, state: Record, reference: Record, airborne: bool, dt: float, actuators: Record
+    ) -> None: ...
+
+    def idle(self, actuators: Record) -> None: ...
+
+
+class GeometricController:
+    """The paper's controller behind the `Controller` protocol; records of shape (1,)."""
+
+    def __init__(self) -> None:
+        self.memory = new_control_memory()
+        self._gains = control_record(ControlParameters())
+        self._model: Record | None = None
+        self._idle = np.zeros(1, ACTUATORS)
+
+    def configure(self, parameters: ControlParameters, model: Record) -> None:
+        """Take gains and model (MODEL, shape (1,)); compiles at the first call."""
+        self._gains = control_record(parameters)
+        compiled = self._model is not None
+        self._model = model.copy()
+        self._idle["thrusts"] = model["thrust_min"]
+        self._idle["wrench"] = 0.0
+        self._idle["wrench"][:, 0] = 4.0 * model["thrust_min"]
+        self._idle["motor_references"] = (
+            np.sqrt(model["thrust_min"]) / model["motor_slope"] - model["motor_offset"]
+        )
+        self._idle["scaling"] = 1.0
+        if not compiled:  # here and not in the first tick, which would be seconds late
+            out, memory = np.zeros(1, ACTUATORS), new_control_memory()
+            step(
+                memory, new_state(), new_reference(), self._gains, self._model, False, 0.002, out
+            )
+
+    def reset(self) -> None:
+        """Empty the integrals."""
+        self.memory[...] = new_control_memory()
+
+    @property
+    def tilt_limited(self) -> bool:
+        return bool(self.memory["tilt_limited"][0])
+
+    def step(
+        self, state: Record, reference: Record, airborne: bool, dt: float, actuators: Record
+    ) -> None:
+        """One tick into `actuators`. Raises RuntimeError when not configured."""
+        if self._model is None:
+            raise RuntimeError("GeometricController.step before configure")
+        step(
+            self.memory, state, reference, self._gains, self._model, airborne, dt, actuators
+        )
+
+    def idle(self, actuators: Record) -> None:
+        """All motors at their smallest reference: armed, on the ground."""
+        actuators[...] = self._idle

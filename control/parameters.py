@@ -1,0 +1,116 @@
+"""Gains and limits of the controller, and the record the compiled laws read.
+
+Gains are per unit mass and per unit inertia, so that they keep their meaning when the mass
+estimate moves. The defaults fly the paper's vehicle at 60 to 1000 Hz.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from quadrotor.parameters import Parameters, parameter
+from quadrotor.records import Record
+
+CONTROL = np.dtype(
+    [
+        ("kp", "f8", 3),  # 1/s^2, K_p of eq. 4 over the mass, world axes
+        ("kv", "f8", 3),  # 1/s
+        ("ki", "f8", 3),  # 1/s^3
+        ("kr", "f8", 3),  # 1/s^2, K_R of eq. 5 over the inertia, body axes
+        ("kw", "f8", 3),  # 1/s
+        ("kf", "f8", 3),  # 1/s^3
+        ("tan_tilt_max", "f8"),
+        ("position_integral_max", "f8"),  # m s, each axis
+        ("attitude_integral_max", "f8"),  # rad s, each axis
+        ("yaw_torque_max", "f8"),  # N m
+        ("exact_rates", "i8"),  # 1: omega_d from the exact f_d', f_d''; 0: from the nominal
+    ],
+    align=True,
+)
+
+RATES = ("nominal", "exact")
+
+
+def _gain(default: float, largest: float, unit: str, description: str) -> float:
+    value: float = parameter(
+        default, unit=unit, ge=0.0, le=largest, step=largest / 200.0, description=description
+    )
+    return value
+
+
+class PositionGains(Parameters):
+    """Eq. 4, per unit mass."""
+
+    kp_xy: float = _gain(4.0, 20.0, "1/s²", "position gain, horizontal")
+    kp_z: float = _gain(8.0, 20.0, "1/s²", "position gain, vertical")
+    kv_xy: float = _gain(3.5, 10.0, "1/s", "velocity gain, horizontal")
+    kv_z: float = _gain(5.0, 10.0, "1/s", "velocity gain, vertical")
+    ki_xy: float = _gain(1.0, 5.0, "1/s³", "position integral gain, horizontal")
+    ki_z: float = _gain(2.0, 5.0, "1/s³", "position integral gain, vertical")
+
+
+class AttitudeGains(Parameters):
+    """Eq. 5, per unit inertia."""
+
+    kr_xy: float = _gain(60.0, 200.0, "1/s²", "attitude gain, roll and pitch")
+    kr_z: float = _gain(12.0, 50.0, "1/s²", "attitude gain, yaw")
+    kw_xy: float = _gain(12.0, 40.0, "1/s", "angular velocity gain, roll and pitch")
+    kw_z: float = _gain(5.0, 20.0, "1/s", "angular velocity gain, yaw")
+    ki_xy: float = _gain(10.0, 50.0, "1/s³", "attitude integral gain, roll and pitch")
+    ki_z: float = _gain(2.0, 20.0, "1/s³", "attitude integral gain, yaw")
+    rates: str = parameter(
+        "nominal",
+        choices=RATES,
+        description="desired angular velocity from the nominal force (as the paper) or from the "
+        "exact one (75° of phase margin instead of 31°, softer against a constant force)",
+    )
+
+
+class ControlLimits(Parameters):
+    """What the laws may ask for."""
+
+    tilt_max: float = parameter(
+        45.0, unit="°", ge=5.0, le=70.0, step=1.0, description="largest tilt of the desired force"
+    )
+    position_integral_max: float = parameter(
+        1.0, unit="m s", ge=0.0, le=5.0, step=0.05, description="bound of each axis of ∫e_p"
+    )
+    attitude_integral_max: float = parameter(
+        0.3, unit="rad s", ge=0.0, le=2.0, step=0.01, description="bound of each axis of ∫e_R"
+    )
+    yaw_torque_max: float = parameter(
+        0.1,
+        unit="N m",
+        ge=0.01,
+        le=1.0,
+        step=0.01,
+        description="largest yaw torque; more would scale roll and pitch down with it",
+    )
+
+
+class ControlParameters(Parameters):
+    """Everything the controller is tuned by."""
+
+    position: PositionGains = PositionGains()
+    attitude: AttitudeGains = AttitudeGains()
+    limits: ControlLimits = ControlLimits()
+
+
+def control_record(parameters: ControlParameters) -> Record:
+    """The parameters as one CONTROL record, shape (1,)."""
+    position, attitude, limits = parameters.position, parameters.attitude, parameters.limits
+    out = np.zeros(1, CONTROL)
+    out["kp"] = (position.kp_xy, position.kp_xy, position.kp_z)
+    out["kv"] = (position.kv_xy, position.kv_xy, position.kv_z)
+    out["ki"] = (position.ki_xy, position.ki_xy, position.ki_z)
+    out["kr"] = (attitude.kr_xy, attitude.kr_xy, attitude.kr_z)
+    out["kw"] = (attitude.kw_xy, attitude.kw_xy, attitude.kw_z)
+    out["kf"] = (attitude.ki_xy, attitude.ki_xy, attitude.ki_z)
+    out["tan_tilt_max"] = math.tan(math.radians(limits.tilt_max))
+    out["position_integral_max"] = limits.position_integral_max
+    out["attitude_integral_max"] = limits.attitude_integral_max
+    out["yaw_torque_max"] = limits.yaw_torque_max
+    out["exact_rates"] = int(attitude.rates == "exact")
+    return out

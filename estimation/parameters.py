@@ -1,0 +1,130 @@
+"""Parameters of the complementary filter, their presets and their compiled record.
+
+Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are
+2 omega and omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from quadrotor.parameters import Parameters, parameter
+from quadrotor.records import Record
+
+ESTIMATION_GAINS = np.dtype(
+    [
+        ("position_bandwidth", "f8"),  # rad/s
+        ("accelerometer_bias_bandwidth", "f8"),  # rad/s
+        ("attitude_bandwidth", "f8"),  # rad/s
+        ("gyroscope_bias_bandwidth", "f8"),  # rad/s
+        ("rate_low_pass", "f8"),  # Hz
+        ("norm_penalty", "f8"),  # 1/s
+        ("accelerometer_bias_limit", "f8"),  # m/s^2
+        ("gyroscope_bias_limit", "f8"),  # rad/s
+    ],
+    align=True,
+)
+
+
+class EstimationParameters(Parameters):
+    """Gains of eqs. 11 and 12 as poles; the defaults serve a 100 Hz tracker."""
+
+    position_bandwidth: float = parameter(
+        8.0,
+        unit="rad/s",
+        ge=0.5,
+        le=200.0,
+        step=0.1,
+        description="double pole of position and velocity, eq. 11 (the paper's gains: 63.15)",
+    )
+    accelerometer_bias_bandwidth: float = parameter(
+        0.5,
+        unit="rad/s",
+        ge=0.0,
+        le=10.0,
+        step=0.05,
+        description="pole of the accelerometer bias; 0 holds the bias",
+    )
+    attitude_bandwidth: float = parameter(
+        4.0,
+        unit="rad/s",
+        ge=0.05,
+        le=200.0,
+        step=0.1,
+        description="K_est,q of eq. 12 (the paper's: 62.8)",
+    )
+    gyroscope_bias_bandwidth: float = parameter(
+        0.3,
+        unit="rad/s",
+        ge=0.0,
+        le=10.0,
+        step=0.05,
+        description="pole of the gyroscope bias; 0 holds the bias, as the paper does",
+    )
+    rate_low_pass: float = parameter(
+        150.0,
+        unit="Hz",
+        ge=1.0,
+        le=1000.0,
+        step=1.0,
+        description="cut-off of the angular velocity's low-pass",
+    )
+    norm_penalty: float = parameter(
+        10.0,
+        unit="1/s",
+        ge=0.0,
+        le=1000.0,
+        step=1.0,
+        description="pull of the estimated quaternion to unit length, lambda under eq. 12",
+    )
+    measurement_timeout: float = parameter(
+        0.1,
+        unit="s",
+        ge=0.02,
+        le=1.0,
+        step=0.01,
+        description="age of the newest pose above which the estimate counts as predicted only",
+    )
+    accelerometer_bias_limit: float = parameter(
+        1.0,
+        unit="m/s²",
+        ge=0.0,
+        le=5.0,
+        step=0.1,
+        description="clamp of each component of the accelerometer bias",
+    )
+    gyroscope_bias_limit: float = parameter(
+        0.05,
+        unit="rad/s",
+        ge=0.0,
+        le=0.5,
+        step=0.01,
+        description="clamp of each component of the gyroscope bias",
+    )
+
+
+PRESETS: dict[str, dict[str, float]] = {
+    # As printed: no bias state, made for tracking at 100 Hz or more.
+    "paper": {
+        "position_bandwidth": 63.15,
+        "attitude_bandwidth": 62.8,
+        "accelerometer_bias_bandwidth": 0.0,
+        "gyroscope_bias_bandwidth": 0.0,
+    },
+    # Retuned for one-frame poses of bearings (30 Hz, 1.5 deg), which are 100 times noisier.
+    "bearings": {
+        "position_bandwidth": 3.0,
+        "attitude_bandwidth": 0.6,
+        "accelerometer_bias_bandwidth": 0.15,
+        "gyroscope_bias_bandwidth": 0.05,
+    },
+}
+"""Named gain sets: `EstimationParameters(**PRESETS["paper"])`."""
+
+
+def estimation_record(parameters: EstimationParameters) -> Record:
+    """The gains as one ESTIMATION_GAINS record, shape (1,)."""
+    out = np.zeros(1, ESTIMATION_GAINS)
+    for name in ESTIMATION_GAINS.names or ():
+        out[name] = getattr(parameters, name)
+    return out

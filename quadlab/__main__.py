@@ -1,0 +1,62 @@
+"""`quadlab COMMAND …`: reads the command line and runs one command.
+
+Exit status: 0 done, 1 failed, 2 wrong usage. An error is one line on stderr.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import sys
+from collections.abc import Sequence
+
+from quadlab.commands import COMMANDS
+from quadrotor.errors import QuadlabError, UsageError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command named by `arguments` (default: sys.argv); returns the exit status."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        command = parse(words)
+        return command.run()
+    except UsageError as error:
+        print(f"quadlab: {error}", file=sys.stderr)
+        return 2
+    except QuadlabError as error:
+        print(f"quadlab: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+
+
+def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
+    """The command with its options. Raises UsageError, or SystemExit(0) after --help."""
+    import tyro
+
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return tyro.extras.subcommand_cli_from_dict(
+                dict(COMMANDS),
+                prog="quadlab",
+                description="Base station and experiment console of a quadrotor laboratory.",
+                args=list(words),
+            )
+    except SystemExit as stop:
+        if stop.code in (0, None):
+            raise
+        raise UsageError(_one_line(complaint.getvalue())) from None
+
+
+def _one_line(boxed: str) -> str:
+    """tyro's boxed complaint as one sentence."""
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", boxed)
+    lines = [re.sub(r"[╭╮╰╯│─]+", " ", line).strip() for line in plain.splitlines()]
+    text = "; ".join(line.removesuffix(":") for line in lines[1:] if line)
+    return re.sub(r";\s*(For full helptext, )(run|see)", r"; \2", text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

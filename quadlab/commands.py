@@ -1,0 +1,27 @@
+"""The commands by name; each is a dataclass of options with `run() -> int`."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from quadlab.fly import Fly
+from quadlab.log import LogCommand
+from quadlab.processes import Simulator, Station, Vehicle, Web
+from quadlab.up import Up
+
+
+class Command(Protocol):
+    def run(self) -> int:
+        """Do it; the exit status. Raises QuadlabError for what the user can mend."""
+        ...
+
+
+COMMANDS: dict[str, type[Command]] = {
+    "up": Up,
+    "fly": Fly,
+    "log": LogCommand,
+    "vehicle": Vehicle,
+    "simulator": Simulator,
+    "station": Station,
+    "web": Web,
+}

@@ -1,0 +1,62 @@
+"""The data folder: where it is, that it can be written, and that only one `up` owns it."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import platformdirs
+
+from quadrotor.errors import StorageError
+
+FREE_SPACE_FLOOR = 500_000_000
+"""bytes: below this the recorder stops, so nothing starts either."""
+
+
+def open_data_folder(chosen: Path | None) -> Path:
+    """The data folder, made when missing: `chosen`, else the platform's (XDG).
+
+    Raises StorageError when it cannot be written or is almost full.
+    """
+    folder = chosen or Path(platformdirs.user_data_dir("quadlab", appauthor=False))
+    folder = folder.expanduser().absolute()
+    hint = "choose another with --data DIR"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as probe:
+            probe.write(b"quadlab")
+    except OSError as error:
+        raise StorageError(
+            f"data folder {folder} cannot be written ({error.strerror}); {hint}"
+        ) from None
+    free = shutil.disk_usage(folder).free
+    if free < FREE_SPACE_FLOOR:
+        raise StorageError(
+            f"data folder {folder} has {free // 1_000_000} MB free, "
+            f"{FREE_SPACE_FLOOR // 1_000_000} MB are needed; free some space or {hint}"
+        )
+    return folder
+
+
+@contextlib.contextmanager
+def owned(folder: Path) -> Iterator[None]:
+    """Hold the folder for one `quadlab up`. Raises StorageError when another holds it."""
+    with open(folder / "up.lock", "a+") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            owner = lock.read().strip() or "unknown"
+            raise StorageError(
+                f"another quadlab up (process {owner}) uses {folder}; "
+                "stop it, or give this one its own with --data DIR and --port"
+            ) from None
+        lock.truncate(0)
+        lock.write(str(os.getpid()))
+        lock.flush()
+        yield

@@ -1,0 +1,116 @@
+"""The four processes as commands of their own; `quadlab up` starts all of them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from quadlab.data_folder import open_data_folder
+from quadlab.settings import parse_settings
+
+Settings = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")]
+SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
+"""Environment variable by which `up` hands `web` its one-time token."""
+
+
+@dataclass
+class Vehicle:
+    """Run the vehicle's flight stack on board: flight and comms process."""
+
+    serial: tuple[Path, ...]
+    """the microcontroller's serial ports, one or two"""
+    data: Path | None = None
+    """data folder"""
+    link_port: int = 7447
+    """UDP port of the radio link to listen on"""
+    name: str = "quad1"
+    """namespace of the vehicle's topics"""
+    set: Settings = ()
+    """start with this parameter value"""
+
+    def run(self) -> int:
+        from vehicle.parameters import new_parameters
+        from vehicle.process import run_vehicle
+
+        return run_vehicle(
+            [str(port) for port in self.serial],
+            data=open_data_folder(self.data),
+            link_port=self.link_port,
+            name=self.name,
+            settings=parse_settings(new_parameters(), self.set),
+        )
+
+
+@dataclass
+class Simulator:
+    """Run the simulated plant and microcontroller behind two pseudo-terminals."""
+
+    folder: Path
+    """folder for the links mcu0 and mcu1 to the pseudo-terminals"""
+    loopback_port: int = 7447
+    """TCP port of the station's session on loopback"""
+    name: str = "quad1"
+    """namespace of the vehicle's topics"""
+    set: Settings = ()
+    """start with this parameter value"""
+
+    def run(self) -> int:
+        from vehicle.simulator.parameters import SimulatorParameters
+        from vehicle.simulator.process import run
+
+        parameters = SimulatorParameters()
+        parse_settings(parameters, self.set)
+        return run(parameters, self.folder, loopback_port=self.loopback_port, name=self.name)
+
+
+@dataclass
+class Station:
+    """Run the base station: tracker, recorder, run catalogue, forwarding of commands."""
+
+    data: Path | None = None
+    """data folder"""
+    vehicle: str = "127.0.0.1:7447"
+    """address of the vehicle's radio link, host:port"""
+    loopback_port: int = 7447
+    """TCP port to listen on, on loopback"""
+    name: str = "quad1"
+    """namespace of the vehicle's topics"""
+
+    def run(self) -> int:
+        from console.station import run_station
+
+        return run_station(
+            open_data_folder(self.data),
+            vehicle_endpoint=self.vehicle,
+            loopback_port=self.loopback_port,
+            name=self.name,
+        )
+
+
+@dataclass
+class Web:
+    """Serve the page."""
+
+    data: Path | None = None
+    """data folder"""
+    port: int = 8080
+    """HTTP port on loopback"""
+    loopback_port: int = 7447
+    """TCP port of the station's session on loopback"""
+    name: str = "quad1"
+    """namespace of the vehicle's topics"""
+
+    def run(self) -> int:
+        from web.process import run_web
+
+        return run_web(
+            open_data_folder(self.data),
+            port=self.port,
+            loopback_port=self.loopback_port,
+            token=os.environ.get(SIGN_IN_TOKEN),
+            vehicle=self.name,
+        )

@@ -1,0 +1,27 @@
+"""`--set name=value` words, checked against the parameters they set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from quadrotor.errors import ParameterError, UsageError
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parse_text
+
+
+def parse_settings(parameters: Parameters, words: Sequence[str]) -> dict[str, ParameterValue]:
+    """Apply `name=value` words to `parameters`; returns the values set.
+
+    Raises UsageError that names the word, what was allowed and what to try.
+    """
+    store = ParameterStore(parameters)
+    values: dict[str, ParameterValue] = {}
+    for word in words:
+        name, equals, text = word.partition("=")
+        if not equals:
+            raise UsageError(f"--set {word}: write it as name=value, for instance {store.names[0]}=1")
+        try:
+            values[name] = parse_text(store.description(name), text)
+        except ParameterError as error:
+            raise UsageError(f"--set {word}: {error}") from None
+    store.preset(values)
+    return values

@@ -1,0 +1,94 @@
+"""Child processes: started, watched, restarted, and none left behind.
+
+Every child asks the kernel to kill it when this process dies, so even `kill -9` of the parent
+leaves nothing running.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from quadrotor.errors import QuadlabError
+
+_PR_SET_PDEATHSIG = 1
+RESTARTS_ALLOWED = 5
+RESTART_WINDOW = 30.0
+"""More than RESTARTS_ALLOWED deaths within this many seconds, and the process is given up."""
+
+
+def _die_with_parent() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+@dataclass
+class Child:
+    """One command of this program as a child process.
+
+    Args:
+        name: shown to the user.
+        words: command line after `python -m quadlab`.
+        restart: start it again when it dies by itself.
+    """
+
+    name: str
+    words: Sequence[str]
+    restart: bool = True
+    environment: Mapping[str, str] = field(default_factory=dict)
+    _process: subprocess.Popen[bytes] | None = None
+    _deaths: list[float] = field(default_factory=list)
+
+    def start(self) -> None:
+        # A session of its own: Ctrl-C in the terminal reaches only the parent, which lands first.
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "quadlab", *self.words],
+            env={**os.environ, **self.environment},
+            start_new_session=True,
+            preexec_fn=_die_with_parent,
+            stdin=subprocess.DEVNULL,
+        )
+
+    @property
+    def pid(self) -> int | None:
+        return self._process.pid if self._process else None
+
+    def watch(self) -> str | None:
+        """Restart it if it died; a sentence when something happened. Raises QuadlabError
+        when it keeps dying."""
+        process = self._process
+        if process is None or process.poll() is None:
+            return None
+        now = time.monotonic()
+        self._deaths = [t for t in self._deaths if now - t < RESTART_WINDOW] + [now]
+        how = _how_it_ended(process.returncode)
+        if not self.restart or len(self._deaths) > RESTARTS_ALLOWED:
+            self._process = None
+            raise QuadlabError(f"{self.name} {how} and cannot go on; see its lines above")
+        self.start()
+        return f"{self.name} {how}; started again"
+
+    def stop(self, patience: float = 5.0) -> None:
+        """SIGTERM, then SIGKILL after `patience` seconds."""
+        process = self._process
+        if process is None:
+            return
+        if process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(patience)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        self._process = None
+
+
+def _how_it_ended(code: int) -> str:
+    if code < 0:
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"ended with status {code}"

@@ -1,0 +1,118 @@
+"""Commands to the vehicle: each is carried out whole or refused with its reason."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from quadrotor.errors import QuadlabError, RefusedError
+from quadrotor.parameters import ParameterValue
+from vehicle import mailbox
+from vehicle.modes import Flag, Mode
+
+if TYPE_CHECKING:
+    from vehicle.stack import FlightStack
+
+
+class CommandHandler:
+    """Carries out commands between two ticks of its stack."""
+
+    def __init__(self, stack: FlightStack) -> None:
+        self._stack = stack
+
+    def handle(self, command: mailbox.Command) -> mailbox.Reply:
+        """The reply; a refusal changes nothing and is logged with who asked."""
+        stack = self._stack
+        applied: dict[str, ParameterValue] = {}
+        try:
+            if isinstance(command, mailbox.ChangeParameters):
+                applied = self._change_parameters(command)
+            elif isinstance(command, mailbox.Arm):
+                self._arm(command.requester)
+            elif isinstance(command, mailbox.Disarm):
+                self._disarm(command.requester)
+            elif isinstance(command, mailbox.StartBehavior):
+                self._start_behavior(command)
+            else:
+                self._emergency(command)
+        except QuadlabError as error:
+            stack.say(f"refused {command.requester}: {error}", mailbox.WARN)
+            return mailbox.Reply(command.request_id, False, str(error))
+        return mailbox.Reply(command.request_id, True, "", applied, stack.store.revision)
+
+    def _change_parameters(self, command: mailbox.ChangeParameters) -> dict[str, ParameterValue]:
+        stack = self._stack
+        checked = {name: stack.store.check(name, v) for name, v in command.values.items()}
+        old = {name: stack.store.get(name) for name in checked}
+        applied = stack.store.set(checked)
+        stack.configure()
+        for name, value in applied.items():
+            stack.outbox.append(
+                mailbox.ParameterChange(
+                    stamp_ns=stack.stamp_ns,
+                    name=name,
+                    old=old[name],
+                    new=value,
+                    requester=command.requester,
+                    revision=stack.store.revision,
+                )
+            )
+        return applied
+
+    def _arm(self, requester: str) -> None:
+        stack = self._stack
+        if stack.mode is Mode.ARMED:
+            raise RefusedError("already armed")
+        if stack.mode is Mode.STARTING:
+            raise RefusedError("not armed: the gyroscope is still being calibrated; keep it still")
+        if stack.mode is Mode.CUT:
+            raise RefusedError("not armed: the motors were cut; disarm first to acknowledge it")
+        if not stack.has_pose:
+            raise RefusedError("not armed: no fresh pose measurement; check tracker and station")
+        flags = stack.supervisor.flags
+        if flags & Flag.LINK_LOST:
+            raise RefusedError("not armed: the station is not heard; check the link")
+        if flags & Flag.BATTERY_LOW:
+            voltage = float(stack.status["battery_voltage"][0])
+            limit = stack.parameters.safety.battery_warning
+            raise RefusedError(f"not armed: battery at {voltage:.1f} V, needs {limit:.1f} V")
+        tilt, limit = math.degrees(stack.tilt), stack.parameters.safety.arm_tilt_max
+        if tilt > limit:
+            raise RefusedError(f"not armed: tilted by {tilt:.0f} deg, allowed {limit:.0f} deg")
+        stack.move(Mode.ARMED, f"by {requester}")
+
+    def _disarm(self, requester: str) -> None:
+        stack = self._stack
+        if stack.mode in (Mode.STARTING, Mode.READY):
+            raise RefusedError("not armed, so nothing to disarm")
+        if stack.airborne:
+            raise RefusedError("not disarmed: flying; land first, or use the emergency cut")
+        stack.move(Mode.READY, f"disarmed by {requester}")
+
+    def _start_behavior(self, command: mailbox.StartBehavior) -> None:
+        stack = self._stack
+        if stack.mode is Mode.EMERGENCY_LAND:
+            raise RefusedError(f"{command.name} refused: emergency landing; only cut is open")
+        stack.behaviors.request(
+            command.name,
+            command.arguments,
+            stack.state,
+            armed=stack.mode is Mode.ARMED,
+            airborne=stack.airborne,
+        )
+        stack.say(f"{command.name} by {command.requester}")
+
+    def _emergency(self, command: mailbox.Emergency) -> None:
+        stack = self._stack
+        if command.action not in ("land", "cut"):
+            raise RefusedError(f"unknown emergency action {command.action!r}: use land or cut")
+        if stack.mode in (Mode.STARTING, Mode.READY):
+            raise RefusedError(f"emergency {command.action} refused: the motors are off")
+        if command.action == "cut":
+            if stack.mode is not Mode.CUT:
+                stack.move(Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR)
+        elif stack.mode is Mode.ARMED:
+            if stack.airborne:
+                stack.land_now(f"emergency land by {command.requester}")
+            else:
+                stack.move(Mode.READY, f"emergency land on the ground by {command.requester}")

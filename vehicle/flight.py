@@ -1,0 +1,220 @@
+"""The flight process: one real-time thread between the microcontroller and the rings.
+
+No network, no log, no logging and no garbage collection here; what leaves goes through rings
+that never make this thread wait. Run as `python -m vehicle.flight CONFIG` by vehicle.process.
+"""
+
+from __future__ import annotations
+
+import select
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from typing import Protocol
+
+import msgspec
+
+from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import Record
+from vehicle import mailbox
+from vehicle.lateness import Lateness
+from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.process_config import FlightConfig, Rings, open_rings
+from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
+from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.port import SerialPort
+
+POLL_MS = 50
+SILENCE_NS = 500_000_000
+COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
+
+
+class Stack(Protocol):
+    """What the loop needs of vehicle.stack.FlightStack."""
+
+    record: Record
+    store: ParameterStore
+    outbox: list[mailbox.Event | mailbox.ParameterChange]
+    motor_state_wanted: MotorState
+
+    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
+    def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
+    def measure(self, measurement: mailbox.Measurement) -> None: ...
+    def loop_statistics(
+        self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
+    ) -> None: ...
+
+
+class Mcu(Protocol):
+    """What the loop needs of vehicle.microcontroller.Microcontroller."""
+
+    def receive(self) -> list[RawSample]: ...
+    def command(self, references: Sequence[int]) -> None: ...
+    def set_motor_state(self, state: MotorState) -> None: ...
+    def service(self, now_s: float) -> None: ...
+    def filenos(self) -> Sequence[int]: ...
+
+
+class FlightLoop:
+    """Sample in, tick, references out; inbox before, rings after."""
+
+    def __init__(self, stack: Stack, mcu: Mcu, rings: Rings, *, real_time: bool) -> None:
+        self.stopping = False
+        self._stack = stack
+        self._mcu = mcu
+        self._rings = rings
+        self._real_time = real_time
+        self._lateness = Lateness()
+        self._motor_state = stack.motor_state_wanted
+        self._heard_ns = time.monotonic_ns()
+        self._silent = False
+        self._poll = select.poll()
+        for descriptor in mcu.filenos():
+            self._poll.register(descriptor, select.POLLIN)
+        stack.loop_statistics(
+            rate=0.0, p50=0.0, p99=0.0, longest=0.0, missed=0.0, real_time=real_time
+        )
+
+    def run(self) -> None:
+        """Until `stopping` is set. Raises LinkError when a port is gone."""
+        while not self.stopping:
+            self.once()
+
+    def once(self, timeout_ms: int = POLL_MS) -> None:
+        """Wait for bytes, at most `timeout_ms`, and tick on every sample they complete."""
+        for _, happened in self._poll.poll(timeout_ms):
+            if happened & (select.POLLHUP | select.POLLERR | select.POLLNVAL):
+                raise LinkError(
+                    "a serial port of the microcontroller is gone; check the cable (or the "
+                    "simulator) and start the vehicle again"
+                )
+        samples = self._mcu.receive()
+        for sample in samples:
+            self._tick(sample)
+        self._mcu.service(time.monotonic())
+        self._watch_silence(bool(samples))
+
+    def _tick(self, sample: RawSample) -> None:
+        began_ns = time.monotonic_ns()
+        stack = self._stack
+        self._drain_inbox()
+        references = stack.tick(sample)
+        if stack.motor_state_wanted is not self._motor_state:
+            self._motor_state = stack.motor_state_wanted
+            self._mcu.set_motor_state(self._motor_state)
+        if references is not None:
+            self._mcu.command(references)
+        self._rings.ticks.push(stack.record)
+        self._send_outbox()
+        statistics = self._lateness.add(began_ns, sample.stamp_ns)
+        if statistics is not None:
+            stack.loop_statistics(
+                rate=statistics.rate,
+                p50=statistics.lateness_p50,
+                p99=statistics.lateness_p99,
+                longest=statistics.lateness_max,
+                missed=statistics.missed_share,
+                real_time=self._real_time,
+            )
+
+    def _drain_inbox(self) -> None:
+        inbox = self._rings.inbox
+        for _ in range(min(len(inbox), COMMANDS_A_TICK)):
+            message = inbox.pop()
+            if message is not None:
+                self._take(mailbox.decode_inbound(message))
+
+    def _take(self, message: mailbox.Inbound) -> None:
+        if isinstance(message, mailbox.Measurement):
+            self._stack.measure(message)
+            return
+        reply = self._reply(message)
+        self._send_outbox()  # first: who gets the reply may rely on the changes it caused
+        self._rings.outbox.push(mailbox.encode(reply))
+
+    def _reply(self, command: mailbox.Command) -> mailbox.Reply:
+        if isinstance(command, mailbox.ChangeParameters) and not command.values:
+            # An empty change asks for all values: how a comms process starts its copy.
+            store = self._stack.store
+            return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
+        try:
+            return self._stack.handle(command)
+        except Exception as error:
+            # A defect in one command must not stop the motors: report it and fly on.
+            traceback.print_exc()
+            text = f"defect on board: {type(error).__name__}: {error}"
+            return mailbox.Reply(command.request_id, False, text)
+
+    def _send_outbox(self) -> None:
+        messages = self._stack.outbox
+        if messages:
+            for message in messages:
+                self._rings.outbox.push(mailbox.encode(message))
+            messages.clear()
+
+    def _watch_silence(self, heard: bool) -> None:
+        now_ns = time.monotonic_ns()
+        if heard:
+            if self._silent:
+                say(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
+            self._heard_ns, self._silent = now_ns, False
+        elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
+            self._silent = True
+            say(
+                "no sample from the microcontroller for 0.5 s; waiting. "
+                "Is it switched on, and are these its ports?"
+            )
+
+
+def say(line: str) -> None:
+    """One line to the terminal."""
+    print(f"vehicle: {line}", file=sys.stderr, flush=True)
+
+
+def fly(config: FlightConfig) -> None:
+    """Compile, ask for real time, then loop until a signal. Raises QuadlabError."""
+    # Imported here: it brings numba and every law along, which the loop's tests need not.
+    from vehicle.flight_warm_up import warm_up
+    from vehicle.parameters import new_parameters
+    from vehicle.stack import FlightStack
+
+    rings = open_rings(config.rings)
+    ports = [SerialPort(path) for path in config.ports]
+    parameters = new_parameters()
+    ParameterStore(parameters).preset(config.parameters)
+    stack = FlightStack(parameters)
+    warm_up()
+    granted = become_real_time()
+    if granted.refusal:
+        say(granted.refusal)
+    for port in ports:
+        while port.read():  # what came during the compilation is old
+            pass
+    loop = FlightLoop(stack, Microcontroller(ports), rings, real_time=granted.scheduled)
+
+    def stop(signal_number: int, frame: object) -> None:
+        loop.stopping = True
+
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, stop)
+    freeze_garbage()
+    loop.run()
+
+
+def main(argument: str) -> int:
+    """Exit status: 0 stopped by a signal, 1 failed."""
+    config = msgspec.json.decode(argument, type=FlightConfig)
+    die_with_parent(config.parent)
+    try:
+        fly(config)
+    except QuadlabError as error:
+        say(str(error))
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

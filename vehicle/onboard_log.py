@@ -1,0 +1,229 @@
+"""The onboard log: every tick from arming to half a second after disarming, in its own thread.
+
+Callers only append to a bounded buffer, so a slow disk costs log lines (counted and said), never
+telemetry. The file holds the standard topics, as the station's recording does.
+"""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from quadrotor.errors import QuadlabError, StorageError
+from quadrotor.records import Record
+from vehicle.mailbox import ERROR, INFO
+from vehicle_link import topics
+from vehicle_link.log import LogWriter, is_closed, recover
+from vehicle_link.log.provenance import provenance
+
+FOLDER = "onboard"
+BUFFER_BYTES = 8_000_000
+AFTER_DISARMING_NS = 500_000_000
+FREE_BYTES_MIN = 500_000_000
+FREE_CHECK_NS = 1_000_000_000
+WAIT_S = 0.5
+
+Message = tuple[str, str, bytes, int]  # topic without namespace, type, payload, source stamp
+Say = Callable[[int, str], None]
+
+
+class OnboardLog:
+    """Starts and ends files by the ticks' `armed`.
+
+    Args:
+        folder: the data folder; files go to `onboard/` in it.
+        vehicle: name, the namespace of the topics.
+        parameters: gives the JSON that is attached to each file.
+        say: takes (level, text) of an event; called from this log's thread.
+        free_bytes: asks the free space of a folder.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        vehicle: str,
+        parameters: Callable[[], bytes],
+        say: Say,
+        free_bytes: Callable[[Path], int] = lambda path: shutil.disk_usage(path).free,
+    ) -> None:
+        self._folder = folder / FOLDER
+        self._vehicle = vehicle
+        self._parameters = parameters
+        self._say = say
+        self._free_bytes = free_bytes
+        self._buffer: deque[Record | Message] = deque()
+        self._buffered = 0
+        self._lost = 0
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._closing = False
+        self._writer: LogWriter | None = None
+        self._stopped = False  # by an error or a full disk, until the next arming
+        self._disarmed_ns = 0
+        self._checked_ns = 0
+        self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
+        self._thread.start()
+
+    def ticks(self, ticks: Record) -> None:
+        """All ticks, in order, shape (N,)."""
+        self._append(ticks, ticks.nbytes)
+        self._wake.set()
+
+    def message(self, topic: str, type_name: str, payload: bytes, source_ns: int) -> None:
+        """Any other topic, from any thread; kept while a file is open."""
+        self._append((topic, type_name, payload, source_ns), len(payload))
+
+    def close(self, timeout_s: float = 5.0) -> None:
+        """Write what is buffered and close the file."""
+        self._closing = True
+        self._wake.set()
+        self._thread.join(timeout_s)
+
+    def _append(self, item: Record | Message, size: int) -> None:
+        with self._lock:
+            if self._buffered + size > BUFFER_BYTES:
+                self._lost += len(item) if isinstance(item, np.ndarray) else 1
+                return
+            self._buffer.append(item)
+            self._buffered += size
+
+    def _take(self) -> tuple[list[Record | Message], int]:
+        with self._lock:
+            items, lost = list(self._buffer), self._lost
+            self._buffer.clear()
+            self._buffered = self._lost = 0
+        return items, lost
+
+    # -------------------------------------------------------------- the log's own thread
+    def _run(self) -> None:
+        while True:
+            closing = self._closing
+            items, lost = self._take()
+            if lost:
+                self._say(ERROR, f"onboard log lost {lost} ticks or messages: the disk is slow")
+            for item in items:
+                try:
+                    self._store(item)
+                except StorageError as error:
+                    self._stop(str(error))
+            if closing:
+                break
+            if not items:
+                self._wake.wait(WAIT_S)
+            self._wake.clear()
+        self._finish()
+
+    def _store(self, item: Record | Message) -> None:
+        if isinstance(item, tuple):
+            if self._writer is not None:
+                topic, type_name, payload, source_ns = item
+                self._write(self._writer, topic, type_name, payload, source_ns)
+            return
+        for ticks in _runs(item):
+            if ticks["status"]["armed"][0]:
+                self._disarmed_ns = 0
+                if self._writer is None and not self._stopped:
+                    self._start(int(ticks["imu"]["stamp_ns"][0]))
+            else:
+                self._stopped = False
+                if self._disarmed_ns == 0:
+                    self._disarmed_ns = int(ticks["imu"]["stamp_ns"][0])
+                end_ns = self._disarmed_ns + AFTER_DISARMING_NS
+                kept = ticks[ticks["imu"]["stamp_ns"] <= end_ns]
+                self._write_ticks(kept)
+                if len(kept) < len(ticks):
+                    self._finish()
+                continue
+            self._write_ticks(ticks)
+
+    def _start(self, stamp_ns: int) -> None:
+        self._check_space(stamp_ns)
+        instant = datetime.fromtimestamp(stamp_ns / 1e9, UTC)
+        stem = f"{self._vehicle}_{instant:%Y%m%dT%H%M%S}_{instant.microsecond // 1000:03d}Z"
+        run = {"run_id": stem, "vehicle": self._vehicle, "recorder": "onboard", **provenance()}
+        path = self._folder / f"{stem}.mcap"
+        self._writer = LogWriter(path, run, {"parameters.json": self._parameters()})
+        self._say(INFO, f"onboard log {path.name} started")
+
+    def _write_ticks(self, ticks: Record) -> None:
+        writer = self._writer
+        if writer is None or not len(ticks):
+            return
+        stamps: list[int] = ticks["imu"]["stamp_ns"].tolist()
+        self._check_space(stamps[-1])
+        for topic, payloads in (
+            ("state", topics.encode_states(ticks, self._vehicle)),
+            ("reference", topics.encode_references(ticks)),
+            ("imu", topics.encode_imus(ticks, self._vehicle)),
+            ("actuators", topics.encode_actuators(ticks, self._vehicle)),
+        ):
+            type_name = topics.TOPICS[topic].type_name
+            for stamp_ns, payload in zip(stamps, payloads, strict=True):
+                self._write(writer, topic, type_name, payload, stamp_ns)
+
+    def _write(
+        self, writer: LogWriter, topic: str, type_name: str, payload: bytes, source_ns: int
+    ) -> None:
+        writer.write(f"/{self._vehicle}/{topic}", type_name, payload, source_ns, source_ns)
+
+    def _check_space(self, now_ns: int) -> None:
+        if 0 <= now_ns - self._checked_ns < FREE_CHECK_NS:
+            return
+        self._checked_ns = now_ns
+        self._folder.mkdir(parents=True, exist_ok=True)
+        free = self._free_bytes(self._folder)
+        if free < FREE_BYTES_MIN:
+            raise StorageError(
+                f"{free // 10**6} MB free in {self._folder}, needs {FREE_BYTES_MIN // 10**6} MB; "
+                "delete old runs"
+            )
+
+    def _stop(self, reason: str) -> None:
+        self._say(ERROR, f"onboard log stopped: {reason}")
+        self._stopped = True
+        self._checked_ns = 0
+        self._finish()
+
+    def _finish(self) -> None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        try:
+            writer.close()
+        except StorageError as error:
+            self._say(ERROR, f"onboard log not closed, recovered at the next start: {error}")
+            return
+        megabytes = writer.size / 1e6
+        self._say(INFO, f"onboard log {writer.path.name} closed, {megabytes:.1f} MB")
+
+
+def _runs(ticks: Record) -> Iterator[Record]:
+    """Cut where `armed` changes."""
+    armed = ticks["status"]["armed"]
+    cuts = (np.flatnonzero(armed[1:] != armed[:-1]) + 1).tolist()
+    for start, end in zip([0, *cuts], [*cuts, len(ticks)], strict=True):
+        yield ticks[start:end]
+
+
+def torn_logs(data: Path) -> list[Path]:
+    """Onboard logs that were never closed. Raises StorageError."""
+    folder = data / FOLDER
+    return [path for path in sorted(folder.glob("*.mcap")) if not is_closed(path)]
+
+
+def recover_logs(paths: list[Path]) -> Iterator[str]:
+    """Mend each; yields one line a file. A file that cannot be mended stays as it is."""
+    for path in paths:
+        try:
+            found = recover(path)
+        except QuadlabError as error:
+            yield f"onboard log {path.name} not recovered: {error}"
+        else:
+            if found.torn:
+                yield f"onboard log {path.name} recovered: {found.messages} messages"

@@ -1,0 +1,75 @@
+"""All parameters of one vehicle: the tree behind `--set`, the sliders and the log."""
+
+from __future__ import annotations
+
+from control.behaviors.parameters import BehaviorParameters
+from control.parameters import ControlParameters
+from estimation.parameters import EstimationParameters
+from quadrotor.parameters import Parameters, parameter
+from quadrotor.vehicle_model import VehicleModel
+from vehicle.imu_calibration import ImuCalibration
+
+
+class SafetyParameters(Parameters):
+    """Thresholds and reactions of the supervisor; the table is docs/safety.md."""
+
+    link_timeout: float = parameter(
+        0.4, unit="s", ge=0.1, le=2.0, step=0.05,
+        description="silence of the station after which a flying vehicle brakes",
+    )  # fmt: skip
+    link_land_after: float = parameter(
+        2.0, unit="s", ge=0.0, le=60.0, step=0.5,
+        description="time from braking for a lost link to landing",
+    )  # fmt: skip
+    pose_land_after: float = parameter(
+        1.0, unit="s", ge=0.1, le=5.0, step=0.1,
+        description="time without a pose measurement after which the vehicle lands on its IMU",
+    )  # fmt: skip
+    battery_warning: float = parameter(
+        13.8, unit="V", ge=12.0, le=16.8, step=0.1,
+        description="battery voltage below which a warning is given and arming is refused",
+    )  # fmt: skip
+    battery_land: float = parameter(
+        13.1, unit="V", ge=12.0, le=16.8, step=0.1,
+        description="battery voltage below which the vehicle lands",
+    )  # fmt: skip
+    battery_delay: float = parameter(
+        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        description="time the voltage must stay below a limit before it counts",
+    )  # fmt: skip
+    tilt_cut: float = parameter(
+        100.0, unit="deg", ge=60.0, le=180.0, step=5.0,
+        description="tilt at which the motors are stopped: the vehicle has turned over",
+    )  # fmt: skip
+    arm_tilt_max: float = parameter(
+        15.0, unit="deg", ge=2.0, le=45.0, step=1.0,
+        description="largest tilt at which the vehicle may be armed",
+    )  # fmt: skip
+    disarm_after_landing: float = parameter(
+        1.0, unit="s", ge=0.0, le=30.0, step=0.5,
+        description="time from touch-down to motors off",
+    )  # fmt: skip
+    gyro_samples: int = parameter(
+        500, ge=50, le=5000, step=50,
+        description="still gyroscope samples averaged at each start (Sec. 5.1)",
+    )  # fmt: skip
+    gyro_deviation_max: float = parameter(
+        1.0, unit="deg/s", ge=0.1, le=10.0, step=0.1,
+        description="standard deviation above which the vehicle was not still",
+    )  # fmt: skip
+
+
+class VehicleParameters(Parameters):
+    """The vehicle's own tree; the vehicle is the authority for every value in it."""
+
+    model: VehicleModel = VehicleModel()
+    control: ControlParameters = ControlParameters()
+    estimation: EstimationParameters = EstimationParameters()
+    behavior: BehaviorParameters = BehaviorParameters()
+    safety: SafetyParameters = SafetyParameters()
+    imu: ImuCalibration = ImuCalibration()
+
+
+def new_parameters() -> VehicleParameters:
+    """A fresh tree of defaults, sharing nothing with any other."""
+    return VehicleParameters().model_copy(deep=True)

@@ -1,0 +1,74 @@
+"""What the vehicle's parent process tells its two children, and the rings it makes for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import TICK
+from vehicle.rings import ByteRing, RecordRing, create
+
+TICK_SLOTS = 4096  # 8 s at 500 Hz: longer than a restart of comms
+INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192
+OUTBOX_SLOTS, OUTBOX_SLOT_SIZE = 256, 16384  # a reply may quote a whole command
+
+
+class RingDescriptors(msgspec.Struct, frozen=True):
+    """File descriptors of the three rings, the same numbers in every process."""
+
+    ticks: int  # TICK records, flight to comms
+    inbox: int  # mailbox.Inbound, comms to flight
+    outbox: int  # mailbox.Outbound, flight to comms
+
+    @property
+    def all(self) -> tuple[int, int, int]:
+        return self.ticks, self.inbox, self.outbox
+
+
+class FlightConfig(msgspec.Struct, frozen=True):
+    """Argument of `python -m vehicle.flight`."""
+
+    parent: int  # process id
+    rings: RingDescriptors
+    ports: list[str]  # of the microcontroller
+    parameters: dict[str, ParameterValue] = {}  # set before the start
+
+
+class CommsConfig(msgspec.Struct, frozen=True):
+    """Argument of `python -m vehicle.comms`."""
+
+    parent: int
+    rings: RingDescriptors
+    name: str
+    data: str  # folder
+    link_port: int
+    parameters: dict[str, ParameterValue] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Rings:
+    """The three rings as this process maps them."""
+
+    ticks: RecordRing
+    inbox: ByteRing
+    outbox: ByteRing
+
+
+def create_rings() -> RingDescriptors:
+    """Make the shared memory, once a vehicle process."""
+    return RingDescriptors(
+        ticks=create(TICK_SLOTS, TICK.itemsize, "ticks"),
+        inbox=create(INBOX_SLOTS, INBOX_SLOT_SIZE, "inbox"),
+        outbox=create(OUTBOX_SLOTS, OUTBOX_SLOT_SIZE, "outbox"),
+    )
+
+
+def open_rings(descriptors: RingDescriptors) -> Rings:
+    """Map the rings into this process."""
+    return Rings(
+        ticks=RecordRing(descriptors.ticks, TICK, TICK_SLOTS),
+        inbox=ByteRing(descriptors.inbox, INBOX_SLOTS, INBOX_SLOT_SIZE),
+        outbox=ByteRing(descriptors.outbox, OUTBOX_SLOTS, OUTBOX_SLOT_SIZE),
+    )

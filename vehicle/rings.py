@@ -1,0 +1,171 @@
+"""Single-producer single-consumer rings in shared memory: what joins flight and comms.
+
+A ring is an anonymous file (memfd) that a child process inherits by its descriptor. The
+producer owns `head` and `dropped`, the consumer owns `tail`; each is a 64-bit counter that only
+grows, so full and empty cannot be confused and no lock is shared. The producer never waits: into
+a full ring nothing is written and the loss is counted. Counters live in the memory, so a
+consumer that is restarted goes on where the dead one stopped.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import platform
+import struct
+import threading
+
+import numpy as np
+
+from quadrotor.records import Record
+
+HEAD, TAIL, DROPPED = 0, 8, 16  # index in 8-byte words: each on its own 64-byte cache line
+HEADER_BYTES = 256
+LENGTH = struct.Struct("<I")
+
+_TOTAL_STORE_ORDER = platform.machine() in ("x86_64", "AMD64", "i686")
+_lock = threading.Lock()
+
+
+def fence() -> None:
+    """Order the stores of a slot before the store of its counter (and loads likewise).
+
+    x86 keeps that order by itself. Elsewhere two pairs of an uncontended lock act as a full
+    barrier: one pair alone would let both stores move inside it and swap there.
+    """
+    if _TOTAL_STORE_ORDER:
+        return
+    with _lock:
+        pass
+    with _lock:
+        pass
+
+
+class _Ring:
+    """Counters and memory common to both kinds."""
+
+    def __init__(self, fd: int, slots: int, slot_size: int) -> None:
+        self.fd = fd
+        self.slots = slots
+        self.slot_size = slot_size
+        size = HEADER_BYTES + slots * slot_size
+        if os.fstat(fd).st_size != size:
+            raise ValueError(
+                f"ring of {os.fstat(fd).st_size} bytes on descriptor {fd}, expected {size}: "
+                "both ends must be made with the same sizes"
+            )
+        self._memory = mmap.mmap(fd, size)
+        self._words = memoryview(self._memory)[:HEADER_BYTES].cast("Q")
+
+    @property
+    def dropped(self) -> int:
+        """How many messages the producer could not place, since the ring was made."""
+        return self._words[DROPPED]
+
+    @property
+    def pushed(self) -> int:
+        """How many messages were placed, since the ring was made."""
+        return self._words[HEAD]
+
+    def __len__(self) -> int:
+        """Messages that wait; exact for the two ends, a snapshot for anyone else."""
+        return self._words[HEAD] - self._words[TAIL]
+
+    def count_drop(self) -> None:
+        """Count one message that the producer gave up by itself."""
+        self._words[DROPPED] += 1
+
+
+def create(slots: int, slot_size: int, name: str = "ring") -> int:
+    """A new zeroed ring; returns the inheritable descriptor for pass_fds."""
+    fd = os.memfd_create(f"quadlab-{name}", 0)
+    os.ftruncate(fd, HEADER_BYTES + slots * slot_size)
+    return fd
+
+
+class ByteRing(_Ring):
+    """A ring of messages of variable length, at most `slot_size - 4` bytes each."""
+
+    @property
+    def longest(self) -> int:
+        """The longest message that fits, in bytes."""
+        return self.slot_size - LENGTH.size
+
+    def push(self, message: bytes) -> bool:
+        """Append, or count a drop and return False when full or too long."""
+        words = self._words
+        head = words[HEAD]
+        if head - words[TAIL] >= self.slots or len(message) > self.longest:
+            words[DROPPED] += 1
+            return False
+        start = HEADER_BYTES + head % self.slots * self.slot_size
+        data = start + LENGTH.size
+        LENGTH.pack_into(self._memory, start, len(message))
+        self._memory[data : data + len(message)] = message
+        fence()
+        words[HEAD] = head + 1
+        return True
+
+    def pop(self) -> bytes | None:
+        """The oldest message, or None when the ring is empty."""
+        words = self._words
+        tail = words[TAIL]
+        if tail == words[HEAD]:
+            return None
+        fence()
+        start = HEADER_BYTES + tail % self.slots * self.slot_size
+        data = start + LENGTH.size
+        length: int = LENGTH.unpack_from(self._memory, start)[0]
+        message = self._memory[data : data + length]
+        fence()
+        words[TAIL] = tail + 1
+        return message
+
+    def pop_all(self) -> list[bytes]:
+        """All messages that wait now, oldest first."""
+        messages: list[bytes] = []
+        for _ in range(len(self)):
+            message = self.pop()
+            if message is None:
+                break
+            messages.append(message)
+        return messages
+
+
+class RecordRing(_Ring):
+    """A ring of numpy records of one dtype."""
+
+    def __init__(self, fd: int, dtype: np.dtype[np.void], slots: int) -> None:
+        super().__init__(fd, slots, dtype.itemsize)
+        self.dtype = dtype
+
+    def push(self, record: Record) -> bool:
+        """Append the record, shape (1,), or count a drop and return False when full."""
+        words = self._words
+        head = words[HEAD]
+        if head - words[TAIL] >= self.slots:
+            words[DROPPED] += 1
+            return False
+        start = HEADER_BYTES + head % self.slots * self.slot_size
+        self._memory[start : start + self.slot_size] = record.tobytes()
+        fence()
+        words[HEAD] = head + 1
+        return True
+
+    def pop_all(self) -> Record:
+        """A read-only copy of all records that wait now, oldest first, shape (N,)."""
+        words = self._words
+        tail, head = words[TAIL], words[HEAD]
+        fence()
+        first, count = tail % self.slots, head - tail
+        # Bytes, because numpy copies structured rows field by field, forty times slower.
+        data = self._bytes(first, min(count, self.slots - first))
+        if first + count > self.slots:
+            data += self._bytes(0, first + count - self.slots)
+        fence()
+        words[TAIL] = head
+        return np.frombuffer(data, self.dtype)
+
+    def _bytes(self, first: int, count: int) -> bytes:
+        start = HEADER_BYTES + first * self.slot_size
+        return self._memory[start : start + count * self.slot_size]

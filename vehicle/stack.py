@@ -1,0 +1,330 @@
+"""One vehicle's flight stack: the whole tick on one screen.
+
+Data goes one way: sample -> estimator -> state -> supervisor -> behavior -> reference ->
+controller -> thrusts -> motor references. The tick is clocked by the stamps of the IMU and never
+reads a clock, so the same code flies in real time, faster, and in replay, with identical results
+for identical input. Only the caller's thread may touch it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from control.behaviors.machine import BehaviorMachine
+from control.behaviors.table import BehaviorName
+from control.controller import Controller, GeometricController
+from estimation.complementary import ComplementaryEstimator, Estimator
+from quadrotor.errors import MeasurementError
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import POSE_SAMPLE, Record, new_tick
+from vehicle import mailbox
+from vehicle.commands import CommandHandler
+from vehicle.gyro_calibration import GyroCalibration
+from vehicle.imu_calibration import ImuCalibrator
+from vehicle.microcontroller import RawSample
+from vehicle.modes import Flag, Mode, check_move
+from vehicle.parameters import VehicleParameters
+from vehicle.supervisor import Reaction, Supervisor, Verdict
+from vehicle_link.serial.ids import MotorState
+
+LONGEST_STEP = 0.05
+"""s: after a longer gap between samples the filters are stepped by this much only."""
+NOMINAL_STEP = 0.002
+MOTOR_START_GRACE_NS = 1_500_000_000
+
+
+class FlightStack:
+    """The vehicle's behaviour between one IMU sample and the next motor references.
+
+    Args:
+        parameters: the vehicle's tree; this stack becomes its only writer.
+        estimator, controller: plugins, any object with the protocol's methods; defaults are the
+            complementary estimator (Sec. 6.1) and the geometric controller (Sec. 4).
+    """
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        estimator: Estimator | None = None,
+        controller: Controller | None = None,
+    ) -> None:
+        self.parameters = parameters
+        self.store = ParameterStore(parameters)
+        self.estimator: Estimator = estimator or ComplementaryEstimator()
+        self.controller: Controller = controller or GeometricController()
+        self.behaviors = BehaviorMachine(parameters.behavior)
+        self.supervisor = Supervisor(parameters.safety)
+        self.imu_calibrator = ImuCalibrator(parameters.imu)
+        self.commands = CommandHandler(self)
+        self.record: Record = new_tick()
+        self.imu = self.record["imu"]
+        self.state = self.record["state"]
+        self.reference = self.record["reference"]
+        self.actuators = self.record["actuators"]
+        self.estimate = self.record["estimate"]
+        self.status = self.record["status"]
+        self.mode = Mode.STARTING
+        self.airborne = False
+        self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
+        self.motor_state_wanted = MotorState.OFF
+        self.real_time = True
+        self._gyro: GyroCalibration | None = None
+        self._pose = np.zeros(1, POSE_SAMPLE)
+        self._poses: list[mailbox.Pose] = []
+        self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
+        self._stamp_ns = 0
+        self._newest_pose_ns = 0  # 0: none came yet
+        self._armed_ns = 0
+        self._landed_ns: int | None = None
+        self._ground_z = 0.0
+        self.configure()
+
+    # ------------------------------------------------------------------ the tick
+    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
+        """One IMU sample in, four motor references (counts) out, None while motors are off."""
+        dt = self._advance_time(sample.stamp_ns)
+        if dt <= 0.0:
+            return None
+        self.imu_calibrator.calibrate(sample, self.imu)
+        if self.mode is Mode.STARTING:
+            self._calibrate_gyroscope()
+
+        self.estimator.predict(self.imu, dt, self.state)
+        self._correct()
+
+        verdict = self.supervisor.step(
+            self._stamp_ns,
+            airborne=self.airborne,
+            voltage=sample.battery_voltage,
+            pose_age=float(self.estimate["measurement_age"][0]),
+            tilt=self._tilt(),
+        )
+        if verdict is not None:
+            self._react(verdict)
+
+        flying = self.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
+        if flying and self.behaviors.name is not BehaviorName.GROUND:
+            self.behaviors.step(
+                self._stamp_ns,
+                dt,
+                self.state,
+                self._joy,
+                self.airborne,
+                float(self.actuators["wrench"][0, 0]),
+                self.reference,
+            )
+            self.controller.step(self.state, self.reference, self.airborne, dt, self.actuators)
+            self._watch_ground()
+        elif flying:
+            self._idle()
+        else:
+            self._rest()
+        motors = self._motor_references(sample, flying)
+        self._write_status(sample)
+        return motors
+
+    # ------------------------------------------------------------------ inputs between ticks
+    def handle(self, command: mailbox.Command) -> mailbox.Reply:
+        """Carry out or refuse one command; the reply says why."""
+        return self.commands.handle(command)
+
+    def measure(self, measurement: mailbox.Measurement) -> None:
+        """Take one measurement; it acts at the next tick."""
+        if isinstance(measurement, mailbox.Pose):
+            self._poses.append(measurement)
+        elif isinstance(measurement, mailbox.Joy):
+            self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
+        elif isinstance(measurement, mailbox.Heartbeat):
+            self.supervisor.heard(measurement.stamp_ns)
+        # Bearings are turned into poses by the comms process; estimators on board take them later.
+
+    def loop_statistics(
+        self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
+    ) -> None:
+        """What the loop measured of itself over the last second (Hz, s, s, s, share 0..1)."""
+        status = self.status
+        status["tick_rate"], status["missed_share"] = rate, missed
+        status["lateness_p50"], status["lateness_p99"] = p50, p99
+        status["lateness_max"] = longest
+        self.real_time = real_time
+
+    def configure(self) -> None:
+        """Hand the present parameters to every part; called at a tick boundary."""
+        p = self.parameters
+        self.model = p.model.record()
+        self.controller.configure(p.control, self.model)
+        self.estimator.configure(p.estimation)
+        self.imu_calibrator.configure(p.imu)
+        self.status["parameter_revision"] = self.store.revision
+        self._idle_reference = p.model.motor_reference_min
+        if not self._newest_pose_ns:
+            self.estimate["mass"] = p.model.mass
+
+    # ------------------------------------------------------------------ mode changes
+    def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
+        """Change the mode by the table of vehicle.modes and say so. Raises RefusedError."""
+        check_move(self.mode, mode)
+        self.mode = mode
+        if mode is Mode.ARMED:
+            self.motor_state_wanted = MotorState.ON
+            self._armed_ns = self._stamp_ns
+            self._ground_z = float(self.state["position_w"][0, 2])
+            self.supervisor.begin_flight()
+        elif mode in (Mode.READY, Mode.CUT):
+            self.motor_state_wanted = MotorState.OFF
+            self.airborne = False
+            self._landed_ns = None
+            self.behaviors.ground()
+            self.controller.reset()
+        self.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None:
+        """Put one line into the log and on the page."""
+        self.outbox.append(mailbox.Event(stamp_ns=self._stamp_ns, level=level, text=text))
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of the newest tick, ns of the vehicle's clock."""
+        return self._stamp_ns
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether the pose measurement is present and fresh."""
+        age = float(self.estimate["measurement_age"][0])
+        return age <= self.parameters.estimation.measurement_timeout
+
+    @property
+    def tilt(self) -> float:
+        """Angle (rad) between z_B and z_W."""
+        return self._tilt()
+
+    # ------------------------------------------------------------------ parts of the tick
+    def _advance_time(self, stamp_ns: int) -> float:
+        dt = (stamp_ns - self._stamp_ns) * 1e-9 if self._stamp_ns else NOMINAL_STEP
+        if dt <= 0.0:
+            return 0.0
+        self._stamp_ns = stamp_ns
+        self.record["sequence"] += 1
+        return min(dt, LONGEST_STEP)
+
+    def _calibrate_gyroscope(self) -> None:
+        p = self.parameters
+        if self._gyro is None:
+            self.imu_calibrator.clear_gyroscope_bias()
+            deviation = math.radians(p.safety.gyro_deviation_max)
+            self._gyro = GyroCalibration(p.safety.gyro_samples, deviation)
+            return
+        try:
+            bias = self._gyro.add(self.imu["angular_velocity_b"][0])
+        except MeasurementError as error:
+            self.say(str(error), mailbox.WARN)
+            return
+        if bias is not None:
+            self.imu_calibrator.set_gyroscope_bias(bias)
+            degrees = ", ".join(f"{math.degrees(b):.2f}" for b in bias)
+            self._gyro = None
+            self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
+
+    def _correct(self) -> None:
+        age = self.estimate["measurement_age"]
+        for pose in self._poses:
+            self._pose["stamp_ns"] = pose.stamp_ns
+            self._pose["position_w"] = pose.position_w
+            self._pose["quaternion_wb"] = pose.quaternion_wb
+            if self.estimator.initialized:
+                self.estimator.correct(self._pose, self.estimate)
+            else:
+                self.estimator.initialize(self._pose)
+            age[0] = (self._stamp_ns - pose.stamp_ns) * 1e-9
+            self._newest_pose_ns = pose.stamp_ns
+        if self._poses:
+            self._poses.clear()
+        elif self._newest_pose_ns:
+            age[0] = (self._stamp_ns - self._newest_pose_ns) * 1e-9
+
+    def _react(self, verdict: Verdict) -> None:
+        if verdict.reaction is Reaction.CUT:
+            self.move(Mode.CUT, verdict.reason, mailbox.ERROR)
+        elif verdict.reaction is Reaction.BRAKE:
+            if self.behaviors.name is not BehaviorName.LAND:
+                self.behaviors.force("brake", self.state)
+                self.say(f"braking: {verdict.reason}", mailbox.WARN)
+        elif self.mode is Mode.ARMED:
+            self.land_now(verdict.reason)
+
+    def land_now(self, why: str) -> None:
+        """Enter EMERGENCY_LAND: land from here, refuse everything but cut."""
+        self.move(Mode.EMERGENCY_LAND, why, mailbox.ERROR)
+        self.behaviors.force("land", self.state)
+
+    def _watch_ground(self) -> None:
+        height = float(self.state["position_w"][0, 2]) - self._ground_z
+        if not self.airborne and self.behaviors.name is not BehaviorName.LAND:
+            self.airborne = height > 0.03
+        if self.behaviors.landed:
+            self.airborne = False
+            if self._landed_ns is None:
+                self._landed_ns = self._stamp_ns
+                self.behaviors.ground()
+                self.controller.reset()
+                self.say("touched down")
+
+    def _idle(self) -> None:
+        """Armed on the ground: motors turn slowly, the reference follows the state."""
+        self._hold_reference()
+        self.actuators["wrench"] = 0.0
+        self.actuators["thrusts"] = 0.0
+        self.actuators["scaling"] = 1.0
+        self.actuators["motor_references"] = self._idle_reference
+        if self._landed_ns is not None:
+            waited = (self._stamp_ns - self._landed_ns) * 1e-9
+            if waited >= self.parameters.safety.disarm_after_landing:
+                self.move(Mode.READY, "landed")
+
+    def _rest(self) -> None:
+        self._hold_reference()
+        for field in ("wrench", "thrusts", "motor_references"):
+            self.actuators[field] = 0.0
+        self.actuators["scaling"] = 1.0
+
+    def _hold_reference(self) -> None:
+        self.behaviors.hold(self.state, self.reference)
+
+    def _motor_references(
+        self, sample: RawSample, flying: bool
+    ) -> tuple[int, int, int, int] | None:
+        if not flying:
+            return None
+        started = self._stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
+        if started and sample.motor_state != MotorState.ON:
+            state = MotorState(sample.motor_state).name.lower()
+            self.move(Mode.CUT, f"microcontroller reports motors {state}", mailbox.ERROR)
+            return None
+        rounded = np.rint(self.actuators["motor_references"][0])
+        self.actuators["motor_references"][0] = rounded
+        first, second, third, fourth = rounded.tolist()
+        return int(first), int(second), int(third), int(fourth)
+
+    def _write_status(self, sample: RawSample) -> None:
+        flags = self.supervisor.flags
+        if self.mode is Mode.STARTING:
+            flags |= Flag.GYRO_UNCALIBRATED
+        if not self.has_pose:
+            flags |= Flag.NO_POSE
+        if self.actuators["scaling"][0] < 1.0:
+            flags |= Flag.SATURATED
+        if self.airborne and self.controller.tilt_limited:
+            flags |= Flag.TILT_LIMITED
+        if not self.real_time:
+            flags |= Flag.NOT_REAL_TIME
+        status = self.status
+        status["mode"], status["behavior"] = self.mode, self.behaviors.name
+        status["armed"] = self.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
+        status["airborne"], status["flags"] = self.airborne, flags
+        status["battery_voltage"], status["pressure"] = sample.battery_voltage, sample.pressure
+
+    def _tilt(self) -> float:
+        q = self.state["quaternion_wb"][0]
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]))))

@@ -1,0 +1,168 @@
+"""One run to one MCAP file: profile ros2, schemas ros2msg, CDR, lz4 chunks of 64 KiB.
+
+Small chunks, closed after 40 ms at the latest, and an unbuffered file: a killed process loses
+at most that. The index at the end is written by `close`; a file without it is `recover`ed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+
+from quadrotor.errors import StorageError
+from vehicle_link import messages
+from vehicle_link.log.file import LogFile
+
+RUN_METADATA = "quadlab.run"
+CHUNK_BYTES = 65536
+CHUNK_AGE_NS = 40_000_000
+MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": "text/x-python"}
+
+
+class LogWriter:
+    """Not thread-safe: one thread writes.
+
+    Args:
+        path: a new file; missing folders are made.
+        run: the metadata record `quadlab.run` (run id, vehicle, operator, git revision, …).
+        attachments: name → bytes, written before the first message so that a crash keeps them.
+        qos_profiles: topic → rosbag2's YAML text of its profiles, where known.
+
+    Raises:
+        StorageError: here and in every method, when the disk refuses.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        run: Mapping[str, str],
+        attachments: Mapping[str, bytes],
+        qos_profiles: Mapping[str, str] | None = None,
+    ) -> None:
+        self.path = path
+        self._qos_profiles = dict(qos_profiles or {})
+        self._file = LogFile(path)
+        self._channels: dict[tuple[str, str], int] = {}
+        self._schemas: dict[str, int] = {}
+        self._chunk_start_ns = -CHUNK_AGE_NS
+        self._broken: StorageError | None = None
+        self._closed = False
+        self.message_count = 0
+        self._writer = new_mcap_writer(self._file)
+        self._add_message = self._writer.add_message
+        self._guarded_start(run, attachments)
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._file.size
+
+    def is_in_place(self) -> bool:
+        """False when somebody removed the file or its folder."""
+        return self._file.is_in_place()
+
+    def write(
+        self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int
+    ) -> None:
+        """One message: `payload` in CDR, reception and source stamp in ns."""
+        if self._broken is not None:
+            raise self._broken
+        try:
+            channel = self._channels.get((topic, type_name))
+            if channel is None:
+                channel = self._register(topic, type_name)
+            self.message_count += 1
+            self._add_message(channel, log_ns, payload, publish_ns, self.message_count)
+            # A clock that was set back must not keep the chunk open either.
+            if not 0 <= log_ns - self._chunk_start_ns < CHUNK_AGE_NS:
+                self._chunk_start_ns = log_ns
+                self._writer.flush()
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def flush(self) -> None:
+        """Close the chunk and send everything to the disk itself (fdatasync)."""
+        self._guard()
+        try:
+            self._writer.flush()
+            self._file.sync()
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def attach(self, name: str, data: bytes) -> None:
+        """One more attachment, at the present place of the file."""
+        self._guard()
+        self._writer.add_attachment(0, 0, name, MEDIA_TYPES.get(Path(name).suffix, ""), data)
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        self._guard()
+        self._writer.add_metadata(name, dict(values))
+
+    def close(self) -> None:
+        """Write the index and close; the second call does nothing."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if self._broken is None:
+                self._writer.finish()
+                self._file.sync()
+        finally:
+            self._file.close()
+            self._broken = StorageError(f"{self.path} is closed")
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _guard(self) -> None:
+        if self._broken is not None:
+            raise self._broken
+
+    def _guarded_start(self, run: Mapping[str, str], attachments: Mapping[str, bytes]) -> None:
+        try:
+            self._writer.start(profile="ros2", library="quadlab")
+            self.add_metadata(RUN_METADATA, run)
+            for name, data in attachments.items():
+                self.attach(name, data)
+        except StorageError:
+            self._file.close()
+            self.path.unlink(missing_ok=True)  # it holds nothing yet
+            raise
+
+    def _register(self, topic: str, type_name: str) -> int:
+        name = messages.ros_name(type_name)
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name, "ros2msg", messages.definition(type_name).encode()
+            )
+        channel: int = self._writer.register_channel(
+            topic,
+            "cdr",
+            self._schemas[name],
+            {
+                "offered_qos_profiles": self._qos_profiles.get(topic, "[]"),
+                "topic_type_hash": messages.type_hash(type_name),
+            },
+        )
+        self._channels[topic, type_name] = channel
+        return channel
+
+
+def new_mcap_writer(file: LogFile) -> Any:
+    """The mcap library's (untyped) writer with the settings of every quadlab log."""
+    output: Any = file  # it needs write, tell and flush only
+    return Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)

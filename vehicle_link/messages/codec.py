@@ -1,0 +1,34 @@
+"""Messages to CDR bytes and back, and the schema text that goes into the log."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from rosbags.serde import SerdeError
+
+from quadrotor.errors import LinkError
+from vehicle_link.messages.construct import Message
+from vehicle_link.messages.names import stored_name
+from vehicle_link.messages.store import typestore
+
+
+def encode(message: Message) -> bytes:
+    """CDR with its 4-byte header, little endian."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__, little_endian=True))
+
+
+def decode(payload: bytes | memoryview, type_name: str) -> Message:
+    """Raises LinkError when the bytes are no message of this type."""
+    try:
+        return typestore().deserialize_cdr(payload, stored_name(type_name))
+    except (SerdeError, AssertionError, IndexError, TypeError) as error:
+        raise LinkError(
+            f"{len(payload)} bytes are no {type_name} ({error}); "
+            "do both ends run the same version of quadlab?"
+        ) from error
+
+
+@cache
+def definition(type_name: str) -> str:
+    """The ros2msg schema text of a message, with the definitions it depends on."""
+    return typestore().generate_msgdef(stored_name(type_name), ros_version=2)[0]

@@ -1,0 +1,93 @@
+"""Making messages: `new` fills what is not given with zeros, down to the last nested field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from quadrotor.errors import UsageError
+from vehicle_link.messages.names import stored_name
+from vehicle_link.messages.store import typestore
+
+Message = Any
+"""A dataclass made by rosbags; its fields are those of the .msg file."""
+
+SECOND_NS = 1_000_000_000
+_NOT_GIVEN: Any = object()
+_BYTES = {"byte": "uint8", "char": "uint8"}  # both are octets on the wire
+
+
+def new(type_name: str, **fields: Any) -> Message:
+    """A message with the given fields, all others zero, empty or false.
+
+    A nested message may be given as a message, a mapping of its fields, or a sequence of them in
+    order (`position=(1.0, 0.0, 0.5)`); arrays of numbers as any sequence.
+
+    Raises:
+        TypeError: the type has no such field.
+        UsageError: there is no such type.
+    """
+    return _new(stored_name(type_name), fields)
+
+
+def time_message(stamp_ns: int) -> Message:
+    """builtin_interfaces/Time of integer nanoseconds."""
+    seconds, rest = divmod(int(stamp_ns), SECOND_NS)
+    return typestore().types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
+
+
+def header(stamp_ns: int, frame_id: str = "world") -> Message:
+    """std_msgs/Header of integer nanoseconds."""
+    return typestore().types["std_msgs/msg/Header"](stamp=time_message(stamp_ns), frame_id=frame_id)
+
+
+def stamp_of(stamped: Message) -> int:
+    """Nanoseconds of a message with a header, of a header, or of a Time."""
+    stamp: Any = getattr(stamped, "header", stamped)
+    stamp = getattr(stamp, "stamp", stamp)
+    return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
+
+
+def _new(name: str, fields: Mapping[str, Any]) -> Message:
+    store = typestore()
+    if name not in store.types:
+        raise UsageError(f"unknown message type {name!r}; see vehicle_link/messages for ours")
+    entries = dict(store.fielddefs[name][1])
+    if unknown := fields.keys() - entries.keys():
+        raise TypeError(f"{name} has no field {', '.join(sorted(unknown))}; it has {list(entries)}")
+    values = [_value(entry, fields.get(key, _NOT_GIVEN)) for key, entry in entries.items()]
+    return store.types[name](*values)
+
+
+def _value(entry: Any, value: Any) -> Any:
+    """`value`, or zero, as rosbags wants a field described by this `fielddefs` entry."""
+    kind, details = entry
+    if kind == Nodetype.BASE:
+        python = {"bool": bool, "string": str, "float32": float, "float64": float}
+        convert = python.get(details[0], int)
+        return convert() if value is _NOT_GIVEN else convert(value)
+    if kind == Nodetype.NAME:
+        return _nested(details, value)
+    (item_kind, item), length = details
+    count = length if kind == Nodetype.ARRAY else 0
+    if item_kind == Nodetype.NAME:
+        items = [_NOT_GIVEN] * count if value is _NOT_GIVEN else value
+        return [_nested(item, one) for one in items]
+    if item[0] == "string":
+        return [""] * count if value is _NOT_GIVEN else [str(one) for one in value]
+    dtype = np.dtype(_BYTES.get(item[0], item[0]))
+    return np.zeros(count, dtype) if value is _NOT_GIVEN else np.asarray(value, dtype)
+
+
+def _nested(name: str, value: Any) -> Message:
+    if value is _NOT_GIVEN:
+        return _new(name, {})
+    if isinstance(value, Mapping):
+        return _new(name, value)
+    if hasattr(value, "__msgtype__"):
+        return value
+    names = [key for key, _ in typestore().fielddefs[name][1]]
+    return _new(name, dict(zip(names, value, strict=True)))

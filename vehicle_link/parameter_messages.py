@@ -1,0 +1,121 @@
+"""Parameters as rcl_interfaces messages and back: values, lists of them, and descriptions.
+
+What ROS 2 has no field for (unit, default, one-sided bounds, choices) travels as JSON in
+`additional_constraints`, so that a ParameterDescription comes back exactly.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from quadrotor.errors import LinkError, WrongTypeError
+from quadrotor.parameters import ParameterDescription, ParameterValue
+from vehicle_link.messages import Message, new
+
+NOT_SET, BOOL, INTEGER, DOUBLE, STRING = range(5)
+ROS_TYPES = {"bool": BOOL, "int": INTEGER, "float": DOUBLE, "str": STRING}
+_INT64 = 2**63
+
+
+def to_value(value: object) -> Message:
+    """rcl_interfaces/ParameterValue. Raises WrongTypeError for what ROS has no scalar type for."""
+    if isinstance(value, bool):
+        return new("rcl_interfaces/ParameterValue", type=BOOL, bool_value=value)
+    if isinstance(value, int) and -_INT64 <= value < _INT64:
+        return new("rcl_interfaces/ParameterValue", type=INTEGER, integer_value=value)
+    if isinstance(value, float):
+        return new("rcl_interfaces/ParameterValue", type=DOUBLE, double_value=value)
+    if isinstance(value, str):
+        return new("rcl_interfaces/ParameterValue", type=STRING, string_value=value)
+    raise WrongTypeError(
+        f"{value!r} is no parameter value; a number, true, false or a text is allowed"
+    )
+
+
+def from_value(message: Message) -> ParameterValue:
+    """Raises WrongTypeError for a value that is not set, or an array."""
+    if message.type == BOOL:
+        return bool(message.bool_value)
+    if message.type == INTEGER:
+        return int(message.integer_value)
+    if message.type == DOUBLE:
+        return float(message.double_value)
+    if message.type == STRING:
+        return str(message.string_value)
+    kind = "not set" if message.type == NOT_SET else f"of array type {message.type}"
+    raise WrongTypeError(f"a value {kind} was sent; a number, true, false or a text is allowed")
+
+
+def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
+    """rcl_interfaces/Parameter for each. Raises WrongTypeError."""
+    return [
+        new("rcl_interfaces/Parameter", name=name, value=to_value(value))
+        for name, value in values.items()
+    ]
+
+
+def from_parameters(messages: Iterable[Message]) -> dict[str, ParameterValue]:
+    """Raises WrongTypeError, naming the parameter."""
+    values = {}
+    for message in messages:
+        try:
+            values[str(message.name)] = from_value(message.value)
+        except WrongTypeError as error:
+            raise WrongTypeError(f"{message.name}: {error}") from error
+    return values
+
+
+def to_descriptor(description: ParameterDescription) -> Message:
+    """rcl_interfaces/ParameterDescriptor; its range only where both bounds are given."""
+    low, high = description.minimum, description.maximum
+    ranges: dict[str, Any] = {}
+    if low is not None and high is not None and description.type in ("int", "float"):
+        step = description.step or 0.0
+        if description.type == "float":
+            ranges["floating_point_range"] = [(low, high, step)]
+        else:
+            ranges["integer_range"] = [(math.ceil(low), math.floor(high), round(step))]
+    constraints = {
+        "unit": description.unit,
+        "default": description.default,
+        "minimum": low,
+        "maximum": high,
+        "step": description.step,
+        "choices": list(description.choices),
+    }
+    return new(
+        "rcl_interfaces/ParameterDescriptor",
+        name=description.name,
+        type=ROS_TYPES[description.type],
+        description=description.description,
+        additional_constraints=json.dumps(constraints, ensure_ascii=False),
+        read_only=description.read_only,
+        **ranges,
+    )
+
+
+def from_descriptor(message: Message) -> ParameterDescription:
+    """Raises LinkError when the descriptor is not one of quadlab's."""
+    try:
+        kind = {number: name for name, number in ROS_TYPES.items()}[int(message.type)]
+        constraints = json.loads(message.additional_constraints)
+        return ParameterDescription(
+            name=message.name,
+            type=kind,
+            default=constraints["default"],
+            description=message.description,
+            unit=constraints["unit"],
+            minimum=constraints["minimum"],
+            maximum=constraints["maximum"],
+            step=constraints["step"],
+            read_only=bool(message.read_only),
+            choices=tuple(constraints["choices"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise LinkError(
+            f"the description of {message.name!r} cannot be read ({error!r}); "
+            "do both ends run the same version of quadlab?"
+        ) from error

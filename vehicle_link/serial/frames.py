@@ -1,0 +1,85 @@
+"""Bytes to frames and back: `#`, address, command, data64, two CRC characters, `\\r`.
+
+data64 is base64 with another alphabet (`=` + 6 bits, zero padded), so the standard library's C
+code does the work. `#` and `\\r` occur nowhere inside a frame: a decoder finds its feet at the
+next one, and damage costs no more than the frames it hit. The CRC is only a 12-bit sum, so
+whoever uses a value still asks whether it is possible.
+"""
+
+from __future__ import annotations
+
+from binascii import a2b_base64, b2a_base64
+from typing import NamedTuple
+
+START, END = b"#", b"\r"
+FLIGHT_CONTROLLER = ord("b")
+MAX_FRAME = 64
+"""Bytes; the longest frame of the contract has 34."""
+
+_BASE64 = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+_DATA64 = bytes(range(ord("="), ord("=") + 64))
+_TO_DATA64 = bytes.maketrans(_BASE64, _DATA64)
+_FROM_DATA64 = bytes.maketrans(_DATA64, _BASE64)
+_CRC = tuple(bytes((_DATA64[crc >> 6], _DATA64[crc & 63])) for crc in range(4096))
+_PAD = (b"", b"\0\0", b"\0")
+_MIN_CHUNK = 5  # `#`, address, command and CRC of a frame without data
+
+
+class Frame(NamedTuple):
+    """One undamaged frame; `payload` is zero padded to a multiple of 3 bytes."""
+
+    address: int
+    command: int
+    payload: bytes
+
+
+def encode_frame(command: bytes, payload: bytes, address: bytes = b"b") -> bytes:
+    """The bytes of one frame."""
+    padded = payload + _PAD[len(payload) % 3]
+    body = START + address + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
+    return body + _CRC[sum(body) & 4095] + END
+
+
+class FrameDecoder:
+    """Cuts one port's bytes into frames; keeps at most one unfinished frame.
+
+    `damaged` counts pieces between two frames that were not a frame.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._rest = b""
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """The frames that end within `data`, in order. Never raises, whatever the bytes."""
+        chunks = (self._rest + data).split(END)
+        rest = chunks.pop()
+        if len(rest) > MAX_FRAME:  # no frame is this long: keep only what may begin one
+            self.damaged += 1
+            rest = rest[rest.rfind(START) :][:MAX_FRAME] if START in rest else b""
+        self._rest = rest
+        frames = []
+        for chunk in chunks:
+            frame = self._decode(chunk)
+            if frame is not None:
+                frames.append(frame)
+        return frames
+
+    def _decode(self, chunk: bytes) -> Frame | None:
+        start = chunk.rfind(START)
+        if start > 0:  # noise, or a frame that lost its end, before this one
+            self.damaged += 1
+            chunk = chunk[start:]
+        size = len(chunk)
+        if (
+            start < 0
+            or size < _MIN_CHUNK
+            or size > MAX_FRAME
+            or (size - _MIN_CHUNK) & 3
+            or chunk[-2:] != _CRC[sum(chunk[:-2]) & 4095]
+            or chunk[3:-2].translate(None, _DATA64)
+        ):
+            self.damaged += 1
+            return None
+        payload = a2b_base64(chunk[3:-2].translate(_FROM_DATA64))
+        return Frame(chunk[1], chunk[2], payload)

@@ -1,0 +1,146 @@
+"""Where the bytes go: a serial device, or memory when the vehicle flies in simulated time."""
+
+from __future__ import annotations
+
+import errno
+import os
+import termios
+from pathlib import Path
+from typing import Protocol
+
+import serial
+
+from quadrotor.errors import LinkError
+
+BAUD_RATE = 115_200
+_CHUNK = 4096  # one kernel buffer of a terminal
+
+
+class Port(Protocol):
+    """One serial line, read and written without ever waiting."""
+
+    def read(self) -> bytes:
+        """Everything that has arrived, maybe nothing. Raises LinkError when the line is gone."""
+
+    def write(self, data: bytes) -> None:
+        """Send, or drop when the line is congested. Raises LinkError when the line is gone."""
+
+    def fileno(self) -> int:
+        """For poll(); raises LinkError when there is no file behind this port."""
+
+    def close(self) -> None: ...
+
+
+class SerialPort:
+    """A serial device at 115200 Bd 8N1, opened exclusively; what waited in it is discarded.
+
+    `dropped` counts frames that did not fit into the kernel's output buffer.
+
+    Raises LinkError when the device cannot be opened.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        self.path = str(path)
+        self.dropped = 0
+        try:
+            self._serial = serial.Serial(
+                self.path, BAUD_RATE, timeout=0, write_timeout=0, exclusive=True
+            )
+            self._fd: int = self._serial.fileno()
+            # pyserial asks for VMIN = 0, where "nothing yet" and "line gone" look the same.
+            attributes = termios.tcgetattr(self._fd)
+            attributes[6][termios.VMIN] = 1
+            termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
+        except (serial.SerialException, OSError, termios.error) as error:
+            raise LinkError(
+                f"cannot open serial port {self.path}: {_reason(error)}; is the microcontroller "
+                "(or `quadlab simulator`) running, the port free, and the user in group dialout?"
+            ) from None
+
+    def read(self) -> bytes:
+        data = self._read_chunk()
+        if len(data) < _CHUNK:
+            return data
+        parts = [data]
+        while len(parts[-1]) == _CHUNK:
+            parts.append(self._read_chunk())
+        return b"".join(parts)
+
+    def _read_chunk(self) -> bytes:
+        try:
+            data = os.read(self._fd, _CHUNK)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise self._gone(error) from None
+        if not data:
+            raise self._gone(OSError(errno.EIO, "the other end hung up"))
+        return data
+
+    def write(self, data: bytes) -> None:
+        try:
+            written = os.write(self._fd, data)
+        except BlockingIOError:
+            written = 0
+        except OSError as error:
+            raise self._gone(error) from None
+        if written < len(data):
+            self.dropped += 1
+
+    def fileno(self) -> int:
+        return self._fd
+
+    def close(self) -> None:
+        self._serial.close()
+
+    def _gone(self, error: OSError) -> LinkError:
+        return LinkError(
+            f"serial port {self.path} is gone: {_reason(error)}; "
+            "plug it in (or start `quadlab simulator`) and start the vehicle again"
+        )
+
+
+class MemoryPort:
+    """One end of a serial line in memory; made in pairs by `memory_port_pair`.
+
+    Holds what a kernel's buffer would hold; `dropped` counts the writes that did not fit.
+    """
+
+    def __init__(self) -> None:
+        self.dropped = 0
+        self._arrived = b""
+        self._peer = self
+
+    def read(self) -> bytes:
+        data = self._arrived
+        if data:
+            self._arrived = b""
+        return data
+
+    def write(self, data: bytes) -> None:
+        peer = self._peer
+        waiting = peer._arrived
+        if not waiting:
+            peer._arrived = data
+        elif len(waiting) + len(data) <= _CHUNK:
+            peer._arrived = waiting + data
+        else:
+            self.dropped += 1
+
+    def fileno(self) -> int:
+        raise LinkError("a port in memory has no file to poll; use a serial device or pty instead")
+
+    def close(self) -> None:
+        self._arrived = b""
+
+
+def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:
+    """Two connected ends."""
+    one, other = MemoryPort(), MemoryPort()
+    one._peer, other._peer = other, one
+    return one, other
+
+
+def _reason(error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    return os.strerror(number) if isinstance(number, int) else str(error)

@@ -1,0 +1,97 @@
+"""Consecutive ticks in one datagram: quadlab_msgs/Telemetry, float32, at most 5 ticks.
+
+What leaves the vehicle 100 times a second; the station expands it into the standard topics.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from quadrotor.errors import LinkError
+from quadrotor.records import TICK, Record
+from vehicle_link.cdr_layout import FixedLayout
+
+SAMPLES_A_PACKET = 5
+"""1048 bytes with 5: with Zenoh's framing still below the 1100 B a datagram may have."""
+
+FLOATS = 50
+_SPAN_NS = 4_000_000_000  # what fits into uint32 nanoseconds, rounded down
+
+# The float64 runs of a tick in the order of a sample: one copy each instead of one a field.
+_RUNS = {"state": 13, "reference": 18, "imu": 6, "actuators": 13}
+
+
+def _runs_dtype() -> np.dtype[np.void]:
+    offsets = {name: int(TICK.fields[name][1]) for name in _RUNS} if TICK.fields else {}
+    offsets["imu"] += 8  # behind its stamp
+    return np.dtype(
+        {
+            "names": list(_RUNS),
+            "formats": [("f8", (length,)) for length in _RUNS.values()],
+            "offsets": [offsets[name] for name in _RUNS],
+            "itemsize": TICK.itemsize,
+        }
+    )
+
+
+_TICK_RUNS = _runs_dtype()
+_PLACES = {
+    name: slice(end - length, end)
+    for (name, length), end in zip(_RUNS.items(), np.cumsum(list(_RUNS.values())), strict=True)
+}
+
+
+@cache
+def _layout(count: int) -> FixedLayout:
+    lengths = {"offsets_ns": count, "samples": FLOATS * count}
+    return FixedLayout("quadlab_msgs/Telemetry", lengths=lengths)
+
+
+def pack(ticks: Record, sequence: int) -> bytes:
+    """One packet of the given TICK records, shape (N,), N ≥ 1.
+
+    Ticks more than 4 s before the newest are left out (their offset would not fit).
+
+    Args:
+        ticks: consecutive ticks, oldest first.
+        sequence: number of the packet; counts modulo 2³².
+    """
+    stamps = ticks["imu"]["stamp_ns"]
+    offsets = stamps - stamps[0]
+    if offsets[-1] >= _SPAN_NS or offsets[-1] < 0:
+        ticks = ticks[np.abs(stamps - stamps[-1]) < _SPAN_NS]
+        ticks = ticks[np.argsort(ticks["imu"]["stamp_ns"], kind="stable")]
+        return pack(ticks, sequence)
+    layout = _layout(len(ticks))
+    record = layout.new()
+    record["sequence"] = sequence & 0xFFFF_FFFF
+    record["stamp_ns"] = stamps[0]
+    record["offsets_ns"][0] = offsets
+    samples = record["samples"].reshape(-1, FLOATS)
+    runs = np.ascontiguousarray(ticks).view(_TICK_RUNS)
+    for name, place in _PLACES.items():
+        samples[:, place] = runs[name]
+    return record.tobytes()
+
+
+def unpack(payload: bytes) -> tuple[int, Record]:
+    """(sequence of the packet, TICK records of shape (N,)).
+
+    Estimate, status and the ticks' own sequence do not travel and are zero.
+
+    Raises:
+        LinkError: the bytes are no telemetry of this version.
+    """
+    count = (len(payload) - _layout(1).size) // (4 * (1 + FLOATS)) + 1
+    if count < 1:
+        raise LinkError(f"{len(payload)} bytes are too few for a telemetry packet")
+    record = _layout(count).decode(payload)
+    ticks = np.zeros(count, TICK)
+    ticks["imu"]["stamp_ns"] = record["stamp_ns"] + record["offsets_ns"].astype(np.int64)
+    samples = record["samples"].reshape(-1, FLOATS)
+    runs = ticks.view(_TICK_RUNS)
+    for name, place in _PLACES.items():
+        runs[name] = samples[:, place]
+    return int(record["sequence"]), ticks

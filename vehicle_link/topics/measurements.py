@@ -1,0 +1,191 @@
+"""What the station sends to the vehicle: tracker poses, bearings, sticks, heartbeats.
+
+Stamps are already of the vehicle's clock. Decoders take any ROS node's message and refuse
+numbers the estimator could not use.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import MeasurementError
+from quadrotor.records import POSE_SAMPLE, Record
+from vehicle_link.cdr_layout import FixedLayout
+from vehicle_link.messages import decode, encode, header, new, stamp_of
+from vehicle_link.topics.ticks import (
+    FROM_ROS,
+    TO_ROS,
+    VEHICLE,
+    WORLD,
+    body_frame,
+    layout,
+    set_stamps,
+    stamp_of_record,
+    xyz,
+)
+
+Array = npt.NDArray[np.float64]
+
+STICK_AXES = ("forward", "left", "up", "yaw")
+
+
+@dataclass(frozen=True, slots=True)
+class Bearings:
+    """Unit vectors in body axes towards beacons; sigma in rad on each of two tangent axes."""
+
+    stamp_ns: int
+    beacon_ids: tuple[int, ...]
+    bearings_b: tuple[tuple[float, float, float], ...]
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sticks:
+    """Axes (forward, left, up, yaw) in -1..1; enabled while the dead-man is held."""
+
+    stamp_ns: int
+    axes: tuple[float, float, float, float]
+    enabled: bool
+
+
+def encode_poses(samples: Record) -> list[bytes]:
+    """`tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
+    poses = layout("geometry_msgs/PoseStamped", WORLD)
+    out = poses.new(len(samples))
+    set_stamps(out, samples["stamp_ns"])
+    out["pose.position"] = samples["position_w"]
+    out["pose.orientation"] = samples["quaternion_wb"][:, TO_ROS]
+    return poses.encode(out)
+
+
+def decode_pose(payload: bytes) -> Record:
+    """POSE_SAMPLE of shape (1,), the quaternion normalised.
+
+    Raises:
+        LinkError: the bytes are no PoseStamped.
+        MeasurementError: a number is not finite or the quaternion far from unit length.
+    """
+    sample = np.zeros(1, POSE_SAMPLE)
+    poses = layout("geometry_msgs/PoseStamped", WORLD)
+    if poses.fits(payload):
+        record = poses.decode(payload)
+        sample["stamp_ns"] = stamp_of_record(record)
+        sample["position_w"] = record["pose.position"]
+        sample["quaternion_wb"] = record["pose.orientation"][FROM_ROS]
+    else:
+        message = decode(payload, "geometry_msgs/PoseStamped")
+        pose = message.pose
+        sample["stamp_ns"] = stamp_of(message)
+        sample["position_w"] = xyz(pose.position)
+        sample["quaternion_wb"] = (pose.orientation.w, *xyz(pose.orientation))
+    position, quaternion = sample["position_w"][0].tolist(), sample["quaternion_wb"][0].tolist()
+    length = math.hypot(*quaternion)
+    if not all(map(math.isfinite, position)) or not abs(length - 1.0) < 0.1:
+        raise MeasurementError(
+            f"pose with position {position} and quaternion (w, x, y, z) {quaternion}: "
+            "finite numbers and a unit quaternion are needed"
+        )
+    sample["quaternion_wb"] /= length
+    return sample
+
+
+def encode_bearing_pose(
+    stamp_ns: int, position_w: Array, quaternion_wb: Array, covariance: Array
+) -> bytes:
+    """`bearing_pose`: PoseWithCovarianceStamped; covariance (6, 6), m² then rad² (ROS order)."""
+    poses = layout("geometry_msgs/PoseWithCovarianceStamped", WORLD)
+    out = poses.new()
+    set_stamps(out, stamp_ns)
+    out["pose.pose.position"] = position_w
+    out["pose.pose.orientation"] = np.asarray(quaternion_wb)[TO_ROS]
+    out["pose.covariance"] = np.asarray(covariance).reshape(36)
+    return out.tobytes()
+
+
+def encode_bearings(
+    stamp_ns: int,
+    beacon_ids: Sequence[int],
+    bearings_b: Sequence[Sequence[float]] | Array,
+    sigma: float,
+    vehicle: str = VEHICLE,
+) -> bytes:
+    """`bearings`: quadlab_msgs/BearingArray of N unit vectors in body axes, shape (N, 3)."""
+    return encode(
+        new(
+            "quadlab_msgs/BearingArray",
+            header=header(stamp_ns, body_frame(vehicle)),
+            beacon_ids=beacon_ids,
+            bearings=bearings_b,
+            sigma=sigma,
+        )
+    )
+
+
+def decode_bearings(payload: bytes) -> Bearings:
+    """Raises LinkError; MeasurementError when numbers are not usable as bearings."""
+    message = decode(payload, "quadlab_msgs/BearingArray")
+    ids = tuple(int(one) for one in message.beacon_ids)
+    bearings = tuple(xyz(one) for one in message.bearings)
+    if len(ids) != len(bearings):
+        raise MeasurementError(f"{len(bearings)} bearings with {len(ids)} beacon ids")
+    if not all(abs(math.hypot(*one) - 1.0) < 1e-3 for one in bearings):
+        raise MeasurementError(f"bearings must be finite unit vectors, not {bearings}")
+    if not (math.isfinite(message.sigma) and message.sigma > 0.0):
+        raise MeasurementError(f"sigma of the bearings must be above 0 rad, not {message.sigma}")
+    return Bearings(stamp_of(message), ids, bearings, float(message.sigma))
+
+
+@cache
+def _sticks_layout() -> FixedLayout:
+    return FixedLayout("sensor_msgs/Joy", lengths={"axes": len(STICK_AXES), "buttons": 1})
+
+
+def encode_joy(stamp_ns: int, axes: Sequence[float], enabled: bool) -> bytes:
+    """`joy` and `stick`: sensor_msgs/Joy; axes forward, left, up, yaw; buttons[0] the dead-man."""
+    out = _sticks_layout().new()
+    set_stamps(out, stamp_ns)
+    out["axes"] = axes
+    out["buttons"] = int(enabled)
+    return out.tobytes()
+
+
+def decode_joy(payload: bytes) -> Sticks:
+    """Axes are cut to -1..1.
+
+    Raises:
+        LinkError: the bytes are no Joy.
+        MeasurementError: not four finite axes, or no button.
+    """
+    message = decode(payload, "sensor_msgs/Joy")
+    axes = [float(value) for value in message.axes]
+    if len(axes) != len(STICK_AXES) or not all(map(math.isfinite, axes)):
+        raise MeasurementError(f"sticks need four finite axes {STICK_AXES}, not {axes}")
+    if len(message.buttons) < 1:
+        raise MeasurementError("sticks need a button 0, held to enable them")
+    forward, left, up, yaw = (max(-1.0, min(1.0, value)) for value in axes)
+    return Sticks(stamp_of(message), (forward, left, up, yaw), bool(message.buttons[0]))
+
+
+@cache
+def _heartbeat_layout() -> FixedLayout:
+    return FixedLayout("quadlab_msgs/Heartbeat")
+
+
+def encode_heartbeat(sequence: int, stamp_ns: int) -> bytes:
+    """`vehicle_heartbeat`, `station_heartbeat`: quadlab_msgs/Heartbeat."""
+    out = _heartbeat_layout().new()
+    out["sequence"] = sequence & 0xFFFF_FFFF
+    out["stamp_ns"] = stamp_ns
+    return out.tobytes()
+
+
+def decode_heartbeat(payload: bytes) -> tuple[int, int]:
+    """(sequence, stamp in ns). Raises LinkError."""
+    record = _heartbeat_layout().decode(payload)
+    return int(record["sequence"]), int(record["stamp_ns"])

@@ -1,0 +1,131 @@
+"""The slow topics of the vehicle: status, estimator, battery, pressure, events, parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+import numpy as np
+
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
+from vehicle_link.cdr_layout import FixedLayout
+from vehicle_link.messages import encode, header, new, time_message
+from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
+
+LIPO = 3  # POWER_SUPPLY_TECHNOLOGY_LIPO
+DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
+
+
+def encode_status(tick: Record, mode: str, behavior: str, flags: Sequence[str]) -> bytes:
+    """`status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
+
+    The texts are given because their enums live in the layers above.
+    """
+    status = tick["status"][0]
+    return encode(
+        new(
+            "quadlab_msgs/VehicleStatus",
+            header=header(int(tick["imu"]["stamp_ns"][0])),
+            mode=mode,
+            behavior=behavior,
+            armed=status["armed"],
+            airborne=status["airborne"],
+            flags=flags,
+            parameter_revision=status["parameter_revision"],
+            tick_rate=status["tick_rate"],
+            lateness_p50=status["lateness_p50"],
+            lateness_p99=status["lateness_p99"],
+            lateness_max=status["lateness_max"],
+            missed_share=status["missed_share"],
+        )
+    )
+
+
+@cache
+def _estimator_layout(estimator: str) -> FixedLayout:
+    strings = {"header.frame_id": WORLD, "estimator": estimator}
+    return FixedLayout("quadlab_msgs/EstimatorStatus", strings)
+
+
+def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
+    """`estimator`: quadlab_msgs/EstimatorStatus of TICK records, shape (N,)."""
+    estimators = _estimator_layout(estimator)
+    out, source = estimators.new(len(ticks)), ticks["estimate"]
+    set_stamps(out, ticks["imu"]["stamp_ns"])
+    for field in ("mass", "mass_variance", "measurement_age"):
+        out[field] = source[field]
+    out["accelerometer_bias"] = source["accelerometer_bias_b"]
+    out["gyroscope_bias"] = source["gyroscope_bias_b"]
+    out["position_innovation"] = source["position_innovation_w"]
+    out["attitude_innovation"] = source["attitude_innovation_b"]
+    return estimators.encode(out)
+
+
+def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
+    """`battery`: sensor_msgs/BatteryState of TICK records; only the voltage is measured."""
+    batteries = layout("sensor_msgs/BatteryState", body_frame(vehicle))
+    out = batteries.new(len(ticks))
+    set_stamps(out, ticks["imu"]["stamp_ns"])
+    out["voltage"] = ticks["status"]["battery_voltage"]
+    for field in (
+        "temperature", "current", "charge", "capacity", "design_capacity", "percentage",
+    ):  # fmt: skip
+        out[field] = np.nan  # the message's way of saying not measured
+    out["power_supply_status"] = DISCHARGING
+    out["power_supply_technology"] = LIPO
+    out["present"] = True
+    return batteries.encode(out)
+
+
+def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
+    """`pressure`: sensor_msgs/FluidPressure (Pa) of TICK records; variance 0 = unknown."""
+    pressures = layout("sensor_msgs/FluidPressure", body_frame(vehicle))
+    out = pressures.new(len(ticks))
+    set_stamps(out, ticks["imu"]["stamp_ns"])
+    out["fluid_pressure"] = ticks["status"]["pressure"]
+    return pressures.encode(out)
+
+
+def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
+    """`events`: rcl_interfaces/Log; level 20 info, 30 warn, 40 error; `name` is the node's."""
+    return encode(
+        new("rcl_interfaces/Log", stamp=time_message(stamp_ns), level=level, name=name, msg=text)
+    )
+
+
+def encode_parameter_event(
+    stamp_ns: int, node: str, changed: Mapping[str, ParameterValue]
+) -> bytes:
+    """`parameter_events`: rcl_interfaces/ParameterEvent of changed values of node `node`."""
+    return encode(
+        new(
+            "rcl_interfaces/ParameterEvent",
+            stamp=time_message(stamp_ns),
+            node=node,
+            changed_parameters=to_parameters(changed),
+        )
+    )
+
+
+def encode_parameter_change(
+    stamp_ns: int,
+    name: str,
+    old: ParameterValue,
+    new_value: ParameterValue,
+    requester: str,
+    revision: int,
+) -> bytes:
+    """`parameter_changes`: quadlab_msgs/ParameterChange; values as Python prints them."""
+    return encode(
+        new(
+            "quadlab_msgs/ParameterChange",
+            header=header(stamp_ns),
+            name=name,
+            old_value=repr(old),
+            new_value=repr(new_value),
+            requester=requester,
+            revision=revision,
+        )
+    )

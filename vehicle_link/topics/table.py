@@ -1,0 +1,95 @@
+"""Which topic has which type, who sends it, how often, and how it may travel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from vehicle_link.rmw_keys import RELIABLE, SENSOR_DATA, Qos
+
+Sender = Literal["vehicle", "station", "simulator", "web"]
+Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One row; the name is relative to the vehicle's namespace (`/quad1`)."""
+
+    name: str
+    type_name: str
+    sender: Sender
+    rate: float  # Hz; 0 = on change
+    qos: Qos = SENSOR_DATA
+    priority: Priority = "data"
+    express: bool = False  # not batched with what follows
+    drop: bool = True  # on congestion; False waits
+
+
+_ROWS = (
+    # On the radio, from the vehicle.
+    Topic(
+        "telemetry", "quadlab_msgs/Telemetry", "vehicle", 100, priority="real_time", express=True
+    ),
+    Topic("status", "quadlab_msgs/VehicleStatus", "vehicle", 10, priority="interactive_high"),
+    Topic("estimator", "quadlab_msgs/EstimatorStatus", "vehicle", 50),
+    Topic("battery", "sensor_msgs/BatteryState", "vehicle", 2),
+    Topic("pressure", "sensor_msgs/FluidPressure", "vehicle", 25),
+    Topic("bearing_pose", "geometry_msgs/PoseWithCovarianceStamped", "vehicle", 30),
+    Topic("parameter_events", "rcl_interfaces/ParameterEvent", "vehicle", 0, RELIABLE, drop=False),
+    Topic("parameter_changes", "quadlab_msgs/ParameterChange", "vehicle", 0, RELIABLE, drop=False),
+    Topic("events", "rcl_interfaces/Log", "vehicle", 0, RELIABLE, drop=False),
+    Topic(
+        "vehicle_heartbeat",
+        "quadlab_msgs/Heartbeat",
+        "vehicle",
+        20,
+        priority="real_time",
+        express=True,
+    ),
+    # On the radio, from the station; stamps are of the vehicle's clock.
+    Topic(
+        "tracker_pose",
+        "geometry_msgs/PoseStamped",
+        "station",
+        100,
+        priority="real_time",
+        express=True,
+    ),
+    Topic(
+        "bearings", "quadlab_msgs/BearingArray", "station", 30, priority="real_time", express=True
+    ),
+    Topic("joy", "sensor_msgs/Joy", "station", 50, priority="real_time", express=True),
+    Topic(
+        "station_heartbeat",
+        "quadlab_msgs/Heartbeat",
+        "station",
+        20,
+        priority="real_time",
+        express=True,
+    ),
+    # On loopback: telemetry expanded, and what the station knows.
+    Topic("state", "nav_msgs/Odometry", "station", 100),
+    Topic("reference", "quadlab_msgs/Reference", "station", 100),
+    Topic("imu", "sensor_msgs/Imu", "station", 100),
+    Topic("actuators", "quadlab_msgs/Actuators", "station", 100),
+    Topic("station_status", "quadlab_msgs/StationStatus", "station", 5),
+    Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5),
+    Topic("truth", "nav_msgs/Odometry", "simulator", 100),
+    Topic("stick", "sensor_msgs/Joy", "web", 50),
+)
+
+TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
+"""By name."""
+
+SERVICES: dict[str, str] = {
+    "arm": "quadlab_msgs/srv/Command",
+    "disarm": "quadlab_msgs/srv/Command",
+    "start_behavior": "quadlab_msgs/srv/StartBehavior",
+    "emergency": "quadlab_msgs/srv/Emergency",
+    "change_parameters": "quadlab_msgs/srv/ChangeParameters",
+    "time_sync": "quadlab_msgs/srv/TimeSync",
+    "whoami": "quadlab_msgs/srv/WhoAmI",
+    "record": "quadlab_msgs/srv/Record",
+}
+"""Type of each service by name: the vehicle's `/quad1/<name>`, the station's
+`/quad1/station/<name>` (which has `record`, and neither `time_sync` nor `whoami`)."""

@@ -1,0 +1,178 @@
+"""Ticks to the standard topics and back: state, reference, imu, actuators, and the truth.
+
+All encoders take TICK (or STATE) records of shape (N,) and return N payloads. A twist is in body
+axes, as nav_msgs/Odometry wants it; `decode_odometry` turns it back into world axes.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Record
+from vehicle_link.cdr_layout import FixedLayout, Records
+from vehicle_link.messages import decode, stamp_of
+
+WORLD = "world"
+SECOND_NS = 1_000_000_000
+VEHICLE = "quad1"
+
+Array = npt.NDArray[np.float64]
+
+# ROS orders quaternions (x, y, z, w), we (w, x, y, z).
+TO_ROS, FROM_ROS = [1, 2, 3, 0], [3, 0, 1, 2]
+
+
+@cache
+def layout(type_name: str, frame: str, child_frame: str = "") -> FixedLayout:
+    """The layout of a stamped message in this frame."""
+    strings = {"header.frame_id": frame}
+    if child_frame:
+        strings["child_frame_id"] = child_frame
+    return FixedLayout(type_name, strings)
+
+
+def body_frame(vehicle: str) -> str:
+    return f"{vehicle}/body"
+
+
+def encode_odometries(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> list[bytes]:
+    """nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
+    odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
+    out = odometry.new(len(states))
+    set_stamps(out, stamps_ns)
+    quaternion = states["quaternion_wb"]
+    out["pose.pose.position"] = states["position_w"]
+    out["pose.pose.orientation"] = quaternion[:, TO_ROS]
+    out["twist.twist.linear"] = _rotate(quaternion, states["velocity_w"], inverse=True)
+    out["twist.twist.angular"] = states["angular_velocity_b"]
+    return odometry.encode(out)
+
+
+def encode_states(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
+    """`state`: nav_msgs/Odometry of the estimate."""
+    return encode_odometries(ticks["imu"]["stamp_ns"], ticks["state"], vehicle)
+
+
+def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:
+    """(stamp in ns, STATE record of shape (1,)). Raises LinkError."""
+    state = np.zeros(1, STATE)
+    odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
+    if odometry.fits(payload):
+        record = odometry.decode(payload)
+        stamp = stamp_of_record(record)
+        state["position_w"] = record["pose.pose.position"]
+        state["quaternion_wb"] = record["pose.pose.orientation"][FROM_ROS]
+        velocity_b, omega_b = record["twist.twist.linear"], record["twist.twist.angular"]
+    else:  # other frames: a foreign node's
+        message = decode(payload, "nav_msgs/Odometry")
+        stamp, pose, twist = stamp_of(message), message.pose.pose, message.twist.twist
+        state["position_w"] = xyz(pose.position)
+        state["quaternion_wb"] = (pose.orientation.w, *xyz(pose.orientation))
+        velocity_b, omega_b = np.array(xyz(twist.linear)), xyz(twist.angular)
+    state["angular_velocity_b"] = omega_b
+    state["velocity_w"] = _rotate(state["quaternion_wb"], velocity_b[None, :], inverse=False)
+    return stamp, state
+
+
+def encode_references(ticks: Record) -> list[bytes]:
+    """`reference`: quadlab_msgs/Reference."""
+    reference = layout("quadlab_msgs/Reference", WORLD)
+    out, source = reference.new(len(ticks)), ticks["reference"]
+    set_stamps(out, ticks["imu"]["stamp_ns"])
+    for field in ("position", "velocity", "acceleration", "jerk", "snap"):
+        out[field] = source[f"{field}_w"]
+    for field in ("yaw", "yaw_rate", "yaw_acceleration"):
+        out[field] = source[field]
+    return reference.encode(out)
+
+
+def decode_reference(payload: bytes) -> tuple[int, Record]:
+    """(stamp in ns, REFERENCE record of shape (1,)). Raises LinkError."""
+    record = layout("quadlab_msgs/Reference", WORLD).decode(payload)
+    reference = np.zeros(1, REFERENCE)
+    for field in ("position", "velocity", "acceleration", "jerk", "snap"):
+        reference[f"{field}_w"] = record[field]
+    for field in ("yaw", "yaw_rate", "yaw_acceleration"):
+        reference[field] = record[field]
+    return stamp_of_record(record), reference
+
+
+def encode_imus(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
+    """`imu`: sensor_msgs/Imu, calibrated; the message's orientation is marked as not given."""
+    imu = layout("sensor_msgs/Imu", body_frame(vehicle))
+    out, source = imu.new(len(ticks)), ticks["imu"]
+    set_stamps(out, source["stamp_ns"])
+    out["orientation_covariance"][:, 0] = -1.0  # REP 145: no orientation
+    out["angular_velocity"] = source["angular_velocity_b"]
+    out["linear_acceleration"] = source["specific_force_b"]
+    return imu.encode(out)
+
+
+def decode_imu(payload: bytes, vehicle: str = VEHICLE) -> Record:
+    """IMU_SAMPLE record of shape (1,). Raises LinkError."""
+    record = layout("sensor_msgs/Imu", body_frame(vehicle)).decode(payload)
+    sample = np.zeros(1, IMU_SAMPLE)
+    sample["stamp_ns"] = stamp_of_record(record)
+    sample["specific_force_b"] = record["linear_acceleration"]
+    sample["angular_velocity_b"] = record["angular_velocity"]
+    return sample
+
+
+def encode_actuators(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
+    """`actuators`: quadlab_msgs/Actuators."""
+    actuators = layout("quadlab_msgs/Actuators", body_frame(vehicle))
+    out, source = actuators.new(len(ticks)), ticks["actuators"]
+    set_stamps(out, ticks["imu"]["stamp_ns"])
+    out["thrust"] = source["wrench"][:, 0]
+    out["torque"] = source["wrench"][:, 1:]
+    for field in ("thrusts", "motor_references", "scaling"):
+        out[field] = source[field]
+    return actuators.encode(out)
+
+
+def decode_actuators(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:
+    """(stamp in ns, ACTUATORS record of shape (1,)). Raises LinkError."""
+    record = layout("quadlab_msgs/Actuators", body_frame(vehicle)).decode(payload)
+    actuators = np.zeros(1, ACTUATORS)
+    actuators["wrench"][:, 0] = record["thrust"]
+    actuators["wrench"][:, 1:] = record["torque"]
+    for field in ("thrusts", "motor_references", "scaling"):
+        actuators[field] = record[field]
+    return stamp_of_record(record), actuators
+
+
+def set_stamps(out: Records, stamps_ns: Any) -> None:
+    """Fill `header.stamp` of N records from int64 nanoseconds."""
+    seconds, rest = np.divmod(stamps_ns, SECOND_NS)
+    out["header.stamp.sec"] = seconds
+    out["header.stamp.nanosec"] = rest
+
+
+def stamp_of_record(record: np.void) -> int:
+    return int(record["header.stamp.sec"]) * SECOND_NS + int(record["header.stamp.nanosec"])
+
+
+def xyz(vector: Any) -> tuple[float, float, float]:
+    return (vector.x, vector.y, vector.z)
+
+
+def _rotate(quaternions: Array, vectors: Array, *, inverse: bool) -> Array:
+    """R v, or R^T v, of N unit quaternions (w, x, y, z) and N vectors, shape (N, 3).
+
+    v + 2 w (u × v) + 2 u × (u × v), u the vector part, -u for the inverse; here and not in
+    quadrotor.rotations because the station must not load numba, and for N at once.
+    """
+    w, x, y, z = quaternions.T
+    if inverse:
+        x, y, z = -x, -y, -z
+    a, b, c = vectors.T
+    t, u, v = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
+    out = np.empty((len(quaternions), 3))
+    out[:, 0] = a + w * t + y * v - z * u
+    out[:, 1] = b + w * u + z * t - x * v
+    out[:, 2] = c + w * v + x * u - y * t
+    return out

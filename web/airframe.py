@@ -1,0 +1,108 @@
+"""The vehicle as drawn: a plus frame with four rotors, its front arm marked.
+
+Node names under one frame (`/vehicle`), so that one pose moves everything. Lengths in m.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
+"""Directions of front, left, rear and right, body axes (x forward, y left)."""
+
+_ROTOR_RADIUS = 0.125
+_DARK = (46, 54, 62)
+_LIGHT = (196, 204, 212)
+_FRONT = (255, 146, 43)
+_BLADE = (222, 228, 234)
+
+
+class Airframe:
+    """A vehicle node; `pose` moves it, `spin` turns its propellers.
+
+    Args:
+        arm: m, centre to rotor axis.
+        ghost: drawn as a pale outline without propellers (the true pose beside the estimate).
+    """
+
+    def __init__(self, scene: Any, name: str, *, arm: float = 0.25, ghost: bool = False) -> None:
+        self.frame = scene.add_frame(name, show_axes=False, visible=False)
+        self._propellers: list[Any] = []
+        self._angles = [0.0] * 4
+        _add_body(scene, name, arm, ghost)
+        if ghost:
+            return
+        scene.add_frame(
+            f"{name}/axes", axes_length=0.18, axes_radius=0.005, origin_radius=0.0,
+            position=(0.0, 0.0, 0.035),
+        )
+        for index, (x, y) in enumerate(ROTORS):
+            rotor = f"{name}/rotor_{index}"
+            self._propellers.append(
+                scene.add_mesh_simple(
+                    rotor, *_blades(_ROTOR_RADIUS, clockwise=index % 2 == 0),
+                    color=_BLADE, side="double", position=(arm * x, arm * y, 0.055),
+                )
+            )
+            scene.add_cylinder(
+                f"{name}/disc_{index}", radius=_ROTOR_RADIUS, height=0.001,
+                color=_FRONT if index == 0 else _LIGHT, opacity=0.1, cast_shadow=False,
+                receive_shadow=False, position=(arm * x, arm * y, 0.055),
+            )
+
+    def pose(self, position: Any, quaternion: Any) -> None:
+        """position (m) and (w, x, y, z), body to world."""
+        self.frame.position = position
+        self.frame.wxyz = quaternion
+
+    def spin(self, turns: list[float]) -> None:
+        """Turns each propeller on by a share of a revolution, front to right."""
+        for index, (node, turn) in enumerate(zip(self._propellers, turns, strict=True)):
+            if turn == 0.0:
+                continue
+            sense = -1.0 if index % 2 == 0 else 1.0  # front and rear turn clockwise from above
+            angle = self._angles[index] = (self._angles[index] + sense * turn * math.tau) % math.tau
+            node.wxyz = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
+
+
+def _add_body(scene: Any, name: str, arm: float, ghost: bool) -> None:
+    look: dict[str, Any] = {"cast_shadow": not ghost, "receive_shadow": False}
+    if ghost:
+        look |= {"opacity": 0.25}
+    color = (150, 190, 220) if ghost else _DARK
+    scene.add_box(f"{name}/hub", color=color, dimensions=(0.13, 0.13, 0.045), **look)
+    if not ghost:
+        scene.add_box(
+            f"{name}/board", color=_LIGHT, dimensions=(0.075, 0.075, 0.018),
+            position=(0.0, 0.0, 0.03), **look,
+        )
+    for index, (x, y) in enumerate(ROTORS):
+        is_front = index == 0 and not ghost
+        scene.add_box(
+            f"{name}/arm_{index}", color=_FRONT if is_front else color,
+            dimensions=(arm, 0.018, 0.014) if x else (0.018, arm, 0.014),
+            position=(0.5 * arm * x, 0.5 * arm * y, 0.0), **look,
+        )
+        scene.add_cylinder(
+            f"{name}/motor_{index}", radius=0.017, height=0.045, color=color,
+            position=(arm * x, arm * y, 0.026), **look,
+        )
+
+
+def _blades(
+    radius: float, *, clockwise: bool
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
+    """Two twisted blades, vertices (8, 3) and faces (4, 3)."""
+    pitch = -0.012 if clockwise else 0.012
+    vertices, faces = [], []
+    for side in (1.0, -1.0):
+        base = len(vertices)
+        for span, chord in ((0.1, 0.010), (1.0, 0.007)):
+            vertices.append((side * span * radius, chord, side * pitch * (1.2 - span)))
+            vertices.append((side * span * radius, -chord, -side * pitch * (1.2 - span)))
+        faces += [(base, base + 1, base + 2), (base + 1, base + 3, base + 2)]
+    return np.array(vertices, np.float32), np.array(faces, np.uint32)

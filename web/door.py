@@ -1,0 +1,151 @@
+"""Who may come in: one-time sign-in tokens and the signed session cookie.
+
+A token signs one browser in and is consumed by it; then a fresh one is minted, so that there is
+always exactly one way in for the next person, and it is shown only in the terminal. Tokens and
+the cookie-signing secret live in `<data>/web/door.json` (mode 0600): sessions and unused tokens
+survive a restart.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import threading
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from itsdangerous import BadSignature, URLSafeTimedSerializer
+
+from quadrotor.errors import StorageError
+
+COOKIE_AGE = 30 * 24 * 3600  # s
+REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot bring one back
+
+
+class Role(StrEnum):
+    OPERATOR = "operator"  # may command
+    VIEWER = "viewer"  # may watch
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A signed-in browser; `label` is the requester of its commands (`operator 1`)."""
+
+    label: str
+    role: Role
+
+
+class Door:
+    """Tokens and sessions of one data folder. Safe to use from several threads.
+
+    Args:
+        folder: `<data>/web`, made if missing.
+        given: a token chosen by whoever started us (`quadlab up`); ignored once it was used.
+
+    Raises StorageError when the folder or its file cannot be read or written.
+    """
+
+    def __init__(self, folder: Path, given: str | None = None) -> None:
+        self._path = folder / "door.json"
+        self._lock = threading.Lock()
+        self._state = self._load()
+        self._serializer = URLSafeTimedSerializer(self._state["secret"], salt="quadlab-session")
+        used = given is not None and _digest(given) in self._state["used"]
+        if given is not None and not used and given not in self._state["tokens"]:
+            self._state["tokens"][given] = Role.OPERATOR.value
+        self._ensure_one()
+        self._save()
+
+    @property
+    def token(self) -> str:
+        """The newest unused operator token."""
+        return self._operator_tokens()[-1]
+
+    def mint(self, role: Role) -> str:
+        """A new one-time token, kept until it is used."""
+        with self._lock:
+            token = secrets.token_urlsafe(24)
+            self._state["tokens"][token] = role.value
+            self._save()
+            return token
+
+    def consume(self, token: str) -> Session | None:
+        """The session the token opens, or None when it is wrong or was used before."""
+        with self._lock:
+            known = [t for t in self._state["tokens"] if secrets.compare_digest(t, token)]
+            if not known:
+                return None
+            role = Role(self._state["tokens"].pop(known[0]))
+            self._state["used"] = [*self._state["used"], _digest(token)][-REMEMBERED:]
+            self._state["seats"][role.value] = seat = self._state["seats"].get(role.value, 0) + 1
+            self._ensure_one()
+            self._save()
+            return Session(f"{role.value} {seat}", role)
+
+    def was_used(self, token: str) -> bool:
+        return _digest(token) in self._state["used"]
+
+    def sign(self, session: Session) -> str:
+        """The cookie's value."""
+        signed = self._serializer.dumps({"label": session.label, "role": session.role.value})
+        return signed if isinstance(signed, str) else signed.decode()
+
+    def session(self, cookie: str | None) -> Session | None:
+        """The session of a cookie's value, or None when forged, foreign or too old."""
+        if not cookie:
+            return None
+        try:
+            content = self._serializer.loads(cookie, max_age=COOKIE_AGE)
+            return Session(str(content["label"]), Role(content["role"]))
+        except (BadSignature, KeyError, TypeError, ValueError):
+            return None
+
+    def _operator_tokens(self) -> list[str]:
+        return [t for t, role in self._state["tokens"].items() if role == Role.OPERATOR]
+
+    def _ensure_one(self) -> None:
+        if not self._operator_tokens():
+            self._state["tokens"][secrets.token_urlsafe(24)] = Role.OPERATOR.value
+
+    def _load(self) -> dict[str, Any]:
+        fresh = {"secret": secrets.token_urlsafe(32), "tokens": {}, "used": [], "seats": {}}
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            state = json.loads(self._path.read_text())
+        except FileNotFoundError:
+            return fresh
+        except OSError as error:
+            raise StorageError(
+                f"cannot read {self._path} ({error.strerror}); "
+                "check the data folder's owner, or choose another with --data"
+            ) from error
+        except ValueError:
+            state = None
+        if not isinstance(state, dict) or state.keys() != fresh.keys():
+            raise StorageError(
+                f"{self._path} is damaged; delete it, and everyone signs in again "
+                "with the link that quadlab prints"
+            )
+        return state
+
+    def _save(self) -> None:
+        """Written aside and moved into place: a crash leaves the old file, never half a one."""
+        aside = self._path.with_suffix(".new")
+        try:
+            descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            with os.fdopen(descriptor, "w") as file:
+                json.dump(self._state, file)
+            os.replace(aside, self._path)
+        except OSError as error:
+            raise StorageError(
+                f"cannot write {self._path} ({error.strerror}); "
+                "check the data folder's owner and free space, or choose another with --data"
+            ) from error
+
+
+def _digest(token: str) -> str:
+    return hashlib.sha256(token.encode()).hexdigest()

@@ -1,0 +1,82 @@
+"""The newest message of each topic and its age.
+
+Zenoh's threads put payloads in; the page's loops take messages out at their own pace, so that
+what nobody looks at is never decoded. Ages run on this computer's monotonic clock, from the
+arrival: they need no clock of the vehicle.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+TOPICS: dict[str, str] = {
+    "state": "nav_msgs/Odometry",
+    "reference": "quadlab_msgs/Reference",
+    "actuators": "quadlab_msgs/Actuators",
+    "estimator": "quadlab_msgs/EstimatorStatus",
+    "status": "quadlab_msgs/VehicleStatus",
+    "battery": "sensor_msgs/BatteryState",
+    "truth": "nav_msgs/Odometry",
+    "station_status": "quadlab_msgs/StationStatus",
+    "link_status": "quadlab_msgs/LinkStatus",
+}
+"""Topics of which only the newest message matters, and their types."""
+
+STALE: dict[str, float] = {
+    "state": 0.3,
+    "reference": 0.3,
+    "actuators": 0.3,
+    "estimator": 0.3,
+    "truth": 0.3,
+    "status": 1.0,
+    "battery": 3.0,
+    "station_status": 1.5,
+    "link_status": 1.5,
+}
+"""Age (s) above which a topic's values are shown grey and charts show a gap."""
+
+
+@dataclass(slots=True)
+class _Newest:
+    payload: bytes
+    received: float  # s, monotonic
+    message: Any = None
+
+
+class Live:
+    """Args: `decode(payload, type_name)` → message; `clock()` in s, monotonic."""
+
+    def __init__(
+        self, decode: Callable[[bytes, str], Any], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._decode = decode
+        self._clock = clock
+        self._newest: dict[str, _Newest] = {}
+
+    def put(self, topic: str, payload: bytes) -> None:
+        """From any thread."""
+        self._newest[topic] = _Newest(payload, self._clock())
+
+    def age(self, topic: str) -> float:
+        """s since the newest message arrived; inf if none did."""
+        newest = self._newest.get(topic)
+        return self._clock() - newest.received if newest else float("inf")
+
+    def fresh(self, topic: str) -> bool:
+        return self.age(topic) <= STALE[topic]
+
+    def newest(self, topic: str) -> Any | None:
+        """The newest message however old, decoded once; None if none came."""
+        newest = self._newest.get(topic)
+        if newest is None:
+            return None
+        if newest.message is None:
+            newest.message = self._decode(newest.payload, TOPICS[topic])
+        return newest.message
+
+    def current(self, topic: str) -> Any | None:
+        """The newest message, or None when it is stale."""
+        return self.newest(topic) if self.fresh(topic) else None

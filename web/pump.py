@@ -1,0 +1,121 @@
+"""viser's page and websocket through our port.
+
+The pump carries viser's frames to the browser untouched and lets back only what `passes`:
+the camera. Our scene has no viser widgets, and other messages let a client change what
+everybody sees (set attributes of handles, drag nodes, ask for a public tunnel).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from functools import cache
+from importlib.metadata import distribution
+
+import msgspec
+import websockets.asyncio.client
+from fastapi import WebSocket
+from starlette.websockets import WebSocketDisconnect
+from websockets.exceptions import ConnectionClosed, WebSocketException
+
+from web.door import Role
+from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
+
+CAMERA = "ViewerCameraMessage"
+WIDGET = "GuiUpdateMessage"
+LARGEST_UPWARD = 4096  # bytes; a camera message is about 300
+CLIENT_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "worker-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
+    "font-src 'self' data:; connect-src 'self' data: blob:; frame-ancestors 'self'"
+)
+"""viser's client is one file with inline scripts, workers and WebAssembly; it may reach only us."""
+
+_INJECTION = """<script>document.hasFocus=()=>true</script>
+<style>html,body{background:#0d1115!important}</style>"""
+"""viser's client reconnects only while its document has the focus, which an iframe has not."""
+
+
+class _Upward(msgspec.Struct):
+    """The head of what a browser sends to viser."""
+
+    type: str
+    updates: dict[str, object] | None = None
+
+
+_decode = msgspec.msgpack.Decoder(_Upward).decode
+
+
+def passes(frame: bytes, role: Role) -> bool:
+    """Whether a message from the browser may reach viser.
+
+    Viewers: the camera only. Operators: also the value of a widget, and nothing else of it.
+    """
+    if len(frame) > LARGEST_UPWARD:
+        return False
+    try:
+        message = _decode(frame)
+    except msgspec.DecodeError:
+        return False
+    if message.type == CAMERA:
+        return True
+    is_value = message.updates is not None and message.updates.keys() == {"value"}
+    return role is Role.OPERATOR and message.type == WIDGET and is_value
+
+
+@cache
+def client_html() -> bytes:
+    """viser's single-file client with our injection, about 0.8 MB."""
+    path = distribution("viser").locate_file("viser/client/build/index.html")
+    html = open(str(path), encoding="utf-8").read()
+    return html.replace("</head>", _INJECTION + "</head>", 1).encode()
+
+
+async def pump(socket: WebSocket, server: ViewServer, role: Role) -> None:
+    """Carries one browser's view until either side closes."""
+    offered = socket.scope.get("subprotocols", [])
+    wanted = f"viser-v{server.version}"
+    if wanted not in offered:
+        await socket.close(1002, f"reload the page: the view is now {wanted}")
+        return
+    headers = {SECRET_HEADER: server.secret, VIEW_HEADER: socket.query_params.get("view", "")[:64]}
+    try:
+        upstream = await websockets.asyncio.client.connect(
+            server.url,
+            subprotocols=[websockets.Subprotocol(wanted)],
+            additional_headers=headers,
+            compression=None,
+            max_size=None,
+            max_queue=2,
+            proxy=None,
+        )
+    except (OSError, WebSocketException):
+        await socket.close(1013, "the 3D view is starting; it connects by itself")
+        return
+    await socket.accept(subprotocol=wanted)
+    try:
+        async with asyncio.TaskGroup() as both:
+            down = both.create_task(_down(upstream, socket))
+            up = both.create_task(_up(socket, upstream, role))
+            down.add_done_callback(lambda _: up.cancel())
+            up.add_done_callback(lambda _: down.cancel())
+    finally:
+        await upstream.close()
+
+
+async def _down(upstream: websockets.asyncio.client.ClientConnection, socket: WebSocket) -> None:
+    with contextlib.suppress(ConnectionClosed, WebSocketDisconnect, OSError):
+        async for frame in upstream:
+            if isinstance(frame, bytes):
+                await socket.send_bytes(frame)
+        await socket.close(1012)
+
+
+async def _up(
+    socket: WebSocket, upstream: websockets.asyncio.client.ClientConnection, role: Role
+) -> None:
+    with contextlib.suppress(ConnectionClosed, WebSocketDisconnect, OSError):
+        while (event := await socket.receive())["type"] != "websocket.disconnect":
+            frame = event.get("bytes")
+            if frame is not None and passes(frame, role):
+                await upstream.send(frame)

@@ -1,0 +1,170 @@
+"""The 3D scene: vehicle, truth ghost, trails, flight volume, beacons, ground; follow cameras.
+
+Nodes are made once and then only moved, shown or hidden: 30 Hz, below 60 kB/s a client while
+flying, almost nothing while standing. Nothing is sent for what did not change.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from web.airframe import Airframe
+from web.live import Live
+from web.paths import Trail
+from web.view_server import ViewServer
+
+RATE = 30.0  # Hz
+GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
+FLOOR = (13, 17, 21)
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+class Scene:
+    """Args: `beacons` are positions (m, world), shape (N, 3)."""
+
+    def __init__(self, server: ViewServer, live: Live, beacons: Any = ()) -> None:
+        self._server = server
+        self._live = live
+        self._following: set[str] = set()
+        api = server.viser.scene
+        api.set_up_direction("+z")
+        api.set_background_image(np.full((1, 1, 3), FLOOR, np.uint8))
+        _add_room(api)
+        self._volume_box: Box | None = None
+        self._vehicle = Airframe(api, "/vehicle")
+        self._ghost = Airframe(api, "/truth", ghost=True)
+        self._flown = Trail(api, "/flown", ORANGE, 2.5)
+        self._wanted = Trail(api, "/wanted", GREEN, 1.2)
+        self._target = api.add_icosphere(
+            "/target", radius=0.025, color=GREEN, visible=False, cast_shadow=False
+        )
+        self._drop = api.add_line_segments(
+            "/drop", np.array([[[0, 0, 0], [0, 0, 1]]], np.float32), (90, 102, 114),
+            thickness=1.0, thickness_units="screen", visible=False,
+        )
+        for index, position in enumerate(beacons):
+            _add_beacon(api, index, position)
+        server.viser.initial_camera.position = (-2.6, -2.9, 2.1)
+        server.viser.initial_camera.look_at = (0.1, 0.1, 0.75)
+
+    def follow(self, view: str, wanted: bool) -> None:
+        """Keeps a page's camera on the vehicle, or lets it go."""
+        if wanted:
+            self._following.add(view)
+        else:
+            self._following.discard(view)
+
+    def set_volume(self, box: Box) -> None:
+        """The flight volume, ((x low, high), (y low, high), (z low, high)) in m."""
+        if box == self._volume_box:
+            return
+        self._volume_box = box
+        self._server.viser.scene.add_line_segments(
+            "/volume", _edges(box), (64, 76, 88), thickness=1.0, thickness_units="screen"
+        )
+
+    async def run(self) -> None:
+        loop = asyncio.get_running_loop()
+        deadline = loop.time()
+        while True:
+            deadline = max(deadline + 1.0 / RATE, loop.time())
+            await asyncio.sleep(deadline - loop.time())
+            self.update(time.monotonic())
+
+    def update(self, now: float) -> None:
+        """One frame from the newest messages; `now` in s, monotonic."""
+        state, reference = self._live.current("state"), self._live.current("reference")
+        if state is not None:
+            self._show_vehicle(state, now)
+        if reference is not None:
+            point = _tuple(reference.position)
+            self._wanted.add(point, now)
+            self._target.position = point
+        self._target.visible = reference is not None and self._airborne
+        truth = self._live.current("truth")
+        if truth is not None:
+            self._ghost.pose(_tuple(truth.pose.pose.position), _wxyz(truth.pose.pose.orientation))
+        self._ghost.frame.visible = truth is not None
+        self._spin()
+
+    @property
+    def _airborne(self) -> bool:
+        status = self._live.current("status")
+        return status is not None and bool(status.airborne)
+
+    def _show_vehicle(self, state: Any, now: float) -> None:
+        point = _tuple(state.pose.pose.position)
+        self._vehicle.pose(point, _wxyz(state.pose.pose.orientation))
+        self._vehicle.frame.visible = True
+        self._flown.add(point, now)
+        self._drop.position = (point[0], point[1], 0.0)
+        self._drop.scale = (1.0, 1.0, max(0.001, round(point[2], 3)))
+        self._drop.visible = point[2] > 0.05
+        if self._following:
+            for camera in self._server.clients_of(self._following).values():
+                _carry(camera.camera, point)
+
+    def _spin(self) -> None:
+        status, actuators = self._live.current("status"), self._live.current("actuators")
+        if status is None or actuators is None or not status.armed:
+            return
+        # Real propellers turn 80 times a second, which 30 frames cannot show: a share of it.
+        self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
+
+
+def _carry(camera: Any, point: Sequence[float]) -> None:
+    """Moves a camera so that it looks at `point` from the side and distance it has now."""
+    offset = camera.position - camera.look_at
+    target = np.asarray(point, float)
+    if np.linalg.norm(target - camera.look_at) > 0.002:
+        camera.position = target + offset
+        camera.look_at = target
+
+
+def _add_room(api: Any) -> None:
+    api.add_grid(
+        "/ground", width=12.0, height=12.0, cell_size=0.5, section_size=1.0,
+        cell_color=(30, 37, 44), section_color=(44, 53, 62), cell_thickness=0.8,
+        section_thickness=1.0, plane_color=(17, 22, 27), plane_opacity=0.0, shadow_opacity=0.35,
+        fade_distance=18.0, fade_strength=1.5,
+    )
+    origin = np.zeros((3, 2, 3), np.float32)
+    origin[:, 1] = 0.5 * np.eye(3)
+    rgb = np.array([(224, 82, 82), (84, 186, 110), (88, 140, 232)], np.uint8)
+    api.add_line_segments(
+        "/origin", origin, np.repeat(rgb[:, None, :], 2, axis=1), thickness=2.0,
+        thickness_units="screen", position=(0.0, 0.0, 0.002),
+    )
+
+
+def _add_beacon(api: Any, index: int, position: Sequence[float]) -> None:
+    x, y, z = (float(v) for v in position)
+    api.add_icosphere(
+        f"/beacon_{index}", radius=0.045, color=(224, 196, 110), position=(x, y, z),
+        cast_shadow=False,
+    )
+    api.add_cylinder(
+        f"/beacon_{index}_post", radius=0.008, height=max(z, 0.01), color=(90, 102, 114),
+        position=(x, y, 0.5 * z), cast_shadow=False,
+    )
+
+
+def _edges(box: Box) -> Any:
+    """The 12 edges of a box, shape (12, 2, 3)."""
+    corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
+    edges = [corners.swapaxes(1, axis + 1)[:, :, i, j].T for axis in range(3)
+             for i in (0, 1) for j in (0, 1)]
+    return np.stack(edges)
+
+
+def _tuple(v: Any) -> tuple[float, float, float]:
+    return (v.x, v.y, v.z)
+
+
+def _wxyz(q: Any) -> tuple[float, float, float, float]:
+    return (q.w, q.x, q.y, q.z)

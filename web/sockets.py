@@ -1,0 +1,51 @@
+"""Our port, and websocket connections that keep no history for a stalled tab.
+
+Everything sent live has a newer version a moment later. With the usual buffers (megabytes in
+the kernel) a tab that stood still replays half a minute; with small ones `send` waits, and
+what is sent next is the newest.
+"""
+
+from __future__ import annotations
+
+import errno
+import socket
+from asyncio import BaseTransport
+from typing import cast
+
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+from quadrotor.errors import LinkError, UsageError
+
+SEND_BUFFER = 16 * 1024  # bytes; the kernel doubles it
+UNSENT = 8 * 1024  # bytes
+
+
+class LiveWebSocket(WebSocketsSansIOProtocol):
+    """uvicorn's websocket with small send buffers."""
+
+    def connection_made(self, transport: BaseTransport) -> None:
+        super().connection_made(transport)
+        connection = transport.get_extra_info("socket")
+        if connection is not None:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+            lowat = getattr(socket, "TCP_NOTSENT_LOWAT", None)
+            if lowat is not None:
+                connection.setsockopt(socket.IPPROTO_TCP, lowat, UNSENT)
+        self.transport.set_write_buffer_limits(high=UNSENT)
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A listening socket. Raises LinkError or UsageError, one line each."""
+    if not 0 <= port <= 65535:
+        raise UsageError(f"port {port} is not a port; allowed 0 (any free one) to 65535")
+    try:
+        return cast(socket.socket, socket.create_server((host, port), backlog=128))
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise LinkError(
+                f"port {port} is taken, perhaps by another quadlab; "
+                f"stop that one or choose another with --port {port + 1}"
+            ) from error
+        if error.errno == errno.EACCES:
+            raise UsageError(f"port {port} needs root; choose one above 1023 with --port") from error
+        raise LinkError(f"cannot listen on {host}:{port} ({error.strerror or error})") from error

@@ -1,0 +1,112 @@
+"""The viser server behind our door: loopback, a random port, and only our pump may speak to it.
+
+viser has no login and no origin check, so its port must answer nobody else: each connection
+needs a secret header, checked before viser sees the request. Its sockets get small send
+buffers: viser replaces an unsent value by the newer one, which only works while the unsent ones
+are still in viser and not in the kernel (a stalled tab would replay half a minute).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import secrets
+import socket
+from collections.abc import Iterator
+from typing import Any
+
+import viser
+import websockets.asyncio.server
+from viser import _messages
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+SECRET_HEADER = "X-Quadlab-Secret"
+VIEW_HEADER = "X-Quadlab-View"
+SEND_BUFFER = 16 * 1024  # bytes, the kernel doubles it
+
+
+class ViewServer:
+    """viser with its second lock.
+
+    `secret` must come in SECRET_HEADER; VIEW_HEADER names the page's view, so that
+    `clients_of(view)` finds the cameras to move.
+    """
+
+    def __init__(self) -> None:
+        self.secret = secrets.token_urlsafe(24)
+        with _guarded_listener(self.secret):
+            self.viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        self.port = self.viser.get_port()
+        refuse_sharing(self.viser)
+        self.viser.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+
+    @property
+    def url(self) -> str:
+        return f"ws://127.0.0.1:{self.port}"
+
+    @property
+    def version(self) -> str:
+        return viser.__version__
+
+    def clients_of(self, views: set[str]) -> dict[str, viser.ClientHandle]:
+        """View name → client, of those views that are connected and have sent a camera."""
+        connections = self.viser._websock_server._live_connections
+        found = {}
+        for client_id, client in self.viser.get_clients().items():
+            connection = connections.get(client_id)
+            request = connection.request if connection is not None else None
+            view = request.headers.get(VIEW_HEADER) if request is not None else None
+            if view in views:
+                found[view] = client
+        return found
+
+    @property
+    def watched(self) -> bool:
+        return bool(self.viser._websock_server._live_connections)
+
+    def stop(self) -> None:
+        self.viser.stop()
+
+
+def refuse_sharing(server: viser.ViserServer) -> None:
+    """No tunnel to a public host, whoever asks: a client may ask by message."""
+
+    def refuse(*_: Any, **__: Any) -> None:
+        return None
+
+    server.request_share_url = refuse  # type: ignore[method-assign]
+    handlers = server._websock_server._incoming_handlers
+    handlers.pop(_messages.ShareUrlRequest, None)
+    handlers.pop(_messages.ShareUrlDisconnect, None)
+
+
+@contextlib.contextmanager
+def _guarded_listener(secret: str) -> Iterator[None]:
+    """viser's call of `websockets.asyncio.server.serve` gets our socket and our check.
+
+    viser takes neither a socket nor a request hook. It looks `serve` up on the module when it
+    starts its thread and returns once it listens, so the replacement lasts only that long.
+    """
+    original = websockets.asyncio.server.serve
+
+    def serve(handler: Any, host: str, port: int, **options: Any) -> Any:
+        inner = options.pop("process_request", None)
+
+        def check(connection: Any, request: Request) -> Any:
+            given = request.headers.get(SECRET_HEADER, "")
+            if not secrets.compare_digest(given, secret):
+                return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", Headers(), b"")
+            return inner(connection, request) if inner is not None else None
+
+        listener = socket.create_server((host, port))
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)  # inherited
+        return original(
+            handler, sock=listener, process_request=check, write_limit=SEND_BUFFER, **options
+        )
+
+    websockets.asyncio.server.serve = serve  # type: ignore[assignment,misc]
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = original  # type: ignore[misc]
