@@ -9,10 +9,10 @@ from bearing_sim.tracker import PoseMeasurement, SimulatedTracker, TrackerParame
 
 __all__ = [
     "PAPER_BEACONS",
+    "Beacons",
     "BearingEmulator",
     "BearingMeasurement",
     "BearingParameters",
-    "Beacons",
     "PoseMeasurement",
     "SimulatedTracker",
     "TrackerParameters",

@@ -91,7 +91,10 @@ class BearingEmulator:
         if swapped:
             ids[exchanged] = ids[exchanged[::-1]]
         frame = BearingMeasurement(
-            stamp_ns, ids[seen], perturbed(bearings_b, noise)[seen], float(np.radians(p.sigma))
+            stamp_ns,
+            ids[seen],
+            perturbed(bearings_b[seen], noise[seen]),
+            float(np.radians(p.sigma)),
         )
         self._line.put(stamp_ns + round(p.delay * SECOND_NS), frame)
 

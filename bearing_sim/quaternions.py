@@ -38,4 +38,4 @@ def turned(q: Array, rotation_vector_b: Array) -> Array:
             w * pz + x * py - y * px + z * pw,
         ]
     )
-    return product / np.sqrt(product @ product)
+    return np.asarray(product / np.sqrt(product @ product))

@@ -14,7 +14,7 @@ from quadrotor.vehicle_model import GRAVITY, thrusts_of_wrench
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def allocate(wrench: Array, model: Record, thrusts: Array) -> float:
     """Feasible thrusts (N, (4,)) into `thrusts`; returns the scaling lambda, 0..1.
 

@@ -11,7 +11,7 @@ from quadrotor.records import Record
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def attitude_torque(
     R_wb: Array,
     w_b: Array,
@@ -44,9 +44,13 @@ def attitude_torque(
             for k in range(3):
                 E[i, j] += R_wb[k, i] * R_wd[k, j]
     for i in range(3):
-        j, l = (i + 1) % 3, (i + 2) % 3  # noqa: E741 - i, j, l cyclic
+        j = i + 1 if i < 2 else 0
+        l = j + 1 if j < 2 else 0  # noqa: E741 - i, j, l cyclic
         e_R[i] = 0.5 * (E[l, j] - E[j, l])
-        w, w_j, w_l, w_dot = 0.0, 0.0, 0.0, 0.0
+        w = 0.0
+        w_j = 0.0
+        w_l = 0.0
+        w_dot = 0.0
         for k in range(3):
             w += E[i, k] * w_d[k]
             w_j += E[j, k] * w_d[k]

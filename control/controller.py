@@ -11,7 +11,7 @@ from numba import njit
 
 from control.allocation import allocate
 from control.attitude_law import attitude_torque
-from control.desired_attitude import attitude_of_force, attitude_rates
+from control.desired_attitude import attitude_of_force
 from control.parameters import ControlParameters, control_record
 from control.position_law import desired_force, force_rates, limit_force
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
@@ -41,33 +41,14 @@ def new_control_memory(size: int = 1) -> Record:
     return memory
 
 
-@njit(cache=True)
-def _desired_rates(
-    state: Record, reference: Record, gains: Record, mass: float, R_wb: Array, force: Array
-) -> bool:
-    """Fills rows f, f', f'' (3, 3) that omega_d follows from; False when they have no direction.
-
-    Row 0 must hold f_d on entry. The nominal force m (r_t'' + g z) is what the paper's text
-    says ("derivatives up to the fourth order"); the exact one is an option (`rates`).
-    """
-    if gains.exact_rates == 1:
-        force_rates(state, reference, gains, mass, R_wb, force[0], force[1], force[2])
-    else:
-        for i in range(3):
-            force[0, i] = mass * (reference.acceleration_w[i] + (GRAVITY if i == 2 else 0.0))
-            force[1, i] = mass * reference.jerk_w[i]
-            force[2, i] = mass * reference.snap_w[i]
-    return bool(force[0, 2] >= DIRECTION_MIN * mass * GRAVITY)
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _wind(integral: Array, error: Array, dt: float, bound: float) -> None:
     for i in range(3):
         if math.isfinite(error[i]):
             integral[i] = min(bound, max(-bound, integral[i] + error[i] * dt))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def step_one(
     memory: Record,
     state: Record,
@@ -79,29 +60,53 @@ def step_one(
     actuators: Record,
 ) -> None:
     """One vehicle: records, not arrays. See `step`."""
-    mass, J = model.mass, model.inertia_b
+    mass = model.mass
+    J = model.inertia_b
     weight = mass * GRAVITY
     R_wb = quaternion_to_matrix(state.quaternion_wb)
-    R_wd = memory.desired_attitude
-    force, w_d, w_dot_d = np.empty((3, 3)), np.zeros(3), np.zeros(3)
-    error, e_R, wrench = np.empty(3), np.empty(3), np.empty(4)
+    R_wd = np.empty((3, 3))
+    R_n = np.empty((3, 3))
+    force = np.zeros((3, 3))  # rows f, f', f''
+    w_d = np.zeros(3)
+    w_dot_d = np.zeros(3)
+    error = np.empty(3)
+    e_R = np.empty(3)
+    wrench = np.empty(4)
 
     desired_force(state, reference, memory.position_integral_w, gains, mass, force[0])
     limited = limit_force(force[0], weight, gains.tan_tilt_max)
     memory.tilt_limited = 1 if limited else 0
-    length, thrust = 0.0, 0.0
+    square = 0.0
+    thrust = 0.0
     for i in range(3):
-        length += force[0, i] * force[0, i]
+        square += force[0, i] * force[0, i]
         thrust += force[0, i] * R_wb[i, 2]
+    for i in range(3):
+        for j in range(3):
+            R_wd[i, j] = memory.desired_attitude[i, j]
     # Print leaves f_d = 0 open. A force too small (or not finite) keeps the last R_d, at rest.
-    if math.sqrt(length) >= DIRECTION_MIN * weight and math.isfinite(reference.yaw):
-        attitude_of_force(force[0], reference.yaw, R_wd)
-        if _desired_rates(state, reference, gains, mass, R_wb, force):
-            attitude_rates(
+    if square >= (DIRECTION_MIN * weight) ** 2 and math.isfinite(square + reference.yaw):
+        attitude_of_force(force, reference.yaw, 0.0, 0.0, R_wd, w_d, w_dot_d)
+        for i in range(3):
+            for j in range(3):
+                memory.desired_attitude[i, j] = R_wd[i, j]
+        # omega_d from the nominal force m (r_t'' + g z), which is what the paper's text says
+        # ("derivatives up to the fourth order"); from the exact one as an option.
+        if gains.exact_rates == 1:
+            force_rates(state, reference, gains, mass, R_wb, force)
+        else:
+            for i in range(3):
+                force[0, i] = mass * reference.acceleration_w[i]
+                force[1, i] = mass * reference.jerk_w[i]
+                force[2, i] = mass * reference.snap_w[i]
+            force[0, 2] += weight
+        if force[0, 2] >= DIRECTION_MIN * weight:
+            attitude_of_force(
                 force,
                 reference.yaw,
                 reference.yaw_rate,
                 reference.yaw_acceleration,
+                R_n,
                 w_d,
                 w_dot_d,
             )
@@ -133,7 +138,7 @@ def step_one(
     actuators.scaling = scaling
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def step(
     memory: Record,
     state: Record,

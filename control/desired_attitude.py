@@ -16,34 +16,16 @@ from numba import njit
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
-def attitude_of_force(force_w: Array, yaw: float, R_wd: Array) -> None:
-    """R_d, shape (3, 3), into R_wd.
-
-    Args:
-        force_w: (3,) any length but zero, not parallel to y_C.
-        yaw: rad.
-    """
-    length = math.sqrt(force_w[0] ** 2 + force_w[1] ** 2 + force_w[2] ** 2)
-    zx, zy, zz = force_w[0] / length, force_w[1] / length, force_w[2] / length
-    s, c = math.sin(yaw), math.cos(yaw)
-    # y_C x z_d
-    xx, xy, xz = c * zz, s * zz, -s * zy - c * zx
-    length = math.sqrt(xx * xx + xy * xy + xz * xz)
-    xx, xy, xz = xx / length, xy / length, xz / length
-    R_wd[0, 0], R_wd[1, 0], R_wd[2, 0] = xx, xy, xz
-    R_wd[0, 1], R_wd[1, 1], R_wd[2, 1] = zy * xz - zz * xy, zz * xx - zx * xz, zx * xy - zy * xx
-    R_wd[0, 2], R_wd[1, 2], R_wd[2, 2] = zx, zy, zz
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _unit(a: Array, out: Array) -> None:
     """Rows u, u', u'' of u = a / |a| from rows a, a', a''; both (3, 3).
 
     |a|' = u . a', u' = (a' - u |a|') / |a|, |a|'' = u' . a' + u . a'',
     u'' = (a'' - 2 u' |a|' - u |a|'') / |a|.
     """
-    n, n1, n2 = math.sqrt(a[0, 0] ** 2 + a[0, 1] ** 2 + a[0, 2] ** 2), 0.0, 0.0
+    n = math.sqrt(a[0, 0] * a[0, 0] + a[0, 1] * a[0, 1] + a[0, 2] * a[0, 2])
+    n1 = 0.0
+    n2 = 0.0
     for i in range(3):
         out[0, i] = a[0, i] / n
         n1 += out[0, i] * a[1, i]
@@ -54,46 +36,64 @@ def _unit(a: Array, out: Array) -> None:
         out[2, i] = (a[2, i] - 2.0 * out[1, i] * n1 - out[0, i] * n2) / n
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cross(a: Array, b: Array, out: Array) -> None:
     """Rows (a x b), (a x b)', (a x b)'' from rows of a and b; all (3, 3)."""
-    for k in range(3):
-        for i in range(3):
-            out[k, i] = 0.0
-        for m in range(k + 1):
-            weight = 2.0 if k == 2 and m == 1 else 1.0  # Leibniz
-            for i in range(3):
-                j, l = (i + 1) % 3, (i + 2) % 3  # noqa: E741 - i, j, l cyclic
-                out[k, i] += weight * (a[m, j] * b[k - m, l] - a[m, l] * b[k - m, j])
+    for i in range(3):
+        j = i + 1 if i < 2 else 0
+        k = j + 1 if j < 2 else 0
+        out[0, i] = a[0, j] * b[0, k] - a[0, k] * b[0, j]
+        out[1, i] = a[1, j] * b[0, k] - a[1, k] * b[0, j] + a[0, j] * b[1, k] - a[0, k] * b[1, j]
+        out[2, i] = (
+            (a[2, j] * b[0, k] - a[2, k] * b[0, j])
+            + 2.0 * (a[1, j] * b[1, k] - a[1, k] * b[1, j])
+            + (a[0, j] * b[2, k] - a[0, k] * b[2, j])
+        )
 
 
-@njit(cache=True)
-def attitude_rates(
-    force: Array, yaw: float, yaw_rate: float, yaw_acceleration: float, w_d: Array, w_dot_d: Array
+@njit(cache=True, error_model="numpy")
+def attitude_of_force(
+    force: Array,
+    yaw: float,
+    yaw_rate: float,
+    yaw_acceleration: float,
+    R_wd: Array,
+    w_d: Array,
+    w_dot_d: Array,
 ) -> None:
-    """omega_d = (R_d^T R_d')^v and its derivative (R_d^T R_d'')^v, in axes of R_d.
+    """R_d, omega_d = (R_d^T R_d')^v and omega_d' = (R_d^T R_d'')^v, the rates in axes of R_d.
 
     R'' = R (hat(w') + hat(w)^2) and hat(w)^2 is symmetric, so the skew part of R^T R'' is w'.
 
     Args:
-        force: (3, 3) rows f (N), f', f'' in world axes.
+        force: (3, 3) rows f (N), f', f'' in world axes; f not zero, not parallel to y_C.
         yaw, yaw_rate, yaw_acceleration: rad, rad/s, rad/s^2.
+        R_wd: (3, 3) output.
         w_d, w_dot_d: (3,) outputs, rad/s and rad/s^2.
     """
-    x, y, z, work = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.zeros((3, 3))
+    x = np.empty((3, 3))
+    y = np.empty((3, 3))
+    z = np.empty((3, 3))
+    y_c = np.zeros((3, 3))
+    s = math.sin(yaw)
+    c = math.cos(yaw)
+    y_c[0, 0] = -s
+    y_c[0, 1] = c
+    y_c[1, 0] = -c * yaw_rate
+    y_c[1, 1] = -s * yaw_rate
+    y_c[2, 0] = -c * yaw_acceleration + s * yaw_rate * yaw_rate
+    y_c[2, 1] = -s * yaw_acceleration - c * yaw_rate * yaw_rate
     _unit(force, z)
-    s, c = math.sin(yaw), math.cos(yaw)
-    work[0, 0], work[0, 1] = -s, c
-    work[1, 0], work[1, 1] = -c * yaw_rate, -s * yaw_rate
-    work[2, 0] = -c * yaw_acceleration + s * yaw_rate * yaw_rate
-    work[2, 1] = -s * yaw_acceleration - c * yaw_rate * yaw_rate
-    _cross(work, z, y)
+    _cross(y_c, z, y)
     _unit(y, x)
     _cross(z, x, y)
     for i in range(3):
         w_d[i] = 0.0
         w_dot_d[i] = 0.0
     for i in range(3):
+        R_wd[i, 0] = x[0, i]
+        R_wd[i, 1] = y[0, i]
+        R_wd[i, 2] = z[0, i]
         w_d[0] += z[0, i] * y[1, i]
         w_d[1] += x[0, i] * z[1, i]
         w_d[2] += y[0, i] * x[1, i]

@@ -17,7 +17,7 @@ LIFT_MIN = 0.3
 """Smallest upward part of the desired force, as a share of the weight."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def desired_force(
     state: Record, reference: Record, integral_w: Array, gains: Record, mass: float, out: Array
 ) -> None:
@@ -36,7 +36,7 @@ def desired_force(
     out[2] += mass * GRAVITY
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
     """Clamp force_w in place; True when anything was cut.
 
@@ -59,25 +59,24 @@ def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
     return limited
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def force_rates(
     state: Record,
     reference: Record,
     gains: Record,
     mass: float,
     R_wb: Array,
-    force_w: Array,
-    force_dot: Array,
-    force_ddot: Array,
+    force: Array,
 ) -> None:
-    """First and second time derivative (N/s, N/s^2, world axes) of f_d along the model.
+    """f_d' and f_d'' (world axes) along the model into rows 1, 2 of `force` (3, 3); row 0 is f_d.
 
     With u_1 = f_d . z_B and z_B' = R (omega x z), eq. 2 gives the acceleration and the jerk
     that eq. 4, differentiated twice, asks for: a = u_1 z_B / m - g z_W, and
     a' = (u_1' z_B + u_1 z_B') / m with u_1' = f_d' . z_B + f_d . z_B'.
     """
-    wx, wy = state.angular_velocity_b[0], state.angular_velocity_b[1]
-    thrust = force_w[0] * R_wb[0, 2] + force_w[1] * R_wb[1, 2] + force_w[2] * R_wb[2, 2]
+    wx = state.angular_velocity_b[0]
+    wy = state.angular_velocity_b[1]
+    thrust = force[0, 0] * R_wb[0, 2] + force[0, 1] * R_wb[1, 2] + force[0, 2] * R_wb[2, 2]
     thrust_dot = 0.0
     for i in range(3):
         acceleration = thrust * R_wb[i, 2] / mass - (GRAVITY if i == 2 else 0.0)
@@ -85,9 +84,9 @@ def force_rates(
         e_v = reference.velocity_w[i] - state.velocity_w[i]
         e_a = reference.acceleration_w[i] - acceleration
         feedback = gains.kp[i] * e_v + gains.ki[i] * e_p + gains.kv[i] * e_a
-        force_dot[i] = mass * (reference.jerk_w[i] + feedback)
+        force[1, i] = mass * (reference.jerk_w[i] + feedback)
         z_dot = R_wb[i, 0] * wy - R_wb[i, 1] * wx
-        thrust_dot += force_dot[i] * R_wb[i, 2] + force_w[i] * z_dot
+        thrust_dot += force[1, i] * R_wb[i, 2] + force[0, i] * z_dot
     for i in range(3):
         acceleration = thrust * R_wb[i, 2] / mass - (GRAVITY if i == 2 else 0.0)
         z_dot = R_wb[i, 0] * wy - R_wb[i, 1] * wx
@@ -95,4 +94,4 @@ def force_rates(
         e_a = reference.acceleration_w[i] - acceleration
         e_j = reference.jerk_w[i] - (thrust_dot * R_wb[i, 2] + thrust * z_dot) / mass
         feedback = gains.kp[i] * e_a + gains.ki[i] * e_v + gains.kv[i] * e_j
-        force_ddot[i] = mass * (reference.snap_w[i] + feedback)
+        force[2, i] = mass * (reference.snap_w[i] + feedback)

@@ -3,8 +3,10 @@
 Between measurements the quaternion follows the gyroscope exactly (a constant rate turns it by
 its exponential). A measurement is applied once, when it arrives, with the share that the
 continuous law would have corrected since the one before: stable at any rate, while the printed
-gain times the measurement period diverges below gain / 2 per second. The estimate of the
-gyroscope bias is Mahony's (reference [10] of the paper, left out there); zero bandwidth holds it.
+gain times the measurement period diverges below gain / 2 poses a second. The gyroscope's bias is
+estimated as in reference [10] of the paper, which leaves it out; zero bandwidth holds it.
+
+`pose` is (7,): position_w, then quaternion_wb. Written in scalars: see quadrotor.rotations.
 """
 
 from __future__ import annotations
@@ -15,9 +17,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from quadrotor.rotations import quaternion_conjugate, quaternion_exp, quaternion_multiply
-
 Array = npt.NDArray[np.float64]
+Triple = tuple[float, float, float]
 
 
 @njit(cache=True)
@@ -33,31 +34,50 @@ def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> 
 
 
 @njit(cache=True)
-def propagate_attitude(q_wb: Array, omega_b: Array, penalty: float, dt: float) -> None:
-    """Turn q_wb (4,) in place by the body rate omega_b (3,) held for dt (s).
+def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: float) -> None:
+    """Turn the attitude of `pose` in place by the body rate (x, y, z) rad/s held for dt (s).
 
     The scalar part 2 lambda (1 - |q|^2) printed below eq. 12 only scales q; its decay of
     |q| - 1 is taken exactly, exp(-2 lambda dt), so that no penalty is too large for dt.
     """
-    turn = np.empty(3)
-    for i in range(3):
-        turn[i] = omega_b[i] * dt
-    turned = quaternion_multiply(q_wb, quaternion_exp(turn))
-    norm2 = 0.0
-    for i in range(4):
-        norm2 += turned[i] * turned[i]
-    scale = 1.0 - 0.5 * math.expm1(-2.0 * penalty * dt) * (1.0 - norm2)
-    for i in range(4):
-        q_wb[i] = scale * turned[i]
+    half = 0.5 * dt
+    angle = half * math.sqrt(x * x + y * y + z * z)
+    scale = half * (math.sin(angle) / angle if angle > 1e-9 else 1.0)
+    a, b, c, d = scale * x, scale * y, scale * z, math.cos(angle)
+    qw, qx, qy, qz = pose[3], pose[4], pose[5], pose[6]
+    rw = qw * d - qx * a - qy * b - qz * c
+    rx = qw * a + qx * d + qy * c - qz * b
+    ry = qw * b + qy * d + qz * a - qx * c
+    rz = qw * c + qz * d + qx * b - qy * a
+    excess = rw * rw + rx * rx + ry * ry + rz * rz - 1.0
+    k = 1.0 + 0.5 * math.expm1(-2.0 * penalty * dt) * excess
+    pose[3], pose[4], pose[5], pose[6] = k * rw, k * rx, k * ry, k * rz
 
 
 @njit(cache=True)
-def attitude_innovation(estimated_wb: Array, measured_wb: Array, out_b: Array) -> None:
-    """2 dq_s dq_v with dq = estimated* (x) measured, both (4,) unit, into out_b (3,), rad.
+def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
+    """2 dq_s dq_v with dq = estimated* (x) measured (4,), rad about body axes.
 
-    It is the sine of the error angle about its axis in body axes, the same for +-q, and zero
-    also for an error of exactly 180 degrees (the passive filter's unstable equilibrium).
+    It is the sine of the error angle about its axis, the same for +-q, and zero also for an
+    error of exactly 180 degrees (the passive filter's unstable equilibrium).
     """
-    dq = quaternion_multiply(quaternion_conjugate(estimated_wb), measured_wb)
-    for i in range(3):
-        out_b[i] = 2.0 * dq[0] * dq[1 + i]
+    w, x, y, z = pose[3], -pose[4], -pose[5], -pose[6]
+    a, b, c, d = measured_wb[0], measured_wb[1], measured_wb[2], measured_wb[3]
+    s = 2.0 * (w * a - x * b - y * c - z * d)
+    return (
+        s * (w * b + a * x + y * d - z * c),
+        s * (w * c + a * y + z * b - x * d),
+        s * (w * d + a * z + x * c - y * b),
+    )
+
+
+@njit(cache=True)
+def to_world(pose: Array, sign: float, x: float, y: float, z: float) -> Triple:
+    """R_wb (x, y, z) for sign +1; R_wb^T (x, y, z), to body axes, for sign -1."""
+    w, a, b, c = pose[3], sign * pose[4], sign * pose[5], sign * pose[6]
+    tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
+    return (
+        x + w * tx + b * tz - c * ty,
+        y + w * ty + c * tx - a * tz,
+        z + w * tz + a * ty - b * tx,
+    )

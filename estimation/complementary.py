@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,7 +17,8 @@ from numba import njit
 from estimation.attitude_filter import (
     attitude_gains,
     attitude_innovation,
-    propagate_attitude,
+    to_world,
+    turn_pose,
 )
 from estimation.history import amend, recall, remember
 from estimation.memory import new_memory
@@ -27,15 +27,16 @@ from estimation.rate_filter import low_pass
 from estimation.stability import gain_warnings
 from estimation.translation_observer import (
     acceleration_of,
-    propagate_translation,
+    move_pose,
     translation_gains,
 )
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Record
-from quadrotor.rotations import rotate, rotate_inverse
 
 AHEAD_NS = 20_000_000
 """A pose may be this far ahead of the newest IMU sample: clock error and serial latency."""
+NORM_TOLERANCE = 0.02
+"""How far |q|^2 of a measured pose may be from 1."""
 
 
 class Outcome(IntEnum):
@@ -53,7 +54,7 @@ _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID = (int(o) for o in Outcome)
 
 @njit(cache=True)
 def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record) -> None:
-    """Advance all filters by one IMU sample; eq. 11 and 12 without their innovation terms.
+    """Advance all filters by one IMU sample; eqs. 11 and 12 without their innovation terms.
 
     Args:
         memory: (N,) ESTIMATOR_MEMORY. imu: (N,) IMU_SAMPLE. state: (N,) STATE, written.
@@ -64,75 +65,34 @@ def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record
     attitudes: second order, where holding the newest sample leads by half a period.
     """
     g = gains[0]
-    rate = np.empty(3)
-    mean_rate = np.empty(3)
+    mean = np.empty(3)
     for k in range(memory.shape[0]):
         m, sample, out = memory[k], imu[k], state[k]
+        pose, bias, last = m.pose, m.gyroscope_bias_b, m.rate_b
+        rate, force = sample.angular_velocity_b, sample.specific_force_b
+        filtered, last_force = m.filtered_rate_b, m.specific_force_b
         if not m.primed:
             m.primed = 1
             for i in range(3):
-                m.rate_b[i] = sample.angular_velocity_b[i]
-                m.specific_force_b[i] = sample.specific_force_b[i]
-                m.filtered_rate_b[i] = sample.angular_velocity_b[i] - m.gyroscope_bias_b[i]
-        for i in range(3):
-            rate[i] = sample.angular_velocity_b[i] - m.gyroscope_bias_b[i]
-            mean_rate[i] = 0.5 * (rate[i] + m.rate_b[i] - m.gyroscope_bias_b[i])
-        low_pass(m.filtered_rate_b, rate, g.rate_low_pass, dt)
+                last[i], last_force[i] = rate[i], force[i]
+                filtered[i] = rate[i] - bias[i]
+        low_pass(filtered, rate, bias, g.rate_low_pass, dt)
         if m.initialized:
-            start_w = acceleration_of(m.quaternion_wb, m.specific_force_b, m.accelerometer_bias_b)
-            propagate_attitude(m.quaternion_wb, mean_rate, g.norm_penalty, dt)
-            end_w = acceleration_of(
-                m.quaternion_wb, sample.specific_force_b, m.accelerometer_bias_b
-            )
-            propagate_translation(m.position_w, m.velocity_w, start_w, end_w, dt)
+            for i in range(3):
+                mean[i] = 0.5 * (rate[i] + last[i]) - bias[i]
+            start_w = acceleration_of(pose, last_force, m.accelerometer_bias_b)
+            turn_pose(pose, mean[0], mean[1], mean[2], g.norm_penalty, dt)
+            end_w = acceleration_of(pose, force, m.accelerometer_bias_b)
+            move_pose(pose, m.velocity_w, start_w, end_w, dt)
         m.stamp_ns = sample.stamp_ns
         remember(m)
         for i in range(3):
-            m.rate_b[i] = sample.angular_velocity_b[i]
-            m.specific_force_b[i] = sample.specific_force_b[i]
-            out.position_w[i] = m.position_w[i]
+            last[i], last_force[i] = rate[i], force[i]
+            out.position_w[i] = pose[i]
             out.velocity_w[i] = m.velocity_w[i]
-            out.angular_velocity_b[i] = m.filtered_rate_b[i]
+            out.angular_velocity_b[i] = filtered[i]
         for i in range(4):
-            out.quaternion_wb[i] = m.quaternion_wb[i]
-
-
-@njit(cache=True)
-def start(memory: Record, pose: Record) -> int:
-    """Put filter 0 at pose 0, at rest, biases kept; the history starts anew."""
-    m, z = memory[0], pose[0]
-    if not usable(z):
-        return _INVALID
-    norm = math.sqrt(
-        z.quaternion_wb[0] ** 2
-        + z.quaternion_wb[1] ** 2
-        + z.quaternion_wb[2] ** 2
-        + z.quaternion_wb[3] ** 2
-    )
-    for i in range(3):
-        m.position_w[i] = z.position_w[i]
-        m.velocity_w[i] = 0.0
-    for i in range(4):
-        m.quaternion_wb[i] = z.quaternion_wb[i] / norm
-    m.pose_stamp_ns = z.stamp_ns
-    m.initialized = 1
-    m.ring_count = 0
-    if not m.primed:
-        m.stamp_ns = z.stamp_ns
-    remember(m)
-    return _APPLIED
-
-
-@njit(cache=True)
-def usable(z: Any) -> bool:
-    """The pose is finite and its quaternion within 1 % of unit length."""
-    total = 0.0
-    norm2 = 0.0
-    for i in range(3):
-        total += abs(z.position_w[i])
-    for i in range(4):
-        norm2 += z.quaternion_wb[i] * z.quaternion_wb[i]
-    return math.isfinite(total) and abs(norm2 - 1.0) < 0.02
+            out.quaternion_wb[i] = pose[3 + i]
 
 
 @njit(cache=True)
@@ -147,49 +107,44 @@ def correct(
         outcome: (N,) of Outcome, written.
     """
     g = gains[0]
-    innovation_w, innovation_b, turn_b = np.empty(3), np.empty(3), np.empty(3)
-    shift = np.empty((3, 3))
     for k in range(memory.shape[0]):
         m, z, out = memory[k], pose[k], estimate[k]
-        outcome[k] = _INVALID
-        if not usable(z):
+        p, q, past, stamp_ns = z.position_w, z.quaternion_wb, m.past, z.stamp_ns
+        norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+        if not (math.isfinite(p[0] + p[1] + p[2]) and abs(norm2 - 1.0) < NORM_TOLERANCE):
+            outcome[k] = _INVALID
             continue
-        outcome[k] = _NOT_NEWER
-        if z.stamp_ns <= m.pose_stamp_ns:
+        if stamp_ns <= m.pose_stamp_ns:
+            outcome[k] = _NOT_NEWER
             continue
-        outcome[k] = _AHEAD
-        if z.stamp_ns > m.stamp_ns + AHEAD_NS:
+        if stamp_ns > m.stamp_ns + AHEAD_NS:
+            outcome[k] = _AHEAD
             continue
-        outcome[k] = _TOO_OLD
-        back = recall(m, z.stamp_ns)
+        back = recall(m, stamp_ns)
         if back < 0:
+            outcome[k] = _TOO_OLD
             continue
         outcome[k] = _APPLIED
-        interval = 1e-9 * (z.stamp_ns - m.pose_stamp_ns)
-        m.pose_stamp_ns = z.stamp_ns
+        interval = 1e-9 * (stamp_ns - m.pose_stamp_ns)
+        m.pose_stamp_ns = stamp_ns
 
-        l_p, l_v, l_a = translation_gains(
+        l = translation_gains(  # noqa: E741 - L of the derivation there
             g.position_bandwidth, g.accelerometer_bias_bandwidth, interval
         )
         l_q, l_g = attitude_gains(g.attitude_bandwidth, g.gyroscope_bias_bandwidth, interval)
-        attitude_innovation(m.past_quaternion_wb, z.quaternion_wb, innovation_b)
-        for i in range(3):
-            e = z.position_w[i] - m.past_position_w[i]
-            innovation_w[i] = e
-            shift[0, i], shift[1, i], shift[2, i] = l_p * e, l_v * e, l_a * e
-            turn_b[i] = l_q * innovation_b[i]
-            out.position_innovation_w[i] = e
-            out.attitude_innovation_b[i] = innovation_b[i]
-        amend(m, back, z.stamp_ns, shift, rotate(m.past_quaternion_wb, turn_b))
-
+        e_w = (p[0] - past[0], p[1] - past[1], p[2] - past[2])
+        turn_b = attitude_innovation(past, q)
+        turn_w = to_world(past, 1.0, l_q * turn_b[0], l_q * turn_b[1], l_q * turn_b[2])
         # b_dot = -R_wb^T Kb e: an acceleration that is missing is a bias that is too large.
-        innovation_past_b = rotate_inverse(m.past_quaternion_wb, innovation_w)
+        e_b = to_world(past, -1.0, e_w[0], e_w[1], e_w[2])
+        amend(m, back, stamp_ns, e_w, l, turn_w)
         a_max, w_max = g.accelerometer_bias_limit, g.gyroscope_bias_limit
+        a_bias, w_bias = m.accelerometer_bias_b, m.gyroscope_bias_b
         for i in range(3):
-            bias = m.accelerometer_bias_b[i] - l_a * innovation_past_b[i]
-            m.accelerometer_bias_b[i] = min(max(bias, -a_max), a_max)
-            bias = m.gyroscope_bias_b[i] - l_g * innovation_b[i]
-            m.gyroscope_bias_b[i] = min(max(bias, -w_max), w_max)
+            a_bias[i] = min(max(a_bias[i] - l[2] * e_b[i], -a_max), a_max)
+            w_bias[i] = min(max(w_bias[i] - l_g * turn_b[i], -w_max), w_max)
+            out.position_innovation_w[i] = e_w[i]
+            out.attitude_innovation_b[i] = turn_b[i]
 
 
 @njit(cache=True)
@@ -261,8 +216,15 @@ class ComplementaryEstimator:
 
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
-        if start(self._memory, pose) != Outcome.APPLIED:
+        m, position, quaternion = self._memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
+        norm2 = float(quaternion @ quaternion)
+        if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
             raise _refusal(pose)
+        m["pose"][:3], m["pose"][3:] = position, quaternion / math.sqrt(norm2)
+        m["velocity_w"] = 0.0
+        m["pose_stamp_ns"] = pose["stamp_ns"][0]
+        m["ring_count"] = 0  # the next prediction starts the history
+        m["initialized"] = 1
         self._initialized = True
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:

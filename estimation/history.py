@@ -11,15 +11,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from numba import njit
 
-from estimation.attitude_filter import propagate_attitude
+from estimation.attitude_filter import Triple, turn_pose
 from estimation.memory import HISTORY_LENGTH
-from quadrotor.rotations import quaternion_exp
 
-Array = npt.NDArray[np.float64]
+_MASK = HISTORY_LENGTH - 1  # the length is a power of two
 
 
 @njit(cache=True)
@@ -27,80 +24,82 @@ def remember(m: Any) -> None:
     """Push the present pose."""
     i = m.ring_next
     m.ring_stamp_ns[i] = m.stamp_ns
-    for j in range(3):
-        m.ring_position_w[i, j] = m.position_w[j]
-    for j in range(4):
-        m.ring_quaternion_wb[i, j] = m.quaternion_wb[j]
-    m.ring_next = (i + 1) % HISTORY_LENGTH
-    m.ring_count = min(m.ring_count + 1, HISTORY_LENGTH)
+    ring, pose = m.ring_pose, m.pose
+    for k in range(7):
+        ring[i, k] = pose[k]
+    m.ring_next = (i + 1) & _MASK
+    if m.ring_count < HISTORY_LENGTH:
+        m.ring_count += 1
 
 
 @njit(cache=True)
 def recall(m: Any, stamp_ns: int) -> int:
-    """Write the estimate at `stamp_ns` into past_position_w and past_quaternion_wb.
+    """Write the estimate at `stamp_ns` into `past`.
 
     Linear between the two poses around the stamp; a stamp ahead of the newest pose is met at
-    the present velocity and rate. Returns how many poses are not older than the measurement, plus the
-    one before it, or -1 when the stamp is older than the ring.
+    the present velocity and rate. Returns how many poses are not older than the measurement,
+    plus the one before it, or -1 when the stamp is older than the ring.
     """
-    back = 1
-    while True:
-        if back > m.ring_count:
-            return -1
-        i = (m.ring_next - back) % HISTORY_LENGTH
-        if m.ring_stamp_ns[i] <= stamp_ns:
-            break
+    stamps, ring, past = m.ring_stamp_ns, m.ring_pose, m.past
+    back, i = 1, (m.ring_next - 1) & _MASK
+    while back <= m.ring_count and stamps[i] > stamp_ns:
         back += 1
-    share = 0.0
-    j = i
+        i = (i - 1) & _MASK
+    if back > m.ring_count:
+        return -1
+    j, share, ahead = i, 0.0, 0.0
     if back > 1:
-        j = (i + 1) % HISTORY_LENGTH
-        share = (stamp_ns - m.ring_stamp_ns[i]) / (m.ring_stamp_ns[j] - m.ring_stamp_ns[i])
-    ahead = 0.0 if back > 1 else 1e-9 * (stamp_ns - m.ring_stamp_ns[i])
-    for k in range(3):
-        m.past_position_w[k] = (
-            (1.0 - share) * m.ring_position_w[i, k]
-            + share * m.ring_position_w[j, k]
-            + ahead * m.velocity_w[k]
-        )
+        j = (i + 1) & _MASK
+        share = (stamp_ns - stamps[i]) / float(stamps[j] - stamps[i])
+    else:
+        ahead = 1e-9 * (stamp_ns - stamps[i])
     norm2 = 0.0
-    for k in range(4):
-        value = (1.0 - share) * m.ring_quaternion_wb[i, k] + share * m.ring_quaternion_wb[j, k]
-        m.past_quaternion_wb[k] = value
-        norm2 += value * value
+    for k in range(7):
+        past[k] = ring[i, k] + share * (ring[j, k] - ring[i, k])
+        if k >= 3:
+            norm2 += past[k] * past[k]
     scale = 1.0 / math.sqrt(norm2)
-    for k in range(4):
-        m.past_quaternion_wb[k] *= scale
-    if ahead > 0.0:
-        propagate_attitude(m.past_quaternion_wb, m.filtered_rate_b, 0.0, ahead)
+    for k in range(3):
+        past[k] += ahead * m.velocity_w[k]
+    for k in range(3, 7):
+        past[k] *= scale
+    rate = m.filtered_rate_b
+    turn_pose(past, rate[0], rate[1], rate[2], 0.0, ahead)
     return back
 
 
 @njit(cache=True)
-def amend(m: Any, back: int, stamp_ns: int, shift: Array, turn_w: Array) -> None:
+def amend(
+    m: Any, back: int, stamp_ns: int, innovation_w: Triple, gains: Triple, turn_w: Triple
+) -> None:
     """Correct the newest `back` poses, and with the newest of them the present pose.
 
     Args:
-        shift: (3, 3), rows position (m), velocity (m/s) and acceleration (m/s^2) at
-            `stamp_ns`, in world axes; each pose moves by shift[0] + shift[1] t + shift[2] t^2/2.
-        turn_w: (3,) rotation vector (rad) in world axes: an attitude error keeps its world
-            axes while the body turns, so all poses turn by the same.
+        innovation_w: m, in world axes.
+        gains: of position, velocity and acceleration at `stamp_ns`: a pose t seconds later
+            moves by (gains[0] + gains[1] t + gains[2] t^2 / 2) innovation_w.
+        turn_w: rotation vector (rad) in world axes: an attitude error keeps its
+            world axes while the body turns, so all poses turn by the same.
     """
-    e = quaternion_exp(turn_w)
-    for b in range(back, 0, -1):
-        i = (m.ring_next - b) % HISTORY_LENGTH
-        t = max(0.0, 1e-9 * (m.ring_stamp_ns[i] - stamp_ns))
+    a, b, c = 0.5 * turn_w[0], 0.5 * turn_w[1], 0.5 * turn_w[2]
+    half = math.sqrt(a * a + b * b + c * c)
+    s, d = math.sin(half) / half if half > 1e-9 else 1.0, math.cos(half)
+    a, b, c = s * a, s * b, s * c
+    ring, stamps = m.ring_pose, m.ring_stamp_ns
+    i = m.ring_next - back - 1
+    t = 0.0
+    for _ in range(back):
+        i = (i + 1) & _MASK
+        t = max(0.0, 1e-9 * (stamps[i] - stamp_ns))
+        move = gains[0] + t * (gains[1] + 0.5 * t * gains[2])
         for k in range(3):
-            m.ring_position_w[i, k] += shift[0, k] + t * (shift[1, k] + 0.5 * t * shift[2, k])
-        w, x = m.ring_quaternion_wb[i, 0], m.ring_quaternion_wb[i, 1]
-        y, z = m.ring_quaternion_wb[i, 2], m.ring_quaternion_wb[i, 3]
-        m.ring_quaternion_wb[i, 0] = e[0] * w - e[1] * x - e[2] * y - e[3] * z
-        m.ring_quaternion_wb[i, 1] = e[0] * x + w * e[1] + e[2] * z - e[3] * y
-        m.ring_quaternion_wb[i, 2] = e[0] * y + w * e[2] + e[3] * x - e[1] * z
-        m.ring_quaternion_wb[i, 3] = e[0] * z + w * e[3] + e[1] * y - e[2] * x
-        if b == 1:
-            for k in range(3):
-                m.position_w[k] = m.ring_position_w[i, k]
-                m.velocity_w[k] += shift[1, k] + t * shift[2, k]
-            for k in range(4):
-                m.quaternion_wb[k] = m.ring_quaternion_wb[i, k]
+            ring[i, k] += move * innovation_w[k]
+        w, x, y, z = ring[i, 3], ring[i, 4], ring[i, 5], ring[i, 6]
+        ring[i, 3] = d * w - a * x - b * y - c * z
+        ring[i, 4] = d * x + w * a + b * z - c * y
+        ring[i, 5] = d * y + w * b + c * x - a * z
+        ring[i, 6] = d * z + w * c + a * y - b * x
+    for k in range(3):
+        m.velocity_w[k] += (gains[1] + t * gains[2]) * innovation_w[k]
+    for k in range(7):
+        m.pose[k] = ring[i, k]

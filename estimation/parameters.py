@@ -38,7 +38,7 @@ class EstimationParameters(Parameters):
         description="double pole of position and velocity, eq. 11 (the paper's gains: 63.15)",
     )
     accelerometer_bias_bandwidth: float = parameter(
-        0.5,
+        0.3,
         unit="rad/s",
         ge=0.0,
         le=10.0,
@@ -46,7 +46,7 @@ class EstimationParameters(Parameters):
         description="pole of the accelerometer bias; 0 holds the bias",
     )
     attitude_bandwidth: float = parameter(
-        4.0,
+        3.0,
         unit="rad/s",
         ge=0.05,
         le=200.0,
@@ -54,7 +54,7 @@ class EstimationParameters(Parameters):
         description="K_est,q of eq. 12 (the paper's: 62.8)",
     )
     gyroscope_bias_bandwidth: float = parameter(
-        0.3,
+        0.2,
         unit="rad/s",
         ge=0.0,
         le=10.0,
@@ -113,10 +113,10 @@ PRESETS: dict[str, dict[str, float]] = {
     },
     # Retuned for one-frame poses of bearings (30 Hz, 1.5 deg), which are 100 times noisier.
     "bearings": {
-        "position_bandwidth": 3.0,
-        "attitude_bandwidth": 0.6,
+        "position_bandwidth": 2.5,
+        "attitude_bandwidth": 0.4,
         "accelerometer_bias_bandwidth": 0.15,
-        "gyroscope_bias_bandwidth": 0.05,
+        "gyroscope_bias_bandwidth": 0.08,
     },
 }
 """Named gain sets: `EstimationParameters(**PRESETS["paper"])`."""

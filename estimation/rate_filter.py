@@ -16,13 +16,13 @@ Array = npt.NDArray[np.float64]
 
 
 @njit(cache=True)
-def low_pass(filtered: Array, measured: Array, cut_off: float, dt: float) -> None:
-    """Move `filtered` (3,) towards `measured` (3,), in place.
+def low_pass(filtered: Array, measured: Array, bias: Array, cut_off: float, dt: float) -> None:
+    """Move `filtered` (3,) towards `measured - bias` (3,), in place.
 
     Args:
         cut_off: Hz.
         dt: s since the last sample.
     """
-    share = 1.0 - math.exp(-2.0 * math.pi * cut_off * dt)
+    share = -math.expm1(-2.0 * math.pi * cut_off * dt)
     for i in range(3):
-        filtered[i] += share * (measured[i] - filtered[i])
+        filtered[i] += share * (measured[i] - bias[i] - filtered[i])

@@ -4,6 +4,8 @@ The gain is stacked [Kp; Kv] (print shows one), and a bias gain is added which t
 body: b_dot = -R_wb^T Kb (r - r_hat). With a constant gain the bias loop is positive feedback
 beyond 90 degrees of yaw. A measurement is applied once with gains that put the error's poles over
 the interval T since the last one at exp(-omega T): stable at any rate.
+
+`pose` is (7,): position_w, then quaternion_wb.
 """
 
 from __future__ import annotations
@@ -14,16 +16,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from quadrotor.rotations import rotate
+from estimation.attitude_filter import Triple, to_world
 from quadrotor.vehicle_model import GRAVITY
 
 Array = npt.NDArray[np.float64]
 
 
 @njit(cache=True)
-def translation_gains(
-    bandwidth: float, bias_bandwidth: float, interval: float
-) -> tuple[float, float, float]:
+def translation_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> Triple:
     """Gains (1, 1/s, 1/s^2) on the innovation (m) for position, velocity and acceleration.
 
     With F = [[1, T, T^2/2], [0, 1, T], [0, 0, 1]], C = [1, 0, 0] and p = exp(-bandwidth T),
@@ -35,27 +35,26 @@ def translation_gains(
     w = -math.expm1(-bias_bandwidth * interval)
     position = 2.0 * u - u * u + w * (1.0 - u) * (1.0 - u)
     velocity = u * (u + 2.0 * w - 1.5 * u * w) / interval
-    acceleration = u * u * w / (interval * interval)
-    return position, velocity, acceleration
+    return position, velocity, u * u * w / (interval * interval)
 
 
 @njit(cache=True)
-def acceleration_of(q_wb: Array, specific_force_b: Array, bias_b: Array) -> Array:
-    """R_wb (a_m - b) + g (3,), m/s^2 in world axes."""
-    unbiased = np.empty(3)
-    for i in range(3):
-        unbiased[i] = specific_force_b[i] - bias_b[i]
-    out = rotate(q_wb, unbiased)
-    out[2] -= GRAVITY
-    return out
+def acceleration_of(pose: Array, specific_force_b: Array, bias_b: Array) -> Triple:
+    """R_wb (a_m - b) + g, m/s^2 in world axes."""
+    x, y, z = to_world(
+        pose,
+        1.0,
+        specific_force_b[0] - bias_b[0],
+        specific_force_b[1] - bias_b[1],
+        specific_force_b[2] - bias_b[2],
+    )
+    return x, y, z - GRAVITY
 
 
 @njit(cache=True)
-def propagate_translation(
-    position_w: Array, velocity_w: Array, start_w: Array, end_w: Array, dt: float
-) -> None:
-    """Advance position and velocity (3,) in place; acceleration linear from start to end."""
+def move_pose(pose: Array, velocity_w: Array, start_w: Triple, end_w: Triple, dt: float) -> None:
+    """Advance position and velocity in place; acceleration linear from start to end."""
     for i in range(3):
-        mean = 0.5 * (start_w[i] + end_w[i])
-        position_w[i] += dt * (velocity_w[i] + dt * (2.0 * start_w[i] + end_w[i]) / 6.0)
-        velocity_w[i] += dt * mean
+        a, b = start_w[i], end_w[i]
+        pose[i] += dt * (velocity_w[i] + dt * (2.0 * a + b) / 6.0)
+        velocity_w[i] += 0.5 * dt * (a + b)

@@ -7,21 +7,20 @@ wait flies on.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
 from bearing_sim.beacons import PAPER_BEACONS
-from bearing_sim.emulator import BearingEmulator, EmulatorParameters
+from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
-from control.behaviors.table import BehaviorName
-from estimation.complementary import Estimator
-from quadrotor.errors import RefusedError
-from quadrotor.parameters import Parameters, ParameterValue
-from quadrotor.records import Record
+from estimation.estimator import Estimator
+from estimation.planar_pose import planar_pose
+from quadlab.flight_log import FlightLog
+from quadlab.stage_clock import StageClock
+from quadrotor.errors import MeasurementError, RefusedError
+from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
 from vehicle.microcontroller import Microcontroller
 from vehicle.modes import Mode
@@ -29,9 +28,12 @@ from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.stack import FlightStack
+from vehicle_link import topics
+from vehicle_link.serial.ids import MotorState
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
+REQUESTER = "experiment"
 
 
 class FlightParameters(VehicleParameters):
@@ -39,21 +41,180 @@ class FlightParameters(VehicleParameters):
 
     simulator: SimulatorParameters = SimulatorParameters()
     tracker: TrackerParameters = TrackerParameters()
-    beacons: EmulatorParameters = EmulatorParameters()
+    bearings: BearingParameters = BearingParameters()
+
+    def seed(self, seed: int) -> None:
+        """Give every source of noise a stream of its own."""
+        self.simulator.seed = seed
+        self.tracker.seed = seed + 1_000_003
+        self.bearings.seed = seed + 2_000_003
 
 
-class StageClock:
-    """Where the processor's time goes: seconds by stage."""
+class SimulatedFlight:
+    """One vehicle, flown as fast as the processor goes.
 
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
+    Args:
+        parameters: of vehicle, simulator, tracker and bearings.
+        simulated: the robot, made from `parameters.simulator`.
+        log: where every message goes.
+        estimator: a plugin in place of the vehicle's own.
+    """
 
-    def restart(self) -> None:
-        self._last = time.perf_counter()
+    def __init__(
+        self,
+        parameters: FlightParameters,
+        simulated: SimulatedVehicle,
+        log: FlightLog,
+        estimator: Estimator | None = None,
+    ) -> None:
+        self.stack = FlightStack(parameters, estimator=estimator)
+        self.clock = StageClock()
+        self._simulated = simulated
+        self._mcu = Microcontroller(simulated.ports)
+        self._tracker = SimulatedTracker(parameters.tracker)
+        self._emulator = BearingEmulator(parameters.bearings)
+        self._log = log
+        self._motor_state = MotorState.OFF
+        self._requests = 0
+        self._next_heartbeat_ns = 0
 
-    def lap(self, stage: str) -> None:
-        """Account the time since the last lap to `stage`."""
-        now = time.perf_counter()
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + now - self._last
-        self._last = now
+    # ------------------------------------------------------------------ the client API
+    def view(self) -> VehicleView:
+        stack = self.stack
+        return VehicleView(
+            time=stack.stamp_ns * 1e-9,
+            mode=stack.mode.name.lower(),
+            behavior=stack.behaviors.name.name.lower(),
+            armed=stack.mode in (Mode.ARMED, Mode.EMERGENCY_LAND),
+            airborne=stack.airborne,
+            position_w=stack.state["position_w"][0].copy(),
+        )
+
+    def arm(self) -> None:
+        self._command(mailbox.Arm(self._request_id(), REQUESTER))
+
+    def start(self, behavior: str, **arguments: ParameterValue) -> None:
+        request = mailbox.StartBehavior(self._request_id(), REQUESTER, behavior, arguments)
+        self._command(request)
+
+    def change(self, values: dict[str, ParameterValue]) -> None:
+        """Set vehicle parameters. Raises RefusedError with the vehicle's reason."""
+        self._command(mailbox.ChangeParameters(self._request_id(), REQUESTER, values))
+
+    def wait_until(
+        self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
+    ) -> None:
+        end_ns = self.stack.stamp_ns + round(timeout * 1e9)
+        while not condition(self.view()):
+            if self.stack.stamp_ns >= end_ns:
+                raise RefusedError(
+                    f"waited {timeout:g} s for {what} in vain; the vehicle is "
+                    f"{self.view().mode}, {self.view().behavior}"
+                )
+            for _ in range(5):
+                self.advance()
+
+    def wait(self, seconds: float) -> None:
+        end_ns = self.stack.stamp_ns + round(seconds * 1e9)
+        while self.stack.stamp_ns < end_ns:
+            self.advance()
+
+    # ------------------------------------------------------------------ one IMU period
+    def advance(self) -> None:
+        """One IMU period of everything, in the order of the real processes."""
+        clock, stack, mcu, log = self.clock, self.stack, self._mcu, self._log
+        clock.restart()
+        self._simulated.step()
+        clock.lap("simulated robot")
+        samples = mcu.receive()
+        clock.lap("serial")
+        for sample in samples:
+            motors = stack.tick(sample)
+            clock.lap("tick")
+            if stack.motor_state_wanted is not self._motor_state:
+                self._motor_state = stack.motor_state_wanted
+                mcu.set_motor_state(self._motor_state)
+            if motors is not None:
+                mcu.command(motors)
+            mcu.service(sample.stamp_ns * 1e-9)
+            clock.lap("serial")
+            log.tick(stack.record)
+            self._drain_outbox()
+            clock.lap("log")
+            self._station(sample.stamp_ns)
+
+    def _station(self, now_ns: int) -> None:
+        """What the base station sends: heartbeat, tracked poses, bearings."""
+        if now_ns >= self._next_heartbeat_ns:
+            self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
+            self.stack.measure(mailbox.Heartbeat(now_ns))
+        truth = self._simulated.truth
+        if now_ns % TRUTH_NS == 0:
+            position, quaternion = truth["position_w"][0], truth["quaternion_wb"][0]
+            self._tracker.observe(now_ns, position, quaternion)
+            self._emulator.observe(now_ns, position, quaternion)
+            self._log.truth(now_ns, truth)
+        self.clock.lap("station")
+        for pose in self._tracker.due(now_ns):
+            measurement = mailbox.Pose(
+                pose.stamp_ns, tuple(pose.position_w.tolist()), tuple(pose.quaternion_wb.tolist())
+            )
+            self.stack.measure(measurement)
+            self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
+        for frame in self._emulator.due(now_ns):
+            self._log.bearings(frame, now_ns)
+            self._solve(frame, now_ns)
+        self.clock.lap("station")
+
+    def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:
+        seen = np.isin(PAPER_BEACONS.ids, frame.beacon_ids)
+        try:
+            pose = planar_pose(PAPER_BEACONS.positions_w[seen], frame.bearings_b, frame.sigma)
+        except MeasurementError as error:
+            self.stack.say(f"bearings: {error}", mailbox.WARN)
+            return
+        payload = topics.encode_bearing_pose(
+            frame.stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
+        )
+        self._log.bearing_pose(frame.stamp_ns, payload, now_ns)
+
+    def _drain_outbox(self) -> None:
+        for message in self.stack.outbox:
+            if isinstance(message, mailbox.Event):
+                self._log.event(message)
+            else:
+                self._log.parameter_change(message)
+        self.stack.outbox.clear()
+
+    def _command(self, command: mailbox.Command) -> None:
+        reply = self.stack.handle(command)
+        if not reply.accepted:
+            raise RefusedError(reply.reason)
+
+    def _request_id(self) -> str:
+        self._requests += 1
+        return str(self._requests)
+
+
+class TrueState:
+    """Estimator plugin that copies the simulator's state; corrections are ignored."""
+
+    initialized = True
+    measurement_age = 0.0
+    stale = False
+
+    def __init__(self, simulated: SimulatedVehicle) -> None:
+        self._truth = simulated.truth
+
+    def configure(self, parameters: object) -> None: ...
+
+    def initialize(self, pose: object) -> None: ...
+
+    def predict(self, imu: object, dt: float, state: np.ndarray) -> None:  # type: ignore[type-arg]
+        state[:] = self._truth
+
+    def correct(self, pose: object, estimate: object) -> None: ...
+
+    def report(self, estimate: np.ndarray) -> None:  # type: ignore[type-arg]
+        estimate["measurement_age"] = 0.0
+

@@ -29,6 +29,7 @@ from vehicle_link.serial.port import SerialPort
 
 POLL_MS = 50
 SILENCE_NS = 500_000_000
+PORT_PATIENCE_S = 10.0
 COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
 
 
@@ -42,6 +43,7 @@ class Stack(Protocol):
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
     def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
+    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
     def measure(self, measurement: mailbox.Measurement) -> None: ...
     def loop_statistics(
         self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
@@ -50,6 +52,8 @@ class Stack(Protocol):
 
 class Mcu(Protocol):
     """What the loop needs of vehicle.microcontroller.Microcontroller."""
+
+    failures: list[str]
 
     def receive(self) -> list[RawSample]: ...
     def command(self, references: Sequence[int]) -> None: ...
@@ -85,26 +89,27 @@ class FlightLoop:
 
     def once(self, timeout_ms: int = POLL_MS) -> None:
         """Wait for bytes, at most `timeout_ms`, and tick on every sample they complete."""
-        for _, happened in self._poll.poll(timeout_ms):
-            if happened & (select.POLLHUP | select.POLLERR | select.POLLNVAL):
-                raise LinkError(
-                    "a serial port of the microcontroller is gone; check the cable (or the "
-                    "simulator) and start the vehicle again"
-                )
+        self._poll.poll(timeout_ms)
         samples = self._mcu.receive()
         for sample in samples:
             self._tick(sample)
-        self._mcu.service(time.monotonic())
         self._watch_silence(bool(samples))
+        if self._silent:
+            self._drain_inbox()
+        if self._stack.motor_state_wanted is not self._motor_state:
+            self._motor_state = self._stack.motor_state_wanted
+            self._mcu.set_motor_state(self._motor_state)
+        self._mcu.service(time.monotonic())
+        if self._mcu.failures:
+            for line in self._mcu.failures:
+                self._report(line)
+            self._mcu.failures.clear()
 
     def _tick(self, sample: RawSample) -> None:
         began_ns = time.monotonic_ns()
         stack = self._stack
         self._drain_inbox()
         references = stack.tick(sample)
-        if stack.motor_state_wanted is not self._motor_state:
-            self._motor_state = stack.motor_state_wanted
-            self._mcu.set_motor_state(self._motor_state)
         if references is not None:
             self._mcu.command(references)
         self._rings.ticks.push(stack.record)
@@ -140,6 +145,10 @@ class FlightLoop:
             # An empty change asks for all values: how a comms process starts its copy.
             store = self._stack.store
             return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
+        if self._silent and isinstance(command, mailbox.Arm | mailbox.StartBehavior):
+            return mailbox.Reply(
+                command.request_id, False, "refused: the microcontroller gives no samples"
+            )
         try:
             return self._stack.handle(command)
         except Exception as error:
@@ -159,14 +168,20 @@ class FlightLoop:
         now_ns = time.monotonic_ns()
         if heard:
             if self._silent:
-                say(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
+                self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
             self._heard_ns, self._silent = now_ns, False
         elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
             self._silent = True
-            say(
+            self._report(
                 "no sample from the microcontroller for 0.5 s; waiting. "
                 "Is it switched on, and are these its ports?"
             )
+
+    def _report(self, line: str) -> None:
+        """To the terminal and to the page."""
+        say(line)
+        self._stack.say(line, mailbox.WARN)
+        self._send_outbox()
 
 
 def say(line: str) -> None:
@@ -182,17 +197,19 @@ def fly(config: FlightConfig) -> None:
     from vehicle.stack import FlightStack
 
     rings = open_rings(config.rings)
-    ports = [SerialPort(path) for path in config.ports]
+    ports = open_ports(config.ports)
     parameters = new_parameters()
     ParameterStore(parameters).preset(config.parameters)
     stack = FlightStack(parameters)
-    warm_up()
+    for refusal in warm_up():
+        say(f"not compiled before the flight: {refusal}")
     granted = become_real_time()
     if granted.refusal:
         say(granted.refusal)
     for port in ports:
         while port.read():  # what came during the compilation is old
             pass
+    rings.inbox.pop_all()  # commands from before the start have been given up by who sent them
     loop = FlightLoop(stack, Microcontroller(ports), rings, real_time=granted.scheduled)
 
     def stop(signal_number: int, frame: object) -> None:
@@ -202,6 +219,25 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGINT, stop)
     freeze_garbage()
     loop.run()
+
+
+def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:
+    """Open the serial ports, which a simulator may still be making.
+
+    Raises LinkError when they cannot be opened for `patience_s`.
+    """
+    deadline = time.monotonic() + patience_s
+    ports: list[SerialPort] = []
+    for path in paths:
+        while True:
+            try:
+                ports.append(SerialPort(path))
+                break
+            except LinkError:
+                if time.monotonic() >= deadline:
+                    raise
+            time.sleep(0.1)
+    return ports
 
 
 def main(argument: str) -> int:

@@ -30,6 +30,8 @@ from vehicle_link.serial.port import Port
 
 REPEAT_S = 0.025
 TRIES = 40
+SLOW_REPEAT_S = 1.0
+"""What it must confirm before it may fly is asked on, for it may be switched on later."""
 ROBOT_ID = 1
 FIRMWARE_REVISION = 1
 
@@ -59,6 +61,7 @@ class _Request:
     tries: int = 0
     due_s: float = -math.inf
     answer: str = "nothing"
+    given_up: bool = False
 
 
 _MIRROR_KEY = -1
@@ -86,6 +89,8 @@ class Microcontroller:
         robot_id: int = ROBOT_ID,
         firmware_revision: int = FIRMWARE_REVISION,
     ) -> None:
+        if not 1 <= len(ports) <= 2:
+            raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
         self.failures: list[str] = []
         self.refused = 0
         self.late = 0
@@ -102,7 +107,6 @@ class Microcontroller:
             _ask(Id.FIRMWARE_REVISION, firmware_revision),
             _set(Id.FLIGHT_CONTROL_MODE, FlightControlMode.DIRECT),
         ]
-        self._unconfirmed = len(self._requests)
         self._motors: _Request | None = None
         for request in self._requests:
             self._ports[0].write(request.build(_STOPPED))
@@ -110,7 +114,7 @@ class Microcontroller:
     @property
     def connected(self) -> bool:
         """Whether it is the right microcontroller, mirrors the IMU and flies in direct mode."""
-        return self._unconfirmed == 0
+        return not self._requests
 
     @property
     def damaged(self) -> int:
@@ -167,16 +171,10 @@ class Microcontroller:
 
     def service(self, now_s: float) -> None:
         """Send and repeat what is due; `now_s` is any clock that does not go back."""
-        if self._requests:
-            self._requests = [r for r in self._requests if self._repeat(r, now_s)]
-        motors = self._motors
-        if motors is None or (motors.expected == MotorState.ON and self._requests):
-            return
-        if motors.expected == MotorState.ON and not self.connected:
-            self.failures.append("motors stay off: the microcontroller was not recognised")
-            self._motors = None
-        elif not self._repeat(motors, now_s):
-            self._motors = None
+        for request in self._requests:
+            self._repeat(request, now_s)
+        if self._motors is not None:
+            self._repeat(self._motors, now_s)
 
     # ------------------------------------------------------------------ parts
     def _sample(self, values: tuple[int, ...]) -> RawSample | None:
@@ -200,39 +198,34 @@ class Microcontroller:
         )
 
     def _in_order(self, samples: list[RawSample]) -> list[RawSample]:
-        for sample in samples:
-            if sample.stamp_ns <= self._newest_ns:
-                break
-            self._newest_ns = sample.stamp_ns
-        else:
-            return samples
-        # One is late or double: rare, so only now is the list built again.
         kept = []
-        newest_ns = samples[0].stamp_ns - 1 if samples[0].stamp_ns > self._newest_ns else None
         for sample in samples:
-            limit = self._newest_ns if newest_ns is None else newest_ns
-            if sample.stamp_ns > limit:
+            if sample.stamp_ns > self._newest_ns:
+                self._newest_ns = sample.stamp_ns
                 kept.append(sample)
-                newest_ns = self._newest_ns = sample.stamp_ns
             else:
                 self.late += 1
         return kept
 
-    def _repeat(self, request: _Request, now_s: float) -> bool:
-        """Send the request if it is due; whether it shall be kept."""
-        if now_s < request.due_s:
-            return True
+    def _repeat(self, request: _Request, now_s: float) -> None:
+        """Send the request if it is due; report it once when all tries were in vain."""
+        if now_s < request.due_s or request.given_up:
+            return
         if request.tries == TRIES:
+            request.given_up = request.key == Id.MOTOR_STATE and request.expected == MotorState.ON
+            request.tries += 1
             self.failures.append(
                 f"microcontroller: could not {request.name} in {TRIES} tries, "
                 f"{TRIES * REPEAT_S:.1f} s; it answered {request.answer}. "
                 "Check the cables, the ports and its firmware"
             )
-            return False
-        request.tries += 1
-        request.due_s = now_s + REPEAT_S
+            return
+        request.tries += request.tries < TRIES
+        request.due_s = now_s + (REPEAT_S if request.tries <= TRIES else SLOW_REPEAT_S)
+        if request is self._motors and request.expected == MotorState.ON and not self.connected:
+            request.answer = "nothing: it is not recognised yet"
+            return
         self._ports[0].write(request.build(self._references))
-        return True
 
     def _take_reply(self, frame: Frame) -> None:
         if frame.command == VALUE:
@@ -252,7 +245,6 @@ class Microcontroller:
                 request.answer = answer
                 if request.expected in (None, value):
                     self._requests.remove(request)
-                    self._unconfirmed -= 1
                     break
         motors = self._motors
         if motors is not None and key == motors.key:
@@ -269,9 +261,3 @@ def _set(id: Id, value: int) -> _Request:
 def _ask(id: Id, expected: int) -> _Request:
     name = f"confirm that {id.name.lower()} is {expected}"
     return _Request(id, expected, lambda references: encode_request(references, id), name)
-
-
-def check_ports(ports: Sequence[object]) -> None:
-    """Raises LinkError unless there are one or two."""
-    if not 1 <= len(ports) <= 2:
-        raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +30,24 @@ FREE_BYTES_MIN = 500_000_000
 FREE_CHECK_NS = 1_000_000_000
 WAIT_S = 0.5
 
-Message = tuple[str, str, bytes, int]  # topic without namespace, type, payload, source stamp
 Say = Callable[[int, str], None]
+
+
+class Message(NamedTuple):
+    """Of a topic other than those of every tick."""
+
+    topic: str  # without namespace
+    type_name: str
+    payload: bytes
+    source_ns: int
+    log_ns: int
+
+
+class Batch(NamedTuple):
+    """Consecutive ticks, shape (N,), and when comms read them."""
+
+    ticks: Record
+    log_ns: int
 
 
 class OnboardLog:
@@ -57,7 +74,7 @@ class OnboardLog:
         self._parameters = parameters
         self._say = say
         self._free_bytes = free_bytes
-        self._buffer: deque[Record | Message] = deque()
+        self._buffer: deque[Batch | Message] = deque()
         self._buffered = 0
         self._lost = 0
         self._lock = threading.Lock()
@@ -70,14 +87,16 @@ class OnboardLog:
         self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
         self._thread.start()
 
-    def ticks(self, ticks: Record) -> None:
-        """All ticks, in order, shape (N,)."""
-        self._append(ticks, ticks.nbytes)
+    def ticks(self, ticks: Record, log_ns: int) -> None:
+        """All ticks, in order, shape (N,), as read at this time of the vehicle's clock."""
+        self._append(Batch(ticks, log_ns), ticks.nbytes, len(ticks))
         self._wake.set()
 
-    def message(self, topic: str, type_name: str, payload: bytes, source_ns: int) -> None:
+    def message(
+        self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
+    ) -> None:
         """Any other topic, from any thread; kept while a file is open."""
-        self._append((topic, type_name, payload, source_ns), len(payload))
+        self._append(Message(topic, type_name, payload, source_ns, log_ns), len(payload), 1)
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is buffered and close the file."""
@@ -85,15 +104,15 @@ class OnboardLog:
         self._wake.set()
         self._thread.join(timeout_s)
 
-    def _append(self, item: Record | Message, size: int) -> None:
+    def _append(self, item: Batch | Message, size: int, count: int) -> None:
         with self._lock:
             if self._buffered + size > BUFFER_BYTES:
-                self._lost += len(item) if isinstance(item, np.ndarray) else 1
+                self._lost += count
                 return
             self._buffer.append(item)
             self._buffered += size
 
-    def _take(self) -> tuple[list[Record | Message], int]:
+    def _take(self) -> tuple[list[Batch | Message], int]:
         with self._lock:
             items, lost = list(self._buffer), self._lost
             self._buffer.clear()
@@ -119,28 +138,25 @@ class OnboardLog:
             self._wake.clear()
         self._finish()
 
-    def _store(self, item: Record | Message) -> None:
-        if isinstance(item, tuple):
+    def _store(self, item: Batch | Message) -> None:
+        if isinstance(item, Message):
             if self._writer is not None:
-                topic, type_name, payload, source_ns = item
-                self._write(self._writer, topic, type_name, payload, source_ns)
+                self._write(self._writer, item)
             return
-        for ticks in _runs(item):
+        for ticks in _runs(item.ticks):
+            stamps = ticks["imu"]["stamp_ns"]
             if ticks["status"]["armed"][0]:
                 self._disarmed_ns = 0
                 if self._writer is None and not self._stopped:
-                    self._start(int(ticks["imu"]["stamp_ns"][0]))
-            else:
-                self._stopped = False
-                if self._disarmed_ns == 0:
-                    self._disarmed_ns = int(ticks["imu"]["stamp_ns"][0])
-                end_ns = self._disarmed_ns + AFTER_DISARMING_NS
-                kept = ticks[ticks["imu"]["stamp_ns"] <= end_ns]
-                self._write_ticks(kept)
-                if len(kept) < len(ticks):
-                    self._finish()
+                    self._start(int(stamps[0]))
+                self._write_ticks(Batch(ticks, item.log_ns))
                 continue
-            self._write_ticks(ticks)
+            self._stopped = False
+            self._disarmed_ns = self._disarmed_ns or int(stamps[0])
+            kept = ticks[stamps <= self._disarmed_ns + AFTER_DISARMING_NS]
+            self._write_ticks(Batch(kept, item.log_ns))
+            if len(kept) < len(ticks):
+                self._finish()
 
     def _start(self, stamp_ns: int) -> None:
         self._check_space(stamp_ns)
@@ -151,8 +167,8 @@ class OnboardLog:
         self._writer = LogWriter(path, run, {"parameters.json": self._parameters()})
         self._say(INFO, f"onboard log {path.name} started")
 
-    def _write_ticks(self, ticks: Record) -> None:
-        writer = self._writer
+    def _write_ticks(self, batch: Batch) -> None:
+        writer, ticks = self._writer, batch.ticks
         if writer is None or not len(ticks):
             return
         stamps: list[int] = ticks["imu"]["stamp_ns"].tolist()
@@ -165,19 +181,21 @@ class OnboardLog:
         ):
             type_name = topics.TOPICS[topic].type_name
             for stamp_ns, payload in zip(stamps, payloads, strict=True):
-                self._write(writer, topic, type_name, payload, stamp_ns)
+                self._write(writer, Message(topic, type_name, payload, stamp_ns, batch.log_ns))
 
-    def _write(
-        self, writer: LogWriter, topic: str, type_name: str, payload: bytes, source_ns: int
-    ) -> None:
-        writer.write(f"/{self._vehicle}/{topic}", type_name, payload, source_ns, source_ns)
+    def _write(self, writer: LogWriter, message: Message) -> None:
+        topic, type_name, payload, source_ns, log_ns = message
+        writer.write(f"/{self._vehicle}/{topic}", type_name, payload, log_ns, source_ns)
 
     def _check_space(self, now_ns: int) -> None:
         if 0 <= now_ns - self._checked_ns < FREE_CHECK_NS:
             return
         self._checked_ns = now_ns
-        self._folder.mkdir(parents=True, exist_ok=True)
-        free = self._free_bytes(self._folder)
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            free = self._free_bytes(self._folder)
+        except OSError as error:
+            raise StorageError(f"cannot use {self._folder}: {error.strerror}") from error
         if free < FREE_BYTES_MIN:
             raise StorageError(
                 f"{free // 10**6} MB free in {self._folder}, needs {FREE_BYTES_MIN // 10**6} MB; "

@@ -15,10 +15,11 @@ import numpy as np
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from control.controller import Controller, GeometricController
-from estimation.complementary import ComplementaryEstimator, Estimator
+from estimation.complementary import ComplementaryEstimator
+from estimation.estimator import Estimator
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import POSE_SAMPLE, Record, new_tick
+from quadrotor.records import ACTUATORS, POSE_SAMPLE, Record, new_tick
 from vehicle import mailbox
 from vehicle.commands import CommandHandler
 from vehicle.gyro_calibration import GyroCalibration
@@ -72,10 +73,11 @@ class FlightStack:
         self.real_time = True
         self._gyro: GyroCalibration | None = None
         self._pose = np.zeros(1, POSE_SAMPLE)
+        self._off = np.zeros(1, ACTUATORS)
+        self._off["scaling"] = 1.0
         self._poses: list[mailbox.Pose] = []
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._stamp_ns = 0
-        self._newest_pose_ns = 0  # 0: none came yet
         self._armed_ns = 0
         self._landed_ns: int | None = None
         self._ground_z = 0.0
@@ -98,7 +100,7 @@ class FlightStack:
             self._stamp_ns,
             airborne=self.airborne,
             voltage=sample.battery_voltage,
-            pose_age=float(self.estimate["measurement_age"][0]),
+            pose_age=self.estimator.measurement_age,
             tilt=self._tilt(),
         )
         if verdict is not None:
@@ -158,9 +160,7 @@ class FlightStack:
         self.estimator.configure(p.estimation)
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
-        self._idle_reference = p.model.motor_reference_min
-        if not self._newest_pose_ns:
-            self.estimate["mass"] = p.model.mass
+        self.estimate["mass"] = p.model.mass
 
     # ------------------------------------------------------------------ mode changes
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
@@ -192,8 +192,7 @@ class FlightStack:
     @property
     def has_pose(self) -> bool:
         """Whether the pose measurement is present and fresh."""
-        age = float(self.estimate["measurement_age"][0])
-        return age <= self.parameters.estimation.measurement_timeout
+        return not self.estimator.stale
 
     @property
     def tilt(self) -> float:
@@ -228,21 +227,19 @@ class FlightStack:
             self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
 
     def _correct(self) -> None:
-        age = self.estimate["measurement_age"]
         for pose in self._poses:
             self._pose["stamp_ns"] = pose.stamp_ns
             self._pose["position_w"] = pose.position_w
             self._pose["quaternion_wb"] = pose.quaternion_wb
-            if self.estimator.initialized:
-                self.estimator.correct(self._pose, self.estimate)
-            else:
-                self.estimator.initialize(self._pose)
-            age[0] = (self._stamp_ns - pose.stamp_ns) * 1e-9
-            self._newest_pose_ns = pose.stamp_ns
-        if self._poses:
-            self._poses.clear()
-        elif self._newest_pose_ns:
-            age[0] = (self._stamp_ns - self._newest_pose_ns) * 1e-9
+            try:
+                if self.estimator.initialized:
+                    self.estimator.correct(self._pose, self.estimate)
+                else:
+                    self.estimator.initialize(self._pose)
+            except MeasurementError as error:
+                self.say(str(error), mailbox.WARN)
+        self._poses.clear()
+        self.estimator.report(self.estimate)
 
     def _react(self, verdict: Verdict) -> None:
         if verdict.reaction is Reaction.CUT:
@@ -274,10 +271,7 @@ class FlightStack:
     def _idle(self) -> None:
         """Armed on the ground: motors turn slowly, the reference follows the state."""
         self._hold_reference()
-        self.actuators["wrench"] = 0.0
-        self.actuators["thrusts"] = 0.0
-        self.actuators["scaling"] = 1.0
-        self.actuators["motor_references"] = self._idle_reference
+        self.controller.idle(self.actuators)
         if self._landed_ns is not None:
             waited = (self._stamp_ns - self._landed_ns) * 1e-9
             if waited >= self.parameters.safety.disarm_after_landing:
@@ -285,9 +279,7 @@ class FlightStack:
 
     def _rest(self) -> None:
         self._hold_reference()
-        for field in ("wrench", "thrusts", "motor_references"):
-            self.actuators[field] = 0.0
-        self.actuators["scaling"] = 1.0
+        self.actuators[...] = self._off
 
     def _hold_reference(self) -> None:
         self.behaviors.hold(self.state, self.reference)

@@ -101,7 +101,7 @@ class FixedLayout:
         for field, (kind, details) in typestore().fielddefs[name][1]:
             path = f"{prefix}{field}"
             if kind == Nodetype.BASE:
-                self._base(path, details[0])
+                self._base(path, str(details[0]))
             elif kind == Nodetype.NAME:
                 self._nested(path, str(details))
             else:

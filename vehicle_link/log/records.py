@@ -30,6 +30,7 @@ from mcap.records import (
     Schema,
 )
 from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
 
 from quadrotor.errors import LogFormatError, StorageError
 
@@ -97,11 +98,11 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
                     state.closed = True
         except InvalidMagic as error:
             if state.whole_bytes == 0:
-                raise _no_log(path, limit) from error
+                raise _no_log(path) from error
             state.closed, state.tear = False, "wrong end mark"
         except (McapError, struct.error, UnicodeDecodeError) as error:
             if state.whole_bytes == 0:
-                raise _no_log(path, limit) from error
+                raise _no_log(path) from error
             state.closed = False
             state.tear = f"ends within a record after byte {state.whole_bytes} of {limit}"
 
@@ -167,6 +168,9 @@ def _stream(data: bytes) -> ReadDataStream:
     return ReadDataStream(BytesIO(data))
 
 
-def _no_log(path: Path, size: int) -> LogFormatError:
-    what = "is empty" if size == 0 else "is no MCAP log (wrong first bytes)"
-    return LogFormatError(f"{path} {what}; a run of quadlab ends in .mcap and starts with 89 4D")
+def _no_log(path: Path) -> LogFormatError:
+    with path.open("rb") as stream:
+        start = stream.read(len(MCAP0_MAGIC))
+    if MCAP0_MAGIC.startswith(start):
+        return LogFormatError(f"{path} ends before its first record; there is nothing to recover")
+    return LogFormatError(f"{path} is no MCAP log (wrong first bytes); runs of quadlab are .mcap")

@@ -1,1 +1,1 @@
-"""The microcontroller's serial contract: frames, typed messages, ports (docs/microcontroller.md)."""
+"""The microcontroller's serial contract: frames, typed messages, ports."""

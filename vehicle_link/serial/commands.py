@@ -1,4 +1,4 @@
-"""The seven messages of the serial contract, typed: b, s, u, l to the microcontroller; S, D, L back.
+"""The serial contract's seven messages, typed: b, s, u, l to the microcontroller; S, D, L back.
 
 Every frame to the microcontroller starts with the four bytes of the present command, which in
 direct mode are the motor references, so that a set never leaves it without one.

@@ -1,0 +1,213 @@
+"""The catalogue of runs: SQLite in the data folder by default, any server by URL.
+
+The page and the station share it; names from outside become paths only through `resolve`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import BigInteger, String, Text, create_engine, event, func, or_, select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+
+from quadrotor.errors import StorageError
+
+RUNS = "runs"
+DATABASE = "catalogue.sqlite"
+SUFFIX = ".mcap"
+
+
+class Base(DeclarativeBase):
+    """Of the tables here."""
+
+
+class RunRow(Base):
+    """One run; the log itself is a file in the runs folder."""
+
+    __tablename__ = "runs"
+
+    id: Mapped[str] = mapped_column(String(120), primary_key=True)
+    vehicle: Mapped[str] = mapped_column(String(60), index=True)
+    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)
+    duration: Mapped[float] = mapped_column(default=0.0)
+    file: Mapped[str] = mapped_column(String(200))
+    bytes: Mapped[int] = mapped_column(BigInteger, default=0)
+    messages: Mapped[int] = mapped_column(BigInteger, default=0)
+    operator: Mapped[str] = mapped_column(String(120), default="")
+    complete: Mapped[bool] = mapped_column(default=False)
+    recovered: Mapped[bool] = mapped_column(default=False)
+    problem: Mapped[str] = mapped_column(Text, default="")
+    notes: Mapped[str] = mapped_column(Text, default="")
+
+
+@dataclass(frozen=True, slots=True)
+class RunEntry:
+    """One line of the catalogue."""
+
+    id: str
+    vehicle: str
+    start_ns: int  # epoch, station clock
+    duration: float  # s
+    file: str  # name within the runs folder
+    bytes: int
+    messages: int
+    operator: str
+    complete: bool  # closed with its index
+    recovered: bool  # its end was lost and it was closed afterwards
+    problem: str  # empty, or why the file is not as it should be
+    notes: str
+
+    @property
+    def start(self) -> datetime:
+        """UTC."""
+        return datetime.fromtimestamp(self.start_ns * 1e-9, UTC)
+
+
+class Catalogue:
+    """Safe to use from several threads and processes; every method may raise StorageError.
+
+    Args:
+        data: the data folder; runs are in its `runs`.
+        url: of another database (SQLAlchemy), default SQLite in the data folder.
+    """
+
+    def __init__(self, data: Path, url: str | None = None) -> None:
+        self.folder = data / RUNS
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"cannot make the folder {self.folder} ({error.strerror}); "
+                "choose another with --data"
+            ) from error
+        self._engine = create_engine(url or f"sqlite:///{data / DATABASE}")
+        if self._engine.dialect.name == "sqlite":
+            event.listen(self._engine, "connect", _set_up_sqlite)
+        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+        try:
+            Base.metadata.create_all(self._engine)
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    def add(self, entry: RunEntry) -> None:
+        """A new run, or new facts about one; notes already written are kept."""
+        with self._session() as session:
+            row = session.get(RunRow, entry.id)
+            values = {name: getattr(entry, name) for name in RunEntry.__slots__}
+            if row is None:
+                session.add(RunRow(**values))
+                return
+            values.pop("notes")
+            _update(row, values)
+
+    def update(self, run_id: str, **values: Any) -> None:
+        """Change columns of a run. Raises StorageError for an unknown run."""
+        with self._session() as session:
+            _update(_existing(session, run_id), values)
+
+    def set_notes(self, run_id: str, notes: str) -> None:
+        """The researcher's text about a run."""
+        self.update(run_id, notes=notes)
+
+    def get(self, run_id: str) -> RunEntry:
+        """Raises StorageError for an unknown run."""
+        with self._session() as session:
+            return _entry(_existing(session, run_id))
+
+    def runs(
+        self, search: str = "", vehicle: str = "", limit: int = 200, offset: int = 0
+    ) -> list[RunEntry]:
+        """Newest first; `search` looks in id, operator and notes."""
+        query = select(RunRow).order_by(RunRow.start_ns.desc(), RunRow.id.desc())
+        if vehicle:
+            query = query.where(RunRow.vehicle == vehicle)
+        if search:
+            columns = (RunRow.id, RunRow.operator, RunRow.notes)
+            query = query.where(or_(*(c.icontains(search, autoescape=True) for c in columns)))
+        with self._session() as session:
+            return [_entry(row) for row in session.scalars(query.limit(limit).offset(offset))]
+
+    def count(self) -> int:
+        with self._session() as session:
+            return session.scalar(select(func.count()).select_from(RunRow)) or 0
+
+    def remove(self, run_id: str) -> None:
+        """Forget a run; its file stays."""
+        with self._session() as session:
+            session.delete(_existing(session, run_id))
+
+    def resolve(self, run_id: str) -> Path:
+        """The file of a catalogued run, never anything outside the runs folder.
+
+        Raises StorageError for an unknown run, a missing file, or a name that leads elsewhere.
+        """
+        entry = self.get(run_id)
+        folder = self.folder.resolve()
+        path = (folder / entry.file).resolve()
+        if path.parent != folder or path.suffix != SUFFIX:
+            raise StorageError(f"the file of run {run_id!r} does not lie in {folder}; not opened")
+        if not path.is_file():
+            raise StorageError(f"the file of run {run_id} is gone: {path}")
+        return path
+
+    @contextmanager
+    def _session(self) -> Iterator[Session]:
+        """One transaction; what the database cannot do is a StorageError."""
+        try:
+            with self._sessions.begin() as session:
+                yield session
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+
+def run_name(now: datetime, vehicle: str, folder: Path) -> str:
+    """`20260131T093042Z_quad1`, with `_2`, `_3`, … where that file exists already."""
+    name = stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{vehicle}"
+    number = 1
+    while (folder / f"{name}{SUFFIX}").exists():
+        number += 1
+        name = f"{stem}_{number}"
+    return name
+
+
+def _existing(session: Session, run_id: str) -> RunRow:
+    row = session.get(RunRow, run_id)
+    if row is None:
+        raise StorageError(f"no run {run_id!r} in the catalogue; list them on the Runs page")
+    return row
+
+
+def _update(row: RunRow, values: dict[str, Any]) -> None:
+    for name, value in values.items():
+        if name not in RunEntry.__slots__:
+            raise AttributeError(f"runs have no column {name!r}")
+        setattr(row, name, value)
+
+
+def _entry(row: RunRow) -> RunEntry:
+    return RunEntry(**{name: getattr(row, name) for name in RunEntry.__slots__})
+
+
+def _storage_error(error: SQLAlchemyError) -> StorageError:
+    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
+    return StorageError(
+        f"the catalogue of runs cannot be used ({reason}); the logs themselves are not touched"
+    )
+
+
+def _set_up_sqlite(connection: Any, _record: Any) -> None:
+    cursor = connection.cursor()
+    # Readers (the page) never block the writer (the station), who may wait for another writer.
+    cursor.execute("PRAGMA journal_mode=WAL")
+    cursor.execute("PRAGMA busy_timeout=5000")
+    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.close()

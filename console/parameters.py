@@ -1,0 +1,45 @@
+"""Parameters of the base station itself; the page and ROS 2 see them as `station.*`."""
+
+from __future__ import annotations
+
+from bearing_sim import BearingParameters, TrackerParameters
+from quadrotor.parameters import Parameters, parameter
+
+
+class RecorderParameters(Parameters):
+    """When a run ends, and what the disk must keep free."""
+
+    after_disarm: float = parameter(
+        1.0,
+        unit="s",
+        ge=0,
+        le=60,
+        step=0.5,
+        description="a run goes on for this long after disarming",
+    )
+    keep_free: float = parameter(
+        500.0, unit="MB", ge=10, le=100_000, step=10, description="no recording below this"
+    )
+
+
+class StickParameters(Parameters):
+    """The base station's watchdog over the sticks."""
+
+    timeout: float = parameter(
+        0.25, unit="s", ge=0.05, le=1, step=0.01, description="sticks silent for longer are dropped"
+    )
+
+
+class StationParameters(Parameters):
+    """Everything the station itself can be told."""
+
+    tracker: TrackerParameters = TrackerParameters()
+    bearings: BearingParameters = BearingParameters()
+    recorder: RecorderParameters = RecorderParameters()
+    sticks: StickParameters = StickParameters()
+
+
+class StationTree(Parameters):
+    """The root that gives every name its `station.` prefix."""
+
+    station: StationParameters = StationParameters()

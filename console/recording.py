@@ -1,0 +1,46 @@
+"""When a run begins and ends: from arming to a while after disarming, or by hand."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Decision(Enum):
+    """What the recorder is to do now."""
+
+    NOTHING = 0
+    START = 1
+    STOP = 2
+
+
+class RecordingPolicy:
+    """Fed with the vehicle's status and the clock; times in s of any steady clock.
+
+    A run stopped by hand in flight is not begun again until the next arming; arming again
+    before the run has ended lets it go on.
+    """
+
+    def __init__(self) -> None:
+        self._armed = False
+        self._disarmed_at: float | None = None
+
+    @property
+    def armed(self) -> bool:
+        return self._armed
+
+    def status(self, armed: bool, now: float) -> Decision:
+        """Each status message. The first one that says armed starts a run at once."""
+        was_armed, self._armed = self._armed, armed
+        if armed:
+            self._disarmed_at = None
+            return Decision.NOTHING if was_armed else Decision.START
+        if was_armed:
+            self._disarmed_at = now
+        return Decision.NOTHING
+
+    def tick(self, now: float, after_disarm: float) -> Decision:
+        """Called some times a second; `after_disarm` in s."""
+        if self._disarmed_at is not None and now - self._disarmed_at >= after_disarm:
+            self._disarmed_at = None
+            return Decision.STOP
+        return Decision.NOTHING

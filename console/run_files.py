@@ -1,0 +1,94 @@
+"""Bring catalogue and runs folder together: torn logs are closed, unknown ones entered."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+from console.catalogue import SUFFIX, Catalogue, RunEntry
+from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log import is_closed, recover, summarize
+from vehicle_link.log.file import is_being_written
+
+
+def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
+    """Look at every file and every row once; returns one line for each thing mended or wrong.
+
+    Files being written, in whatever process, and runs named in `skip` are left alone.
+    Raises StorageError when folder or catalogue cannot be used at all.
+    """
+    lines: list[str] = []
+    known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
+    try:
+        paths = sorted(catalogue.folder.glob(f"*{SUFFIX}"))
+    except OSError as error:
+        raise StorageError(f"cannot list {catalogue.folder}: {error.strerror}") from error
+    for path in paths:
+        if path.stem not in skip:
+            lines += _tidy_file(catalogue, path, known.pop(path.stem, None))
+        else:
+            known.pop(path.stem, None)
+    for entry in known.values():
+        if entry.id not in skip and not (catalogue.folder / entry.file).exists():
+            catalogue.update(entry.id, complete=False, problem="the file is gone")
+            if entry.problem != "the file is gone":
+                lines.append(f"run {entry.id}: the file is gone")
+    return lines
+
+
+def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list[str]:
+    try:
+        if is_closed(path):
+            if entry is not None and entry.complete:
+                return []
+            catalogue.add(described(path, entry))
+            return [f"run {path.stem}: entered in the catalogue"]
+        if is_being_written(path):
+            return []
+        recovery = recover(path)
+        catalogue.add(described(path, entry))
+    except (LogFormatError, StorageError) as error:
+        catalogue.add(_unreadable(path, entry, str(error)))
+        return [f"run {path.stem}: {error}"]
+    return [
+        f"run {path.stem}: recovered {recovery.messages} messages of a recording that was cut off"
+    ]
+
+
+def described(path: Path, entry: RunEntry | None) -> RunEntry:
+    """The catalogue's line of a closed file, from the file itself.
+
+    Raises LogFormatError or StorageError.
+    """
+    summary = summarize(path)
+    return RunEntry(
+        id=path.stem,
+        vehicle=summary.run.get("vehicle", entry.vehicle if entry else ""),
+        start_ns=entry.start_ns if entry else summary.start_ns,
+        duration=summary.duration,
+        file=path.name,
+        bytes=summary.bytes,
+        messages=summary.message_count,
+        operator=summary.run.get("operator", ""),
+        complete=summary.closed,
+        recovered=summary.recovered,
+        problem="",
+        notes=entry.notes if entry else "",
+    )
+
+
+def _unreadable(path: Path, entry: RunEntry | None, problem: str) -> RunEntry:
+    return RunEntry(
+        id=path.stem,
+        vehicle=entry.vehicle if entry else "",
+        start_ns=entry.start_ns if entry else 0,
+        duration=0.0,
+        file=path.name,
+        bytes=path.stat().st_size if path.exists() else 0,
+        messages=0,
+        operator=entry.operator if entry else "",
+        complete=False,
+        recovered=False,
+        problem=problem,
+        notes=entry.notes if entry else "",
+    )

@@ -1,0 +1,67 @@
+"""The station's watchdog over the sticks: silence drops them, and a drop latches.
+
+After a drop the dead-man must be seen released before it counts again, so that a button held
+through a break does not move the vehicle by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+CENTRED = (0.0, 0.0, 0.0, 0.0)
+REPEATS = 3
+"""A drop is sent this often, for sticks travel best effort; the vehicle has its own watchdog."""
+
+
+@dataclass(frozen=True, slots=True)
+class StickOrder:
+    """What goes to the vehicle: axes (forward, left, up, yaw) in -1..1."""
+
+    axes: tuple[float, float, float, float]
+    enabled: bool
+
+
+DROPPED = StickOrder(CENTRED, False)
+
+
+class StickWatchdog:
+    """Times in s of any steady clock."""
+
+    def __init__(self) -> None:
+        self._heard: float | None = None  # while enabled
+        self._latched = False
+        self._repeats = 0
+
+    def feed(
+        self, axes: tuple[float, float, float, float], enabled: bool, now: float, timeout: float
+    ) -> StickOrder:
+        """One message of the page's sticks; returns what to forward for it."""
+        if self._heard is not None and now - self._heard > timeout:
+            self._drop()
+        if not enabled:
+            self._heard = None
+            self._latched = False
+            return DROPPED
+        if self._latched:
+            return DROPPED
+        self._heard = now
+        return StickOrder(axes, True)
+
+    def tick(self, now: float, timeout: float) -> StickOrder | None:
+        """Some times a second; returns the order to stop while it must be sent."""
+        if self._heard is not None and now - self._heard > timeout:
+            self._drop()
+        if self._repeats > 0:
+            self._repeats -= 1
+            return DROPPED
+        return None
+
+    @property
+    def dropped(self) -> bool:
+        """True from a drop until the dead-man is released."""
+        return self._latched
+
+    def _drop(self) -> None:
+        self._heard = None
+        self._latched = True
+        self._repeats = REPEATS

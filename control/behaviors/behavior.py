@@ -1,0 +1,169 @@
+"""What a behavior is, what it starts from, and the arguments it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar, Protocol, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from control.behaviors.parameters import BehaviorParameters
+from control.behaviors.table import BehaviorName
+from control.trajectories.trajectory import Trajectory
+from quadrotor.errors import RefusedError, UnknownParameterError
+from quadrotor.parameters import (
+    ParameterDescription,
+    Parameters,
+    ParameterStore,
+    ParameterValue,
+    coerce,
+)
+from quadrotor.records import Record
+
+Joy = tuple[int, Sequence[float], bool]
+"""Stamp (ns), axes (forward, left, up, yaw) in -1..1, dead-man held."""
+
+Point = tuple[float, float, float, float]
+"""x, y, z (m), yaw (rad)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a behavior may know when it starts."""
+
+    reference: Record  # a copy of the present one; on the ground, where the vehicle stands
+    parameters: BehaviorParameters
+    hover_thrust: float  # N, the weight
+
+    @property
+    def point(self) -> Point:
+        x, y, z = self.reference["position_w"][0].tolist()
+        return x, y, z, float(self.reference["yaw"][0])
+
+
+class Behavior(Protocol):
+    """One behavior under way; `start` classmethods make them, see `Startable`."""
+
+    name: ClassVar[BehaviorName]
+
+    @property
+    def progress(self) -> float:
+        """Share done, 0..1; 0 for those without an end."""
+        ...
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        """Move `reference` (holding the last one) on by dt; True when the behavior is over."""
+        ...
+
+
+class Startable(Protocol):
+    """The class of a behavior that can be requested."""
+
+    name: ClassVar[BehaviorName]
+    arguments: ClassVar[type[Parameters]]
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Behavior:
+        """From the present reference, with the given arguments.
+
+        Raises ParameterError for the arguments, RefusedError for where they lead.
+        """
+        ...
+
+
+class TrajectoryBehavior:
+    """A behavior that flies one trajectory and ends with it."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._sample = trajectory.sample
+        self._duration = trajectory.duration
+        self._elapsed = 0.0
+
+    @property
+    def progress(self) -> float:
+        return min(1.0, self._elapsed / self._duration)
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        self._elapsed += dt
+        self._sample(self._elapsed, reference)
+        return self._elapsed >= self._duration
+
+
+class NoArguments(Parameters):
+    """Nothing to choose."""
+
+
+Arguments = TypeVar("Arguments", bound=Parameters)
+
+
+@cache
+def argument_descriptions(arguments: type[Parameters]) -> dict[str, ParameterDescription]:
+    """Name → description of the arguments of a behavior."""
+    return {d.name: d for d in ParameterStore(arguments()).descriptions()}
+
+
+def read_arguments(
+    behavior: BehaviorName, defaults: Arguments, given: Mapping[str, ParameterValue]
+) -> Arguments:
+    """`defaults` with the given values. Raises ParameterError; nothing is silently dropped."""
+    known = argument_descriptions(type(defaults))
+    checked = {}
+    for name, value in given.items():
+        if name not in known:
+            takes = ", ".join(known) if known else "no arguments"
+            raise UnknownParameterError(
+                f"{behavior.name.lower()} has no argument {name!r}: it takes {takes}"
+            )
+        checked[name] = coerce(known[name], value)
+    return defaults.model_copy(update=checked)
+
+
+def check_inside(
+    behavior: BehaviorName,
+    what: str,
+    points_w: npt.NDArray[np.float64],
+    parameters: BehaviorParameters,
+    start_w: Sequence[float] | None = None,
+) -> None:
+    """Raises RefusedError with the numbers when a point (N, 3) is outside the flight volume.
+
+    A path that starts outside (`start_w`) may lead back in.
+    """
+    p = parameters
+    walls = (
+        ("x", p.volume_x_min, p.volume_x_max),
+        ("y", p.volume_y_min, p.volume_y_max),
+        ("z", p.volume_z_min, p.volume_z_max),
+    )
+    for i, (axis, low, high) in enumerate(walls):
+        least, most = float(points_w[:, i].min()), float(points_w[:, i].max())
+        from_low, from_high = (low, high) if start_w is None else (
+            min(low, start_w[i]),
+            max(high, start_w[i]),
+        )
+        if least < from_low - 1e-6 or most > from_high + 1e-6:
+            worst = least if least < from_low - 1e-6 else most
+            raise RefusedError(
+                f"{behavior.name.lower()} refused: {what} {axis} = {worst:.2f} m is outside the "
+                f"flight volume; allowed {low:g} to {high:g} m "
+                f"(behavior.volume_{axis}_min, behavior.volume_{axis}_max)"
+            )

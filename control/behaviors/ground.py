@@ -1,0 +1,46 @@
+"""Standing on the ground: the reference is where the vehicle stands."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from numba import njit
+
+from control.behaviors.behavior import Joy
+from control.behaviors.table import BehaviorName
+from quadrotor.records import Record
+from quadrotor.rotations import yaw_of
+
+
+@njit(cache=True, error_model="numpy")
+def stand(state: Record, reference: Record) -> None:
+    """reference[0] at rest at the position and yaw of state[0]; both shape (1,)."""
+    r = reference[0]
+    for i in range(3):
+        r.position_w[i] = state[0].position_w[i]
+        r.velocity_w[i] = 0.0
+        r.acceleration_w[i] = 0.0
+        r.jerk_w[i] = 0.0
+        r.snap_w[i] = 0.0
+    r.yaw = yaw_of(state[0].quaternion_wb)
+    r.yaw_rate = 0.0
+    r.yaw_acceleration = 0.0
+
+
+class Ground:
+    """Motors off or idle."""
+
+    name: ClassVar[BehaviorName] = BehaviorName.GROUND
+    progress = 0.0
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        stand(state, reference)
+        return False

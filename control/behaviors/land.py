@@ -1,0 +1,102 @@
+"""Descend at a constant speed until the vehicle stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import numpy as np
+from numba import njit
+
+from control.behaviors.behavior import Context, Joy, read_arguments
+from control.behaviors.table import BehaviorName
+from control.trajectories.velocity_filter import advance, new_velocity_filter
+from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.records import Record
+
+TOUCH_DOWN = np.dtype(
+    [
+        ("thrust_max", "f8"),  # N: above, the vehicle still flies
+        ("velocity_change_max", "f8"),  # m/s
+        ("dwell", "f8"),  # s
+        ("velocity_w", "f8", 3),  # m/s, when the thrust was last high or the velocity changed
+        ("time", "f8"),  # s since then
+    ],
+    align=True,
+)
+
+
+@njit(cache=True, error_model="numpy")
+def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> bool:
+    """Whether the vehicle stands: low thrust for a while, and yet its velocity does not change.
+
+    In the air, thrust at 0.6 of the weight changes the velocity by 0.2 m/s in 50 ms. It is the
+    change that counts, not the velocity: a dead-reckoned estimate drifts, but slowly.
+
+    Args:
+        detector, state: TOUCH_DOWN and STATE, shape (1,).
+        thrust: N, commanded.
+    """
+    d = detector[0]
+    s = state[0]
+    d.time += dt
+    change = 0.0
+    for i in range(3):
+        change = max(change, abs(s.velocity_w[i] - d.velocity_w[i]))
+    if thrust > d.thrust_max or not change <= d.velocity_change_max:
+        d.time = 0.0
+        for i in range(3):
+            d.velocity_w[i] = s.velocity_w[i]
+    return bool(d.time >= d.dwell)
+
+
+class LandArguments(Parameters):
+    """Of land."""
+
+    speed: float = parameter(
+        0.3,
+        unit="m/s",
+        ge=0.05,
+        le=1.0,
+        step=0.05,
+        description="descent speed; behavior.landing_speed if left out",
+    )
+
+
+class Land:
+    """The reference stops sideways and goes down for ever, also below the ground.
+
+    On the ground the growing error pulls the thrust down to its floor of 0.3 m g
+    (position_law.LIFT_MIN), which is how touch-down shows.
+    """
+
+    name: ClassVar[BehaviorName] = BehaviorName.LAND
+    progress = 0.0
+    arguments: ClassVar[type[Parameters]] = LandArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, read_arguments(cls.name, LandArguments(speed=context.parameters.landing_speed), given))
+
+    def __init__(self, context: Context, arguments: LandArguments) -> None:
+        p = context.parameters
+        self._filter = new_velocity_filter(
+            context.reference, p.acceleration_max, p.yaw_acceleration_max
+        )
+        self._filter["command"][0, 2] = -arguments.speed
+        self._detector = np.zeros(1, TOUCH_DOWN)
+        self._detector["thrust_max"] = p.landing_thrust_share * context.hover_thrust
+        self._detector["velocity_change_max"] = p.landing_velocity_change
+        self._detector["dwell"] = p.landing_dwell
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        advance(self._filter, dt, reference)
+        return bool(touched_down(self._detector, dt, thrust, state))

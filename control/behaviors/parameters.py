@@ -1,0 +1,90 @@
+"""Where and how fast behaviors may fly."""
+
+from __future__ import annotations
+
+from quadrotor.parameters import Parameters, parameter
+
+
+def _wall(default: float, description: str) -> float:
+    value: float = parameter(
+        default, unit="m", ge=-100.0, le=100.0, step=0.1, description=description
+    )
+    return value
+
+
+class BehaviorParameters(Parameters):
+    """The flight volume, the default speeds and the landing detector."""
+
+    volume_x_min: float = _wall(-3.0, "flight volume, smallest x")
+    volume_x_max: float = _wall(3.0, "flight volume, largest x")
+    volume_y_min: float = _wall(-3.0, "flight volume, smallest y")
+    volume_y_max: float = _wall(3.0, "flight volume, largest y")
+    volume_z_min: float = _wall(0.2, "flight volume, lowest reference in flight")
+    volume_z_max: float = _wall(3.0, "flight volume, highest reference")
+    take_off_speed: float = parameter(
+        0.4, unit="m/s", ge=0.05, le=2.0, step=0.05, description="climb speed of take_off"
+    )
+    landing_speed: float = parameter(
+        0.3, unit="m/s", ge=0.05, le=1.0, step=0.05, description="descent speed of land"
+    )
+    fly_to_speed: float = parameter(
+        0.8, unit="m/s", ge=0.05, le=5.0, step=0.05, description="speed of fly_to"
+    )
+    acceleration_max: float = parameter(
+        1.5,
+        unit="m/s²",
+        ge=0.1,
+        le=5.0,
+        step=0.1,
+        description="acceleration of take_off, fly_to and land",
+    )
+    trajectory_acceleration_max: float = parameter(
+        4.0, unit="m/s²", ge=0.1, le=8.0, step=0.1, description="steepest trajectory accepted"
+    )
+    yaw_rate_max: float = parameter(
+        1.5, unit="rad/s", ge=0.1, le=4.0, step=0.1, description="largest yaw rate of a reference"
+    )
+    yaw_acceleration_max: float = parameter(
+        2.5,
+        unit="rad/s²",
+        ge=0.1,
+        le=4.0,
+        step=0.1,
+        description="largest yaw acceleration of a reference; the motors give about 4",
+    )
+    joy_speed_xy: float = parameter(
+        1.0, unit="m/s", ge=0.05, le=5.0, step=0.05, description="full stick forward or left"
+    )
+    joy_speed_z: float = parameter(
+        0.5, unit="m/s", ge=0.05, le=2.0, step=0.05, description="full stick up"
+    )
+    joy_yaw_rate: float = parameter(
+        1.0, unit="rad/s", ge=0.05, le=4.0, step=0.05, description="full stick yaw"
+    )
+    joy_acceleration: float = parameter(
+        2.0, unit="m/s²", ge=0.1, le=5.0, step=0.1, description="how fast sticks change the speed"
+    )
+    joy_timeout: float = parameter(
+        0.2, unit="s", ge=0.05, le=1.0, step=0.01, description="older sticks count as released"
+    )
+    brake_deceleration: float = parameter(
+        2.5, unit="m/s²", ge=0.2, le=6.0, step=0.1, description="deceleration of brake"
+    )
+    landing_thrust_share: float = parameter(
+        0.6,
+        ge=0.35,
+        le=0.9,
+        step=0.05,
+        description="touch-down: thrust below this share of the weight",
+    )
+    landing_dwell: float = parameter(
+        0.3, unit="s", ge=0.1, le=2.0, step=0.05, description="touch-down: for this long"
+    )
+    landing_velocity_change: float = parameter(
+        0.2,
+        unit="m/s",
+        ge=0.02,
+        le=1.0,
+        step=0.01,
+        description="touch-down: while the velocity changes by less than this",
+    )

@@ -1,0 +1,98 @@
+"""Names of the behaviors and which may follow which."""
+
+from __future__ import annotations
+
+import difflib
+from enum import IntEnum
+
+from quadrotor.errors import RefusedError
+
+
+class BehaviorName(IntEnum):
+    """Also the number in STATUS records."""
+
+    GROUND = 0  # standing, motors idle
+    TAKE_OFF = 1
+    HOVER = 2
+    FLY_TO = 3
+    FOLLOW_TRAJECTORY = 4
+    VELOCITY = 5  # sticks
+    LAND = 6
+    BRAKE = 7  # to a stop, then hover
+
+
+_GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE = BehaviorName
+
+_ON_GROUND = "the vehicle is on the ground: request take_off first"
+_STANDING = "the vehicle is on the ground already"
+_FLYING = "the vehicle is flying already: use fly_to to change the height"
+_REACHED_BY_LANDING = "ground is reached by landing: request land"
+_CLIMBING = "take_off is still climbing: wait for hover, or request brake to stop here"
+_MOVING = "a trajectory starts from rest: request brake and wait for hover"
+_DESCENDING = "the vehicle is landing: request hover first to abort the landing"
+
+REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
+    _GROUND: {
+        _GROUND: _STANDING,
+        _HOVER: _ON_GROUND,
+        _FLY_TO: _ON_GROUND,
+        _FOLLOW: _ON_GROUND,
+        _VELOCITY: _ON_GROUND,
+        _LAND: _STANDING,
+        _BRAKE: _ON_GROUND,
+    },
+    _TAKE_OFF: {
+        _GROUND: _REACHED_BY_LANDING,
+        _TAKE_OFF: "take_off is under way already",
+        _FLY_TO: _CLIMBING,
+        _FOLLOW: _CLIMBING,
+        _VELOCITY: _CLIMBING,
+    },
+    _HOVER: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING},
+    _FLY_TO: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
+    _FOLLOW: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
+    _VELOCITY: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
+    _LAND: {
+        _GROUND: "land is under way already",
+        _TAKE_OFF: _DESCENDING,
+        _FLY_TO: _DESCENDING,
+        _FOLLOW: _DESCENDING,
+        _VELOCITY: _DESCENDING,
+    },
+    _BRAKE: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
+}
+"""REFUSALS[present][wanted] is the reason of a refusal; every other move is allowed.
+
+Landing again with another speed, and braking or hovering twice, are allowed: a repeated
+command must not fail.
+"""
+
+NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
+"""Refused before lift-off and after touch-down: they would hold the reference on the ground."""
+
+
+def behavior_of(name: str) -> BehaviorName:
+    """The behavior called `name` (lower case). Raises RefusedError."""
+    for behavior in BehaviorName:
+        if behavior.name.lower() == name:
+            return behavior
+    names = [behavior.name.lower() for behavior in BehaviorName if behavior is not _GROUND]
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {near[0]}? " if near else ""
+    raise RefusedError(f"unknown behavior {name!r}: {hint}there are {', '.join(names)}")
+
+
+def check_transition(
+    present: BehaviorName, wanted: BehaviorName, armed: bool, airborne: bool
+) -> None:
+    """Raises RefusedError with the reason when `wanted` may not follow `present`."""
+    name = wanted.name.lower()
+    if not armed:
+        raise RefusedError(f"{name} refused: the motors are off; arm the vehicle first")
+    reason = REFUSALS[present].get(wanted)
+    if reason is not None:
+        raise RefusedError(f"{name} refused: {reason}")
+    if present in (_TAKE_OFF, _LAND) and wanted in NEEDS_LIFT and not airborne:
+        raise RefusedError(
+            f"{name} refused: the vehicle has not left the ground; request land to stop"
+        )

@@ -1,0 +1,52 @@
+"""Climb straight up from where the vehicle stands."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import numpy as np
+
+from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside, read_arguments
+from control.behaviors.table import BehaviorName
+from control.trajectories.line import Line
+from quadrotor.parameters import Parameters, ParameterValue, parameter
+
+
+class TakeOffArguments(Parameters):
+    """Of take_off."""
+
+    height: float = parameter(
+        1.0, unit="m", ge=0.2, le=20.0, step=0.1, description="above where it stands"
+    )
+    speed: float = parameter(
+        0.4,
+        unit="m/s",
+        ge=0.02,
+        le=2.0,
+        step=0.05,
+        description="climb speed; behavior.take_off_speed if left out",
+    )
+
+
+class TakeOff(TrajectoryBehavior):
+    """A line upwards at constant speed between smooth ramps; yaw is kept."""
+
+    name: ClassVar[BehaviorName] = BehaviorName.TAKE_OFF
+    arguments: ClassVar[type[Parameters]] = TakeOffArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, read_arguments(cls.name, TakeOffArguments(speed=context.parameters.take_off_speed), given))
+
+    def __init__(self, context: Context, arguments: TakeOffArguments) -> None:
+        x, y, z, yaw = context.point
+        top = (x, y, z + arguments.height, yaw)
+        # x and y are where the vehicle was put: only the height is the request's.
+        check_inside(
+            self.name, "the end at", np.array([top[:3]]), context.parameters, start_w=(x, y, z)
+        )
+        acceleration = context.parameters.acceleration_max
+        super().__init__(
+            Line(context.point, top, speed=arguments.speed, acceleration=acceleration)
+        )

@@ -1,0 +1,61 @@
+"""Fly by sticks: velocity and yaw rate in the yaw frame of the reference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
+from control.behaviors.table import BehaviorName
+from control.trajectories.velocity_filter import advance, new_velocity_filter
+from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.records import Record
+
+
+class Velocity:
+    """Released, stale or missing sticks stop the vehicle; the flight volume's walls slow it."""
+
+    name: ClassVar[BehaviorName] = BehaviorName.VELOCITY
+    progress = 0.0
+    arguments: ClassVar[type[Parameters]] = NoArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, read_arguments(cls.name, NoArguments(), given))
+
+    def __init__(self, context: Context, arguments: NoArguments) -> None:
+        p = context.parameters
+        self._filter = new_velocity_filter(
+            context.reference, p.joy_acceleration, p.yaw_acceleration_max
+        )
+        self._filter["low_w"] = (p.volume_x_min, p.volume_y_min, p.volume_z_min)
+        self._filter["high_w"] = (p.volume_x_max, p.volume_y_max, p.volume_z_max)
+        self._command = self._filter["command"][0]
+        self._speeds = (p.joy_speed_xy, p.joy_speed_xy, p.joy_speed_z, p.joy_yaw_rate)
+        self._timeout_ns = int(p.joy_timeout * 1e9)
+        self._obeyed: Joy | None = None
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        # A stamp from the future is as wrong as an old one.
+        if joy is not None and (not joy[2] or abs(stamp_ns - joy[0]) > self._timeout_ns):
+            joy = None
+        if joy is not self._obeyed:
+            self._obeyed = joy
+            for i in range(4):
+                self._command[i] = 0.0 if joy is None else self._speeds[i] * _axis(joy[1][i])
+        advance(self._filter, dt, reference)
+        return False
+
+
+def _axis(value: float) -> float:
+    """A stick axis in -1..1; what is not a number counts as released."""
+    return max(-1.0, min(1.0, value)) if math.isfinite(value) else 0.0

@@ -1,0 +1,27 @@
+"""Standing still."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from control.trajectories.line import LINE, sample_line
+from quadrotor.records import Record
+
+
+class Hover:
+    """A fixed point and yaw for ever: a line of no length.
+
+    Args:
+        position_w: (x, y, z) m.
+        yaw: rad.
+    """
+
+    def __init__(self, position_w: tuple[float, float, float], yaw: float) -> None:
+        self._line = np.zeros(1, LINE)
+        self._line["start"] = (*position_w, yaw)
+        self._line["rate"] = 1.0
+        self._line["ramp"] = 1.0
+        self.duration = float("inf")
+
+    def sample(self, t: float, reference: Record) -> None:
+        sample_line(self._line, t, reference)

@@ -1,0 +1,103 @@
+"""`quadlab fly EXPERIMENT`: an experiment in simulated time, its log, verdict and metrics."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from quadlab.data_folder import open_data_folder
+from quadlab.processes import Settings
+from quadlab.settings import parse_settings
+from quadrotor.errors import UsageError
+
+LARGEST_SEED = 2**31 - 1 - 2_000_003
+
+
+@dataclass
+class Fly:
+    """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
+
+    experiment: Annotated[str, tyro.conf.Positional]
+    """figure_eight or hover"""
+    out: Path | None = None
+    """folder for the log (default: flights in the data folder)"""
+    seed: int = 1
+    """of all noise; the same seed gives the same messages"""
+    set: Settings = ()
+    """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated"""
+    true_state: bool = False
+    """let the controller see the true state instead of the estimate"""
+    json: bool = False
+    """print verdict, log and metrics as one line of JSON at the end"""
+
+    def run(self) -> int:
+        from console.experiments.catalogue import find
+
+        experiment = find(self.experiment)
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise UsageError(f"--seed {self.seed}: allowed 0 to {LARGEST_SEED}")
+
+        from quadlab.flight_log import FlightLog
+        from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
+        from quadrotor.parameters import ParameterStore
+        from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+        parameters = FlightParameters().model_copy(deep=True)
+        parameters.seed(self.seed)
+        parse_settings(parameters, self.set)
+        folder = self.out or open_data_folder(None) / "flights"
+        path = _new_log(open_data_folder(folder), f"{self.experiment}_seed{self.seed}")
+        simulated = SimulatedVehicle(parameters.simulator)
+        simulated.warm_up()
+        log = FlightLog(
+            path, "quad1", ParameterStore(parameters),
+            {"run_id": path.stem, "experiment": self.experiment, "seed": str(self.seed)},
+        )  # fmt: skip
+        estimator = TrueState(simulated) if self.true_state else None
+        flight = SimulatedFlight(parameters, simulated, log, estimator)
+        flight.advance()  # compiles what is left, so that the figures below are of flying alone
+        flight.clock.seconds.clear()
+        began, processor = time.perf_counter(), time.process_time()
+        try:
+            experiment.fly(flight)
+        finally:
+            log.close()
+        wall, processor = time.perf_counter() - began, time.process_time() - processor
+        flown = flight.view().time
+        result = experiment.evaluate(path)
+
+        if not self.json:
+            print(f"{self.experiment}: {result.verdict}")
+        for name, value in result.metrics.items():
+            limit = result.limits.get(name)
+            bound = f"   (at most {limit:g})" if limit is not None else ""
+            print(f"  {name:18} {value:10.5g}{bound}")
+        print(f"  flown {flown:.1f} s in {wall:.2f} s: {flown / wall:.1f} times real time")
+        for stage, seconds in sorted(flight.clock.seconds.items(), key=lambda s: -s[1]):
+            share = seconds / wall
+            print(f"    {stage:16} {seconds:7.2f} s {share:6.1%} {seconds / flown * 2000:7.1f} µs a tick")
+        print(f"  log {path}")
+        if self.json:
+            report = {
+                "experiment": self.experiment,
+                "verdict": result.verdict,
+                "log": str(path),
+                "metrics": result.metrics
+                | {"flown_s": flown, "wall_s": wall, "processor_s": processor,
+                   "speed": flown / wall},
+            }  # fmt: skip
+            print(json.dumps(report))
+        return 0 if result.verdict == "passed" else 1
+
+
+def _new_log(folder: Path, stem: str) -> Path:
+    """A file name that is free: no earlier flight is overwritten."""
+    path, number = folder / f"{stem}.mcap", 2
+    while path.exists():
+        path, number = folder / f"{stem}_{number}.mcap", number + 1
+    return path

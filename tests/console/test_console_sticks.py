@@ -1,0 +1,50 @@
+"""The stick watchdog: silence drops, a drop latches until the dead-man was released."""
+
+from __future__ import annotations
+
+from console.sticks import DROPPED, REPEATS, StickOrder, StickWatchdog
+
+PUSHED = (0.5, 0.0, -0.2, 1.0)
+TIMEOUT = 0.25
+
+
+def test_held_sticks_go_through() -> None:
+    sticks = StickWatchdog()
+    assert sticks.feed(PUSHED, True, 0.0, TIMEOUT) == StickOrder(PUSHED, True)
+    assert sticks.tick(0.2, TIMEOUT) is None
+    assert sticks.feed(PUSHED, True, 0.24, TIMEOUT).enabled
+
+
+def test_released_sticks_are_centred() -> None:
+    assert StickWatchdog().feed(PUSHED, False, 0.0, TIMEOUT) == DROPPED
+
+
+def test_silence_drops_the_sticks_several_times_and_then_keeps_quiet() -> None:
+    sticks = StickWatchdog()
+    sticks.feed(PUSHED, True, 0.0, TIMEOUT)
+    orders = [sticks.tick(0.26 + 0.05 * i, TIMEOUT) for i in range(REPEATS + 2)]
+    assert orders == [DROPPED] * REPEATS + [None, None]
+    assert sticks.dropped
+
+
+def test_a_dead_man_held_through_a_break_does_not_count_until_released() -> None:
+    sticks = StickWatchdog()
+    sticks.feed(PUSHED, True, 0.0, TIMEOUT)
+    assert sticks.tick(0.3, TIMEOUT) == DROPPED
+    assert sticks.feed(PUSHED, True, 0.31, TIMEOUT) == DROPPED
+    assert sticks.feed(PUSHED, False, 0.32, TIMEOUT) == DROPPED
+    assert sticks.feed(PUSHED, True, 0.33, TIMEOUT).enabled
+
+
+def test_a_break_is_noticed_also_when_no_tick_came_between() -> None:
+    sticks = StickWatchdog()
+    sticks.feed(PUSHED, True, 0.0, TIMEOUT)
+    assert sticks.feed(PUSHED, True, 0.3, TIMEOUT) == DROPPED
+
+
+def test_silence_of_released_sticks_is_no_drop() -> None:
+    sticks = StickWatchdog()
+    sticks.feed(PUSHED, True, 0.0, TIMEOUT)
+    sticks.feed(PUSHED, False, 0.1, TIMEOUT)
+    assert sticks.tick(10.0, TIMEOUT) is None
+    assert sticks.feed(PUSHED, True, 10.0, TIMEOUT).enabled

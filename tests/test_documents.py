@@ -1,0 +1,40 @@
+"""The documents say what is there."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+ROW = re.compile(r"^\|[^|]+\|[^|]*\| `([\w.]+)` \| `(tests/[\w/]+\.py)` \|$", re.MULTILINE)
+
+
+def rows() -> list[tuple[str, str]]:
+    return ROW.findall((ROOT / "docs/paper_map.md").read_text())
+
+
+def test_the_paper_map_has_a_row_for_every_numbered_equation() -> None:
+    text = (ROOT / "docs/paper_map.md").read_text()
+    assert len(rows()) >= 15
+    for number in (1, 2, 3, 4, 5, 11, 12, 13):
+        assert re.search(rf"\beq\. {number}\b", text), f"eq. {number} is not in the paper map"
+
+
+@pytest.mark.parametrize(("function", "test"), rows())
+def test_every_row_of_the_paper_map_names_a_function_and_its_test(function: str, test: str) -> None:
+    module, name = function.rsplit(".", 1)
+    assert hasattr(importlib.import_module(module), name), f"{function} does not exist"
+    source = (ROOT / test).read_text()
+    assert name in source or module.rsplit(".", 1)[-1] in source, f"{test} does not use {name}"
+
+
+@pytest.mark.parametrize(
+    "document", sorted((ROOT / "docs").rglob("*.md")) + [ROOT / "README.md"], ids=lambda p: p.name
+)
+def test_every_relative_link_of_a_document_leads_somewhere(document: Path) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text()):
+        if "://" not in target:
+            assert (document.parent / target).exists(), f"{document.name} links to {target}"

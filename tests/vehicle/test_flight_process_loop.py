@@ -1,0 +1,263 @@
+"""The flight loop with a fake stack and a fake microcontroller: order, rings, silence."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from quadrotor.errors import LinkError
+from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.records import Record, new_tick
+from vehicle import flight, mailbox
+from vehicle.flight import COMMANDS_A_TICK, FlightLoop, open_ports
+from vehicle.microcontroller import RawSample
+from vehicle.process_config import Rings, create_rings, open_rings
+from vehicle_link.serial.ids import MotorState
+
+PERIOD_NS = 2_000_000
+
+
+class Component(Parameters):
+    gain: float = parameter(2.5, description="a gain", ge=0.0, le=10.0)
+
+
+class Root(Parameters):
+    part: Component = Component()
+
+
+class FakeStack:
+    """Writes down what the loop did to it."""
+
+    def __init__(self) -> None:
+        self.record: Record = new_tick()
+        self.store = ParameterStore(Root().model_copy(deep=True))
+        self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
+        self.motor_state_wanted = MotorState.OFF
+        self.calls: list[object] = []
+        self.statistics: list[dict[str, float]] = []
+        self.references: tuple[int, int, int, int] | None = (1, 2, 3, 4)
+
+    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
+        self.calls.append(sample.stamp_ns)
+        self.record["sequence"] += 1
+        self.record["imu"]["stamp_ns"] = sample.stamp_ns
+        return self.references
+
+    def handle(self, command: mailbox.Command) -> mailbox.Reply:
+        self.calls.append(command)
+        if isinstance(command, mailbox.Arm):
+            self.motor_state_wanted = MotorState.ON
+            self.say(f"armed by {command.requester}")
+        if isinstance(command, mailbox.Disarm):
+            raise ZeroDivisionError("a defect")
+        return mailbox.Reply(command.request_id, True)
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None:
+        self.outbox.append(mailbox.Event(0, level, text))
+
+    def measure(self, measurement: mailbox.Measurement) -> None:
+        self.calls.append(measurement)
+
+    def loop_statistics(self, **statistics: float) -> None:
+        self.statistics.append(statistics)
+
+
+class FakeMcu:
+    """Gives the samples it was told to give."""
+
+    def __init__(self) -> None:
+        self.failures: list[str] = []
+        self.given: list[RawSample] = []
+        self.commands: list[Sequence[int]] = []
+        self.motor_states: list[MotorState] = []
+        self.serviced = 0
+        self._reader, self._writer = os.pipe()
+
+    def receive(self) -> list[RawSample]:
+        given, self.given = self.given, []
+        return given
+
+    def command(self, references: Sequence[int]) -> None:
+        self.commands.append(references)
+
+    def set_motor_state(self, state: MotorState) -> None:
+        self.motor_states.append(state)
+
+    def service(self, now_s: float) -> None:
+        self.serviced += 1
+
+    def filenos(self) -> Sequence[int]:
+        return (self._reader,)
+
+    def close(self) -> None:
+        os.close(self._reader)
+        os.close(self._writer)
+
+
+class Bench:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_ns = 1_000_000_000
+        self._samples = 0
+        monkeypatch.setattr(flight.time, "monotonic_ns", lambda: self.now_ns)
+        self.stack, self.mcu = FakeStack(), FakeMcu()
+        self.rings: Rings = open_rings(create_rings())
+        self.loop = FlightLoop(self.stack, self.mcu, self.rings, real_time=False)
+
+    def send(self, *messages: mailbox.Inbound) -> None:
+        for message in messages:
+            assert self.rings.inbox.push(mailbox.encode(message))
+
+    def samples(self, count: int) -> list[int]:
+        """Run the loop once on `count` samples; returns their stamps."""
+        for _ in range(count):
+            self._samples += 1
+            stamp = self._samples * PERIOD_NS
+            self.mcu.given.append(
+                RawSample(stamp, (512,) * 3, (512,) * 3, 16.0, 1e5, MotorState.OFF)
+            )
+        stamps = [sample.stamp_ns for sample in self.mcu.given]
+        self.now_ns += count * PERIOD_NS
+        self.loop.once(timeout_ms=0)
+        return stamps
+
+    def nothing(self, nanoseconds: int) -> None:
+        self.now_ns += nanoseconds
+        self.loop.once(timeout_ms=0)
+
+    def outbox(self) -> list[mailbox.Outbound]:
+        return [mailbox.decode_outbound(message) for message in self.rings.outbox.pop_all()]
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    made = Bench(monkeypatch)
+    yield made
+    made.mcu.close()
+
+
+POSE = mailbox.Pose(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
+
+
+def test_every_sample_makes_one_tick_one_command_and_one_record(bench: Bench) -> None:
+    stamps = bench.samples(3)
+    assert bench.stack.calls == stamps
+    assert bench.mcu.commands == [(1, 2, 3, 4)] * 3
+    assert bench.rings.ticks.pop_all()["imu"]["stamp_ns"].tolist() == stamps
+
+
+def test_nothing_is_sent_to_the_motors_when_the_stack_gives_none(bench: Bench) -> None:
+    bench.stack.references = None
+    bench.samples(2)
+    assert bench.mcu.commands == []
+    assert len(bench.rings.ticks.pop_all()) == 2
+
+
+def test_the_inbox_is_drained_in_order_before_the_tick(bench: Bench) -> None:
+    arm = mailbox.Arm("r1", "anna")
+    bench.send(POSE, arm, mailbox.Heartbeat(9))
+    (stamp,) = bench.samples(1)
+    assert bench.stack.calls == [POSE, arm, mailbox.Heartbeat(9), stamp]
+
+
+def test_changes_leave_before_the_reply_that_reports_them(bench: Bench) -> None:
+    bench.send(mailbox.Arm("r1", "anna"))
+    bench.samples(1)
+    assert bench.outbox() == [
+        mailbox.Event(0, mailbox.INFO, "armed by anna"), mailbox.Reply("r1", True),
+    ]  # fmt: skip
+
+
+def test_the_motor_state_is_passed_on_once_when_it_changes(bench: Bench) -> None:
+    bench.samples(2)
+    bench.send(mailbox.Arm("r1", "anna"))
+    bench.samples(1)
+    bench.samples(1)
+    assert bench.mcu.motor_states == [MotorState.ON]
+    assert bench.mcu.serviced == 3
+
+
+def test_a_flood_of_messages_does_not_delay_the_motors(bench: Bench) -> None:
+    bench.send(*[POSE] * (COMMANDS_A_TICK + 5))
+    first, second = bench.samples(2)
+    assert bench.stack.calls == [POSE] * COMMANDS_A_TICK + [first] + [POSE] * 5 + [second]
+
+
+def test_an_empty_change_asks_for_all_parameters(bench: Bench) -> None:
+    bench.stack.store.set({"part.gain": 4.0})
+    bench.send(mailbox.ChangeParameters("r1", "comms", {}))
+    bench.samples(1)
+    assert bench.outbox() == [mailbox.Reply("r1", True, "", {"part.gain": 4.0}, 1)]
+
+
+def test_a_defect_in_a_command_is_reported_and_flying_goes_on(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench.send(mailbox.Disarm("r1", "anna"))
+    (stamp,) = bench.samples(1)
+    (reply,) = bench.outbox()
+    assert reply == mailbox.Reply("r1", False, "defect on board: ZeroDivisionError: a defect")
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    assert bench.stack.calls[-1] == stamp
+
+
+def test_a_second_of_samples_gives_statistics(bench: Bench) -> None:
+    assert bench.stack.statistics[0]["real_time"] is False
+    for _ in range(501):
+        bench.samples(1)
+    assert bench.stack.statistics[1:] == [
+        {"rate": 500.0, "p50": 0.0, "p99": 0.0, "longest": 0.0, "missed": 0.0, "real_time": False}
+    ]
+
+
+def test_silence_is_said_once_and_so_is_its_end(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench.samples(1)
+    bench.nothing(400_000_000)
+    assert capsys.readouterr().err == ""
+    bench.nothing(200_000_000)
+    bench.nothing(600_000_000)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "no sample from the microcontroller for 0.5 s" in line
+    bench.samples(1)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "samples again after 1.2 s" in line
+    assert [type(message) for message in bench.outbox()] == [mailbox.Event] * 2
+
+
+def test_without_samples_an_emergency_acts_and_arming_is_refused(bench: Bench) -> None:
+    bench.nothing(600_000_000)
+    bench.outbox()
+    cut = mailbox.Emergency("r1", "anna", "cut")
+    bench.send(cut, mailbox.Arm("r2", "anna"))
+    bench.nothing(1)
+    assert bench.stack.calls == [cut]
+    assert bench.outbox() == [
+        mailbox.Reply("r1", True),
+        mailbox.Reply("r2", False, "refused: the microcontroller gives no samples"),
+    ]
+
+
+def test_what_the_microcontroller_refused_is_said(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench.mcu.failures.append("microcontroller: wrong robot")
+    bench.samples(1)
+    assert "wrong robot" in capsys.readouterr().err
+    assert bench.outbox() == [mailbox.Event(0, mailbox.WARN, "microcontroller: wrong robot")]
+    assert bench.mcu.failures == []
+
+
+def test_a_full_ring_costs_records_not_ticks(bench: Bench) -> None:
+    slots = bench.rings.ticks.slots
+    for _ in range(slots + 3):
+        bench.samples(1)
+    assert len(bench.stack.calls) == slots + 3
+    assert bench.rings.ticks.dropped == 3
+
+
+def test_a_port_that_never_comes_is_one_clear_line() -> None:
+    with pytest.raises(LinkError, match="cannot open serial port /nowhere/mcu0"):
+        open_ports(["/nowhere/mcu0"], patience_s=0.0)

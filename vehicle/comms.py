@@ -1,0 +1,160 @@
+"""The comms process: Zenoh and the onboard log, beside the flight process and unable to delay it.
+
+One thread drains what flight sends every 10 ms; Zenoh's threads bring what the station sends.
+Run as `python -m vehicle.comms CONFIG` by vehicle.process, which starts it again when it dies.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import msgspec
+
+from quadrotor.errors import QuadlabError
+from vehicle import mailbox
+from vehicle.comms_clock import VehicleClock
+from vehicle.comms_commands import FlightMailbox, ParameterMirror
+from vehicle.comms_inbound import Inbound
+from vehicle.comms_publish import Publisher
+from vehicle.comms_radio import LinkRadio
+from vehicle.comms_services import serve
+from vehicle.onboard_log import OnboardLog
+from vehicle.process import GIVEN_UP, say
+from vehicle.process_config import CommsConfig, Rings, open_rings
+from vehicle.realtime import die_with_parent
+from vehicle_link import topics
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.node import Node, Received
+from vehicle_link.session import vehicle_session
+
+DRAIN_PERIOD_S = 0.01
+STATION_LOST_S = 1.0
+CLOSE_PATIENCE_S = 2.0  # closing a session whose peer is gone can take 10 s
+
+
+class Comms:
+    """Everything of this process, wired."""
+
+    def __init__(self, config: CommsConfig, rings: Rings, node: Node) -> None:
+        self._rings = rings
+        self._clock = VehicleClock()
+        self._flight = FlightMailbox(rings.inbox)
+        self._mirror = ParameterMirror(self._flight, config.parameters)
+        self._events: list[mailbox.Event] = []
+        self._bearing_poses: list[tuple[bytes, int]] = []
+        self._node = node
+        self._radio = LinkRadio(node)
+        self._log = OnboardLog(Path(config.data), config.name, self._parameters_json, self._say)
+        self._publisher = Publisher(self._radio, self._log, self._clock, config.name)
+        self._inbound = Inbound(
+            self._flight,
+            self._clock,
+            self._say,
+            lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
+            self._log_received,
+        )
+        self._dropped = 0
+        serve(node, self._flight, self._mirror, self._clock, config.name)
+        for topic in self._inbound.handlers:
+            node.subscribe(topic, topics.TOPICS[topic].type_name, self._receiver(topic))
+
+    def run(self, stopping: threading.Event) -> None:
+        """Until `stopping` is set; then once more, so that nothing read is lost."""
+        while not stopping.wait(DRAIN_PERIOD_S):
+            self.drain()
+        self.drain()
+
+    def drain(self) -> None:
+        """Take everything flight has sent and pass it on."""
+        read_ns = time.monotonic_ns()
+        ticks = self._rings.ticks.pop_all()
+        if len(ticks):
+            if not self._clock.started:
+                self._mirror.fetch()
+            self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
+            self._log.ticks(ticks, self._clock.at_ns(read_ns))
+            self._publisher.ticks(ticks)
+        for message in self._rings.outbox.pop_all():
+            self._dispatch(mailbox.decode_outbound(message))
+        while self._bearing_poses:
+            self._publisher.bearing_pose(*self._bearing_poses.pop(0))
+        while self._events:
+            self._publisher.event(self._events.pop(0))
+        self._publisher.station_lost = self._inbound.station_silence > STATION_LOST_S
+        self._publisher.heartbeat()
+        self._watch_drops()
+
+    def close(self) -> None:
+        """Close the log first: it must not wait for the radio."""
+        self._log.close()
+        self._radio.close()
+        self._node.close()
+
+    def _dispatch(self, message: mailbox.Outbound) -> None:
+        if isinstance(message, mailbox.Reply):
+            self._flight.deliver(message)
+            self._mirror.deliver(message)
+        elif isinstance(message, mailbox.Event):
+            self._publisher.event(message)
+        else:
+            self._mirror.changed(message)
+            self._publisher.parameter_change(message)
+
+    def _watch_drops(self) -> None:
+        dropped = self._rings.ticks.dropped + self._rings.outbox.dropped
+        if dropped > self._dropped:
+            self._say(
+                mailbox.ERROR,
+                f"{dropped - self._dropped} ticks or replies of flight were lost: comms was away",
+            )
+            self._dropped = dropped
+
+    def _receiver(self, topic: str):  # type: ignore[no-untyped-def]
+        def receive(received: Received) -> None:
+            self._inbound.take(topic, bytes(received.payload))
+
+        return receive
+
+    def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
+        type_name = topics.TOPICS[topic].type_name
+        self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())
+
+    def _say(self, level: int, text: str) -> None:
+        """An event of this process, from any of its threads."""
+        self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
+        if level > mailbox.INFO:
+            say(text)
+
+    def _parameters_json(self) -> bytes:
+        return json.dumps(self._mirror.values(), indent=1).encode()
+
+
+def main(argument: str) -> int:
+    """Exit status: 0 stopped by a signal, GIVEN_UP when it cannot start."""
+    config = msgspec.json.decode(argument, type=CommsConfig)
+    die_with_parent(config.parent)
+    stopping = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopping.set())
+    try:
+        files = ensure_certificates(Path(config.data) / "certificates")
+        session = vehicle_session(config.link_port, files)
+    except QuadlabError as error:
+        say(str(error))
+        return GIVEN_UP
+    comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
+    comms.run(stopping)
+    threading.Timer(CLOSE_PATIENCE_S, os._exit, (0,)).start()
+    comms.close()
+    session.close()
+    os._exit(0)  # threads of a session that was lost may still wait
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

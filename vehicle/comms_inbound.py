@@ -1,0 +1,150 @@
+"""What the station sends: poses, bearings, sticks and heartbeats, into the flight's inbox.
+
+All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what
+is from the future by as much; both are said once a second at most.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from estimation.planar_pose import planar_pose
+from quadrotor.errors import LinkError, MeasurementError
+from vehicle import mailbox
+from vehicle.comms_clock import VehicleClock
+from vehicle.comms_commands import FlightMailbox
+from vehicle_link import topics
+
+OLDEST_NS = 200_000_000
+SAID_EVERY_NS = 1_000_000_000
+
+Say = Callable[[int, str], None]
+
+
+class SaidOnceASecond:
+    """Lets one line a second and subject through and counts the others into the next."""
+
+    def __init__(self, say: Say, clock: VehicleClock) -> None:
+        self._say = say
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._said_ns: dict[str, int] = {}
+        self._held_back: dict[str, int] = {}
+
+    def __call__(self, subject: str, text: str) -> None:
+        now_ns = self._clock.now_ns()
+        with self._lock:
+            if 0 <= now_ns - self._said_ns.get(subject, -SAID_EVERY_NS) < SAID_EVERY_NS:
+                self._held_back[subject] = self._held_back.get(subject, 0) + 1
+                return
+            self._said_ns[subject] = now_ns
+            more = self._held_back.pop(subject, 0)
+        self._say(mailbox.WARN, f"{subject}: {text}" + (f" (and {more} more)" if more else ""))
+
+
+class Inbound:
+    """Callbacks of the subscriptions; each may run in a thread of its own.
+
+    Args:
+        bearing_pose: takes (payload, stamp in ns) of a one-frame pose.
+        log: takes (topic, payload, stamp in ns) of everything that was not ignored.
+    """
+
+    def __init__(
+        self,
+        flight: FlightMailbox,
+        clock: VehicleClock,
+        say: Say,
+        bearing_pose: Callable[[bytes, int], None],
+        log: Callable[[str, bytes, int], None],
+        beacons: Beacons = PAPER_BEACONS,
+    ) -> None:
+        self._flight = flight
+        self._clock = clock
+        self._complain = SaidOnceASecond(say, clock)
+        self._bearing_pose = bearing_pose
+        self._log = log
+        self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
+        self._heard_ns: int | None = None
+
+    @property
+    def station_silence(self) -> float:
+        """Seconds since the station's last heartbeat; inf before the first."""
+        heard_ns = self._heard_ns
+        return math.inf if heard_ns is None else (time.monotonic_ns() - heard_ns) * 1e-9
+
+    def take(self, topic: str, payload: bytes) -> None:
+        """One message of a topic of `handlers`; unusable ones are reported."""
+        try:
+            self.handlers[topic](self, payload)
+        except (LinkError, MeasurementError) as error:
+            self._complain(topic, str(error))
+
+    def _tracker_pose(self, payload: bytes) -> None:
+        sample = topics.decode_pose(payload)
+        stamp_ns = int(sample["stamp_ns"][0])
+        if self._fresh("tracker_pose", stamp_ns):
+            x, y, z = sample["position_w"][0].tolist()
+            qw, qx, qy, qz = sample["quaternion_wb"][0].tolist()
+            self._send(mailbox.Pose(stamp_ns, (x, y, z), (qw, qx, qy, qz)))
+            self._log("tracker_pose", payload, stamp_ns)
+
+    def _joy(self, payload: bytes) -> None:
+        sticks = topics.decode_joy(payload)
+        if self._fresh("joy", sticks.stamp_ns):
+            self._send(mailbox.Joy(sticks.stamp_ns, sticks.axes, sticks.enabled))
+            self._log("joy", payload, sticks.stamp_ns)
+
+    def _heartbeat(self, payload: bytes) -> None:
+        topics.decode_heartbeat(payload)
+        self._heard_ns = time.monotonic_ns()
+        # The station's own stamp may precede its time synchronisation: what counts is when.
+        self._send(mailbox.Heartbeat(self._clock.now_ns()))
+
+    def _bearings(self, payload: bytes) -> None:
+        seen = topics.decode_bearings(payload)
+        if not self._fresh("bearings", seen.stamp_ns):
+            return
+        self._send(
+            mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma)
+        )
+        self._log("bearings", payload, seen.stamp_ns)
+        known = [k for k, one in enumerate(seen.beacon_ids) if one in self._places]
+        if not known:
+            raise MeasurementError(
+                f"no known beacon among {seen.beacon_ids}; known are {sorted(self._places)}"
+            )
+        places = np.array([self._places[seen.beacon_ids[k]] for k in known])
+        bearings = np.array([seen.bearings_b[k] for k in known])
+        pose = planar_pose(places, bearings, seen.sigma)
+        encoded = topics.encode_bearing_pose(
+            seen.stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
+        )
+        self._bearing_pose(encoded, seen.stamp_ns)
+
+    def _fresh(self, topic: str, stamp_ns: int) -> bool:
+        age_ns = self._clock.now_ns() - stamp_ns
+        if abs(age_ns) <= OLDEST_NS:
+            return True
+        when = f"{age_ns / 1e6:.0f} ms old" if age_ns > 0 else f"{-age_ns / 1e6:.0f} ms ahead"
+        self._complain(
+            topic, f"ignored, its stamp is {when} of the vehicle's clock; allowed 200 ms"
+        )
+        return False
+
+    def _send(self, message: mailbox.Measurement) -> None:
+        if not self._flight.send(message):
+            self._complain("flight inbox", "full; measurements are lost")
+
+    handlers = {
+        "tracker_pose": _tracker_pose,
+        "bearings": _bearings,
+        "joy": _joy,
+        "station_heartbeat": _heartbeat,
+    }

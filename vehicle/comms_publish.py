@@ -1,0 +1,174 @@
+"""What leaves the vehicle: telemetry packets, the slow topics at their rates, heartbeats.
+
+Everything is encoded once and goes to the onboard log too. While the station is not heard, the
+radio gets at most five messages a second of each topic, as a probe; the log still gets all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from control.behaviors.table import BehaviorName
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
+from vehicle import mailbox
+from vehicle.comms_clock import VehicleClock
+from vehicle.modes import Flag, Mode
+from vehicle.onboard_log import OnboardLog
+from vehicle_link import telemetry, topics
+
+PACKETS_A_SECOND = 100
+PROBE_NS = 200_000_000
+STALE_NS = 200_000_000  # ticks older than this are for the log only
+ESTIMATOR = "complementary"
+
+_UNSTABLE = Flag.SATURATED | Flag.TILT_LIMITED  # may change every tick: no reason to publish
+_ON_CHANGE = ("mode", "behavior", "armed", "airborne", "parameter_revision")
+
+
+class Radio(Protocol):
+    """One publisher a topic; `put` may take a millisecond."""
+
+    def put(self, topic: str, payload: bytes, source_ns: int) -> None: ...
+
+
+class Publisher:
+    """Owned by the comms thread; `event`, `parameter_change` and `bearing_pose` as well."""
+
+    def __init__(self, radio: Radio, log: OnboardLog, clock: VehicleClock, vehicle: str) -> None:
+        self._radio = radio
+        self._log = log
+        self._clock = clock
+        self._vehicle = vehicle
+        self._node = f"/{vehicle}/vehicle"
+        self._pending: list[Record] = []
+        self._pending_count = 0
+        self._packet = 0
+        self._heartbeat = 0
+        self._due_ns: dict[str, int] = {}
+        self._probe_ns: dict[str, int] = {}
+        self._status_key: tuple[int, ...] = ()
+        self.station_lost = False
+
+    def ticks(self, ticks: Record) -> None:
+        """The ticks read just now, shape (N,), N ≥ 1, oldest first."""
+        stamps = ticks["imu"]["stamp_ns"]
+        newest = int(stamps[-1])
+        self._telemetry(ticks[stamps >= newest - STALE_NS])
+        last = ticks[-1:]
+        key = _status_key(last)
+        if self._due("status", newest) or key != self._status_key:
+            self._status_key = key
+            self._send("status", self._status(last), newest)
+        if self._due("estimator", newest):
+            self._send("estimator", topics.encode_estimators(last, ESTIMATOR)[0], newest)
+        if self._due("battery", newest):
+            self._send("battery", topics.encode_batteries(last, self._vehicle)[0], newest)
+        if self._due("pressure", newest):
+            self._send("pressure", topics.encode_pressures(last, self._vehicle)[0], newest)
+
+    def heartbeat(self) -> None:
+        """Call often; sends at its rate, with or without ticks."""
+        now_ns = self._clock.now_ns()
+        if self._due("vehicle_heartbeat", now_ns):
+            self._heartbeat += 1
+            payload = topics.encode_heartbeat(self._heartbeat, now_ns)
+            self._radio.put("vehicle_heartbeat", payload, now_ns)
+
+    def event(self, event: mailbox.Event) -> None:
+        payload = topics.encode_event(
+            event.stamp_ns, event.level, event.text, f"{self._vehicle}.vehicle"
+        )
+        self._send("events", payload, event.stamp_ns, always=True)
+
+    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        stamp_ns = change.stamp_ns
+        changed: dict[str, ParameterValue] = {change.name: change.new}
+        event = topics.encode_parameter_event(stamp_ns, self._node, changed)
+        self._send("parameter_events", event, stamp_ns, always=True)
+        payload = topics.encode_parameter_change(
+            stamp_ns, change.name, change.old, change.new, change.requester, change.revision
+        )
+        self._send("parameter_changes", payload, stamp_ns, always=True)
+
+    def bearing_pose(self, payload: bytes, stamp_ns: int) -> None:
+        self._send("bearing_pose", payload, stamp_ns)
+
+    def _telemetry(self, ticks: Record) -> None:
+        if self._pending and _too_old(self._pending[0], ticks):
+            self._pending.clear()
+            self._pending_count = 0
+        self._pending.append(ticks)
+        self._pending_count += len(ticks)
+        size = samples_a_packet(float(ticks["status"]["tick_rate"][-1]))
+        if self._pending_count < size:
+            return
+        waiting = np.concatenate(self._pending)
+        for start in range(0, len(waiting) - size + 1, size):
+            group = waiting[start : start + size]
+            stamp_ns = int(group["imu"]["stamp_ns"][-1])
+            if self._may_send("telemetry", stamp_ns):
+                self._radio.put("telemetry", telemetry.pack(group, self._packet), stamp_ns)
+                self._packet += 1
+        rest = waiting[len(waiting) // size * size :]
+        self._pending = [rest] if len(rest) else []
+        self._pending_count = len(rest)
+
+    def _status(self, tick: Record) -> bytes:
+        status = tick["status"][0]
+        return topics.encode_status(
+            tick,
+            Mode(status["mode"]).name.lower(),
+            BehaviorName(status["behavior"]).name.lower(),
+            flag_names(int(status["flags"])),
+        )
+
+    def _due(self, topic: str, now_ns: int) -> bool:
+        """True once a period of the topic; deadlines are kept, so the mean rate is the rate."""
+        period = round(1e9 / topics.TOPICS[topic].rate)
+        late = now_ns - self._due_ns.get(topic, now_ns)
+        if late < -period:  # the clock was set back
+            late = 0
+        if late < 0:
+            return False
+        # More than a period late: start a new row of deadlines instead of catching up.
+        self._due_ns[topic] = now_ns + period - (late if late < period else 0)
+        return True
+
+    def _may_send(self, topic: str, stamp_ns: int) -> bool:
+        if not self.station_lost:
+            return True
+        if 0 <= stamp_ns - self._probe_ns.get(topic, 0) < PROBE_NS:
+            return False
+        self._probe_ns[topic] = stamp_ns
+        return True
+
+    def _send(self, topic: str, payload: bytes, stamp_ns: int, *, always: bool = False) -> None:
+        if always or self._may_send(topic, stamp_ns):
+            self._radio.put(topic, payload, stamp_ns)
+        type_name = topics.TOPICS[topic].type_name
+        self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())
+
+
+def samples_a_packet(tick_rate: float) -> int:
+    """As many as make 100 packets a second, as far as one datagram holds them."""
+    if tick_rate <= 0.0:
+        return telemetry.SAMPLES_A_PACKET
+    return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / PACKETS_A_SECOND)))
+
+
+def flag_names(flags: int) -> Sequence[str]:
+    """Lower-case names of the flags that are set."""
+    return [flag.name.lower() for flag in Flag if flags & flag and flag.name]
+
+
+def _status_key(tick: Record) -> tuple[int, ...]:
+    status = tick["status"][0]
+    return (int(status["flags"]) & ~int(_UNSTABLE), *(int(status[name]) for name in _ON_CHANGE))
+
+
+def _too_old(first: Record, ticks: Record) -> bool:
+    return bool(ticks["imu"]["stamp_ns"][0] - first["imu"]["stamp_ns"][0] > STALE_NS)

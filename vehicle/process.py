@@ -1,0 +1,198 @@
+"""`quadlab vehicle`: makes the rings, runs flight and comms as two processes, and watches them.
+
+A comms process that dies is started again and finds the rings as they were; when flight dies the
+vehicle ends, for then the microcontroller's emergency mode has taken over.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import FrameType
+
+import msgspec
+
+from quadrotor.errors import StorageError
+from quadrotor.parameters import ParameterValue
+from vehicle.process_config import CommsConfig, FlightConfig, RingDescriptors, create_rings
+
+PATIENCE_S = 5.0
+GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
+STABLE_S = 5.0  # a comms process that lived this long is started again after the short pause
+SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+class _Children:
+    """The two processes; only the main thread starts them, or PR_SET_PDEATHSIG would misfire."""
+
+    def __init__(self, rings: RingDescriptors, flight: FlightConfig, comms: CommsConfig) -> None:
+        self._rings = rings
+        self._comms_config = comms
+        self.comms_restarted = False
+        self.comms_started = time.monotonic()
+        self.flight = self._start("vehicle.flight", flight)
+        self.comms = self._start("vehicle.comms", comms)
+
+    def restart_comms(self) -> None:
+        self.comms_restarted = True
+        self.comms_started = time.monotonic()
+        self.comms = self._start("vehicle.comms", self._comms_config)
+
+    def stop(self) -> None:
+        """SIGTERM, patience, SIGKILL: nothing stays."""
+        both = (self.flight, self.comms)
+        for process in both:
+            if process.poll() is None:
+                process.terminate()
+        for process in both:
+            try:
+                process.wait(PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                say(f"process {process.pid} does not end; killed")
+                process.kill()
+                process.wait()
+
+    def _start(self, module: str, config: msgspec.Struct) -> subprocess.Popen[bytes]:
+        # A group of its own: Ctrl-C in the terminal is for the parent, which then ends both.
+        return subprocess.Popen(
+            [sys.executable, "-m", module, msgspec.json.encode(config).decode()],
+            cwd=REPOSITORY,
+            stdin=subprocess.DEVNULL,
+            pass_fds=self._rings.all,
+            process_group=0,
+        )
+
+
+class _Signals:
+    """SIGTERM, SIGINT and SIGCHLD, waited for without polling."""
+
+    WATCHED = (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD)
+
+    def __init__(self) -> None:
+        self.stopping = False
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._before = {number: signal.signal(number, self._note) for number in self.WATCHED}
+        self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+
+    def wait(self, timeout_s: float | None) -> None:
+        """Until the next signal, or the time is over."""
+        ready, _, _ = select.select([self._reader], [], [], timeout_s)
+        if ready:
+            os.read(self._reader, 64)
+
+    def restore(self) -> None:
+        signal.set_wakeup_fd(self._wakeup_before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if number != signal.SIGCHLD:
+            self.stopping = True
+
+
+def run_vehicle(
+    ports: list[str],
+    data: Path,
+    link_port: int,
+    name: str = "quad1",
+    settings: Mapping[str, ParameterValue] | None = None,
+) -> int:
+    """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
+
+    Call it from the main thread.
+
+    Args:
+        ports: the microcontroller's serial ports, one or two.
+        data: folder for certificates and onboard logs.
+        link_port: UDP port the station dials.
+        settings: parameter values to start with.
+    """
+    rings = create_rings()
+    values = dict(settings or {})
+    parent = os.getpid()
+    signals = _Signals()
+    recovery = _Recovery(data)
+    try:
+        recovery.start()
+        children = _Children(
+            rings,
+            FlightConfig(parent, rings, ports, values),
+            CommsConfig(parent, rings, name, str(data.resolve()), link_port, values),
+        )
+        try:
+            return _watch(children, signals, recovery)
+        finally:
+            children.stop()
+    finally:
+        signals.restore()
+        for descriptor in rings.all:
+            os.close(descriptor)
+
+
+def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:
+    restart_at: float | None = None
+    while not signals.stopping:
+        if children.flight.poll() is not None:
+            say(f"flight process {_how_it_ended(children.flight.returncode)}; vehicle ends")
+            return 1
+        if restart_at is None and children.comms.poll() is not None:
+            status, lived = children.comms.returncode, time.monotonic() - children.comms_started
+            if status == GIVEN_UP and not children.comms_restarted:
+                return 1
+            say(f"comms process {_how_it_ended(status)}; starting it again")
+            restart_at = time.monotonic() + (SHORT_PAUSE_S if lived > STABLE_S else LONG_PAUSE_S)
+        if restart_at is not None and time.monotonic() >= restart_at:
+            restart_at = None
+            recovery.start()
+            children.restart_comms()
+        signals.wait(None if restart_at is None else max(0.0, restart_at - time.monotonic()))
+    return 0
+
+
+class _Recovery:
+    """Mends torn onboard logs here, where nothing else needs the processor's attention."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+
+    def start(self) -> None:
+        """List the torn files now, before comms opens a new one; mend them in the background."""
+        if not any((self._data / "onboard").glob("*.mcap")):
+            return
+        from vehicle.onboard_log import torn_logs  # mcap and rosbags: only needed here
+
+        try:
+            torn = torn_logs(self._data)
+        except StorageError as error:
+            say(str(error))
+            return
+        if torn:
+            threading.Thread(target=self._mend, args=(torn,), daemon=True).start()
+
+    def _mend(self, torn: list[Path]) -> None:
+        from vehicle.onboard_log import recover_logs
+
+        for line in recover_logs(torn):
+            say(line)
+
+
+def _how_it_ended(status: int) -> str:
+    if status < 0:
+        return f"was killed by {signal.Signals(-status).name}"
+    return f"ended with status {status}"
+
+
+def say(line: str) -> None:
+    """One line to the terminal."""
+    print(f"vehicle: {line}", file=sys.stderr, flush=True)

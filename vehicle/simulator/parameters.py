@@ -1,0 +1,81 @@
+"""The true vehicle: its model's quantities with their true values, and what a model leaves out."""
+
+from __future__ import annotations
+
+from quadrotor.parameters import parameter
+from quadrotor.vehicle_model import VehicleModel
+
+
+class SimulatorParameters(VehicleModel):
+    """Truth of the simulated vehicle; defaults are the MK-Quadro the flight stack believes in.
+
+    Inherits mass, inertia, geometry and motor law of VehicleModel. Noise is Gaussian, per sample.
+    """
+
+    seed: int = parameter(
+        1, ge=0, le=2**31 - 1, step=1, read_only=True,
+        description="of all random numbers; the same seed gives the same bytes",
+    )  # fmt: skip
+    imu_rate: int = parameter(
+        500, unit="Hz", ge=50, le=650, step=10, read_only=True,
+        description="IMU samples a second, over both ports; stamps are whole milliseconds",
+    )  # fmt: skip
+    thrust_efficiency: float = parameter(
+        1.0, ge=0.5, le=1.2, step=0.001,
+        description="true thrust over the motor law's; 0.938 gives the paper's 1.394 kg (Sec. 7)",
+    )  # fmt: skip
+    drag: float = parameter(
+        0.0, unit="N s/m", ge=0.0, le=2.0, step=0.01,
+        description="linear drag of the whole vehicle, against its velocity",
+    )  # fmt: skip
+    accelerometer_noise: float = parameter(
+        0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01, description="standard deviation a sample"
+    )
+    accelerometer_bias_x: float = parameter(
+        0.03, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
+    )
+    accelerometer_bias_y: float = parameter(
+        -0.02, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
+    )
+    accelerometer_bias_z: float = parameter(
+        0.04, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
+    )
+    gyroscope_noise: float = parameter(
+        0.3, unit="deg/s", ge=0.0, le=20.0, step=0.05, description="standard deviation a sample"
+    )
+    gyroscope_bias_x: float = parameter(
+        0.9, unit="deg/s", ge=-20.0, le=20.0, step=0.1, description="constant drift"
+    )
+    gyroscope_bias_y: float = parameter(
+        -0.7, unit="deg/s", ge=-20.0, le=20.0, step=0.1, description="constant drift"
+    )
+    gyroscope_bias_z: float = parameter(
+        0.5, unit="deg/s", ge=-20.0, le=20.0, step=0.1, description="constant drift"
+    )
+    ground_pressure: float = parameter(
+        96_000.0, unit="Pa", ge=85_000.0, le=110_000.0, step=10.0,
+        description="air pressure at z = 0",
+    )  # fmt: skip
+    pressure_noise: float = parameter(
+        2.5, unit="Pa", ge=0.0, le=100.0, step=0.1, description="standard deviation a sample"
+    )
+    ground_stiffness: float = parameter(
+        2000.0, unit="N/m", ge=200.0, le=20_000.0, step=100.0,
+        description="of the landing gear's four feet together",
+    )  # fmt: skip
+    ground_damping: float = parameter(
+        60.0, unit="N s/m", ge=0.0, le=400.0, step=5.0,
+        description="of the landing gear's four feet together",
+    )  # fmt: skip
+    ground_friction: float = parameter(
+        0.6, ge=0.0, le=2.0, step=0.05, description="Coulomb coefficient of the feet"
+    )
+    battery_capacity: float = parameter(
+        2.6, unit="A h", ge=0.1, le=20.0, step=0.1, description="of the full battery, 4S"
+    )
+    battery_charge: float = parameter(
+        1.0, ge=0.0, le=1.0, step=0.05, description="share of the capacity left at the start"
+    )
+    battery_resistance: float = parameter(
+        0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="inner resistance and cables"
+    )

@@ -1,0 +1,82 @@
+"""A serial device made of a pseudo-terminal, with a link to it in the run's folder."""
+
+from __future__ import annotations
+
+import array
+import fcntl
+import os
+import termios
+import tty
+from pathlib import Path
+
+from quadrotor.errors import StorageError
+
+BACKLOG = 2048
+"""Bytes that may wait unread, 60 frames; a vehicle that comes later finds no old samples."""
+_CHUNK = 4096
+
+
+class PseudoTerminal:
+    """The microcontroller's end of one serial line; a `vehicle_link.serial.port.Port`.
+
+    The device is raw and stays alive whoever opens and closes it. When nobody reads, what waits is
+    thrown away once it passes BACKLOG; `dropped` counts those bytes.
+
+    Args:
+        link: symbolic link to make (or replace) for the device, removed by `close`.
+
+    Raises StorageError when the link cannot be made.
+    """
+
+    def __init__(self, link: Path) -> None:
+        self.link = link
+        self.dropped = 0
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.device = os.ttyname(self._slave)
+        self._waiting = array.array("i", [0])
+        new = link.with_name(f".{link.name}.{os.getpid()}")
+        try:
+            link.parent.mkdir(parents=True, exist_ok=True)
+            new.symlink_to(self.device)
+            new.replace(link)
+        except OSError as error:
+            self._close_files()
+            raise StorageError(
+                f"cannot make the serial device's link {link}: {error.strerror}; "
+                "choose a folder that can be written, with --data"
+            ) from None
+
+    def read(self) -> bytes:
+        try:
+            return os.read(self._master, _CHUNK)
+        except BlockingIOError:
+            return b""
+
+    def write(self, data: bytes) -> None:
+        fcntl.ioctl(self._slave, termios.FIONREAD, self._waiting)
+        if self._waiting[0] > BACKLOG:
+            termios.tcflush(self._slave, termios.TCIFLUSH)
+            self.dropped += self._waiting[0]
+        try:
+            written = os.write(self._master, data)
+        except BlockingIOError:
+            written = 0
+        self.dropped += len(data) - written
+
+    def fileno(self) -> int:
+        return self._master
+
+    def close(self) -> None:
+        """Hang up; the link goes, unless another simulator has made it its own meanwhile."""
+        try:
+            if os.readlink(self.link) == self.device:
+                self.link.unlink()
+        except FileNotFoundError:
+            pass  # the folder was cleared meanwhile: nothing left to remove
+        self._close_files()
+
+    def _close_files(self) -> None:
+        os.close(self._master)
+        os.close(self._slave)

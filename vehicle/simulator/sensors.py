@@ -1,0 +1,104 @@
+"""What the microcontroller's converters make of the truth: noisy, biased, whole counts.
+
+Accelerometer ±2 g and gyroscope ±300 deg/s in 10 bit (Sec. 2), barometer by the lapse of the
+standard atmosphere, battery in 0.1 V. Random numbers are drawn in blocks, from one seed.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from quadrotor.records import Record
+from quadrotor.vehicle_model import GRAVITY
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
+
+Array = npt.NDArray[np.float64]
+Registers = npt.NDArray[np.int16]
+
+ACCELEROMETER_SCALE = 0.0039 * GRAVITY
+"""m/s^2 per count."""
+GYROSCOPE_SCALE = math.radians(0.586)
+"""rad/s per count."""
+ZERO, FULL_SCALE = 512, 1023
+PRESSURE_LAPSE = 11.6
+"""Pa/m, standard atmosphere in the lowest few hundred metres."""
+CHANNELS = 8
+"""Random numbers a sample: accelerometer 3, gyroscope 3, pressure, battery."""
+BLOCK = 512
+
+_ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
+_BATTERY, _PRESSURE = int(Id.BATTERY), int(Id.PRESSURE)
+_VOLTAGE_NOISE = 0.02  # V
+
+SENSORS = np.dtype(
+    [
+        ("accelerometer_bias", "f8", 3),  # m/s^2
+        ("accelerometer_noise", "f8"),  # m/s^2
+        ("gyroscope_bias", "f8", 3),  # rad/s
+        ("gyroscope_noise", "f8"),  # rad/s
+        ("ground_pressure", "f8"),  # Pa
+        ("pressure_noise", "f8"),  # Pa
+    ],
+    align=True,
+)
+
+
+def new_sensors(parameters: SimulatorParameters) -> Record:
+    """A SENSORS record, shape (1,)."""
+    p = parameters
+    sensors = np.zeros(1, SENSORS)
+    sensors["accelerometer_bias"] = (
+        p.accelerometer_bias_x, p.accelerometer_bias_y, p.accelerometer_bias_z,
+    )  # fmt: skip
+    sensors["accelerometer_noise"] = p.accelerometer_noise
+    sensors["gyroscope_bias"] = np.radians(
+        (p.gyroscope_bias_x, p.gyroscope_bias_y, p.gyroscope_bias_z)
+    )
+    sensors["gyroscope_noise"] = math.radians(p.gyroscope_noise)
+    sensors["ground_pressure"] = p.ground_pressure
+    sensors["pressure_noise"] = p.pressure_noise
+    return sensors
+
+
+class Noise:
+    """Standard normal numbers, `CHANNELS` a sample, drawn a block at a time."""
+
+    def __init__(self, seed: int) -> None:
+        self._generator = np.random.default_rng(seed)
+        self.block = np.empty((BLOCK, CHANNELS))
+        self._row = BLOCK
+
+    def next_row(self) -> int:
+        """Row of `block` to use for the next sample."""
+        row = self._row
+        if row == BLOCK:
+            self._generator.standard_normal(out=self.block)
+            row = 0
+        self._row = row + 1
+        return row
+
+
+@njit(cache=True)
+def _count(value: float, low: int, high: int) -> int:
+    return int(min(max(math.floor(value + 0.5), low), high))
+
+
+@njit(cache=True)
+def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
+    """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
+    p, s = plant[0], sensors[0]
+    for i in range(3):
+        force = p.specific_force_b[i] + s.accelerometer_bias[i]
+        force += s.accelerometer_noise * noise[row, i]
+        registers[_ACCELEROMETER + i] = _count(force / ACCELEROMETER_SCALE + ZERO, 0, FULL_SCALE)
+        rate = p.x[10 + i] + s.gyroscope_bias[i] + s.gyroscope_noise * noise[row, 3 + i]
+        registers[_GYROSCOPE + i] = _count(rate / GYROSCOPE_SCALE + ZERO, 0, FULL_SCALE)
+    pressure = s.ground_pressure - PRESSURE_LAPSE * p.x[2] + s.pressure_noise * noise[row, 6]
+    registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)
+    voltage = p.voltage + _VOLTAGE_NOISE * noise[row, 7]
+    registers[_BATTERY] = _count(10.0 * voltage, 0, 32767)

@@ -1,0 +1,136 @@
+"""Plant, sensors and firmware as one thing that is stepped: the robot, as far as bytes can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from quadrotor.records import STATE, Record
+from vehicle.simulator.firmware import Firmware
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.plant import advance, configure_plant, new_plant
+from vehicle.simulator.sensors import Noise, new_sensors, sample
+from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
+
+PORTS = 2
+
+
+@njit(cache=True)
+def _period(
+    plant: Record, references: tuple[int, int, int, int], duration: float, sensors: Record,
+    noise: npt.NDArray[np.float64], row: int, registers: npt.NDArray[np.int16],
+) -> None:  # fmt: skip
+    """One IMU period in one compiled call."""
+    advance(plant, references, duration)
+    sample(plant, sensors, noise, row, registers)
+
+
+class SimulatedVehicle:
+    """The simulated robot; deterministic for its parameters and the bytes it gets.
+
+    Args:
+        parameters: the truth.
+        ports: its own ends of the serial lines; None makes them in memory.
+
+    Attributes:
+        ports: the flight stack's ends, when made in memory; else empty.
+        truth: STATE record, shape (1,), a live view: copy it to keep it.
+        stamp_ns: time of `truth` since the first sample, on the microcontroller's clock.
+    """
+
+    def __init__(
+        self, parameters: SimulatorParameters, ports: Sequence[Port] | None = None
+    ) -> None:
+        self.ports: tuple[MemoryPort, ...] = ()
+        if ports is None:
+            pairs = [memory_port_pair() for _ in range(PORTS)]
+            self.ports = tuple(pair[0] for pair in pairs)
+            ports = [pair[1] for pair in pairs]
+        self.parameters = parameters
+        self.firmware = Firmware(len(ports))
+        self.stamp_ns = 0
+        self._lines = tuple(enumerate(ports))
+        self._outlets = tuple(ports)
+        self._plant = new_plant(parameters)
+        self._sensors = new_sensors(parameters)
+        self._noise = Noise(parameters.seed)
+        self._samples = 0
+        self._rate = parameters.imu_rate
+        self._duration = 1.0 / parameters.imu_rate
+        self.truth: Record = self._plant["x"].view(STATE).reshape(1)
+
+    @property
+    def battery_voltage(self) -> float:
+        """V at the terminals."""
+        return float(self._plant["voltage"][0])
+
+    @property
+    def rotor_speeds(self) -> npt.NDArray[np.float64]:
+        """(4,) counts of motor reference, motors front, left, rear, right; a live view."""
+        speeds: npt.NDArray[np.float64] = self._plant["rotor_speeds"][0]
+        return speeds
+
+    def step(self) -> None:
+        """Obey the bytes that arrived, move by one IMU period, send one sample.
+
+        The first call sends the sample at time 0 without moving.
+        """
+        firmware = self.firmware
+        for index, port in self._lines:
+            data = port.read()
+            if data:
+                replies = firmware.receive(index, data)
+                if replies:
+                    port.write(replies)
+        self.stamp_ns = self.next_stamp_ns
+        firmware.advance(self.stamp_ns // 1_000_000)
+        noise = self._noise
+        row = noise.next_row()
+        if self._samples:
+            _period(
+                self._plant, firmware.references, self._duration, self._sensors,
+                noise.block, row, firmware.registers,
+            )  # fmt: skip
+        else:
+            sample(self._plant, self._sensors, noise.block, row, firmware.registers)
+        self._samples += 1
+        port_index, frame = firmware.next_data()
+        self._outlets[port_index].write(frame)
+
+    @property
+    def next_stamp_ns(self) -> int:
+        """Time of the sample that the next `step` sends."""
+        return self._samples * 1_000_000_000 // self._rate
+
+    def skip(self, samples: int) -> None:
+        """Let the clock run on by this many samples that are never sent, without motion."""
+        self._samples += samples
+
+    def warm_up(self) -> None:
+        """Compile what `step` calls, so that the first one takes no seconds; changes nothing."""
+        plant, registers = self._plant.copy(), self.firmware.registers.copy()
+        noise = np.zeros_like(self._noise.block)
+        _period(plant, (0, 0, 0, 0), self._duration, self._sensors, noise, 0, registers)
+        sample(plant, self._sensors, noise, 0, registers)
+
+    def disturb(self, force_w: Sequence[float]) -> None:
+        """Push the vehicle with this force (N, world axes) from now on; zeros end it."""
+        self._plant["disturbance_w"] = force_w
+
+    def configure(self, parameters: SimulatorParameters) -> None:
+        """Take new true values in flight, a payload for instance; motion and charge stay."""
+        self.parameters = parameters
+        configure_plant(self._plant, parameters)
+        self._sensors = new_sensors(parameters)
+
+    def place(
+        self, position_w: Sequence[float], quaternion_wb: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
+    ) -> None:
+        """Put the vehicle there, at rest: a start away from the origin."""
+        self.truth["position_w"] = position_w
+        self.truth["velocity_w"] = 0.0
+        self.truth["quaternion_wb"] = quaternion_wb
+        self.truth["angular_velocity_b"] = 0.0

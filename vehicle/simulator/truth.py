@@ -1,0 +1,113 @@
+"""Publishes the truth as a tracking system would, from a thread of its own.
+
+The network may be slow or the station away: the plant must not wait. Only the newest few states
+are kept for sending.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import sys
+import threading
+from collections.abc import Callable
+
+from quadrotor.errors import LinkError
+from quadrotor.records import Record
+
+KEPT = 8
+RETRY_S = 1.0
+
+Put = Callable[[bytes, int], None]
+"""Sends one payload with its source time in ns."""
+
+
+class TruthPublisher:
+    """Encodes and sends STATE records.
+
+    Args:
+        connect: opens the way out and returns how to send and how to close; may block, may raise
+            LinkError, is tried again each second.
+        vehicle: name, for the frame ids.
+    """
+
+    def __init__(self, connect: Callable[[], tuple[Put, Callable[[], None]]], vehicle: str) -> None:
+        self.dropped = 0
+        self._connect = connect
+        self._vehicle = vehicle
+        self._states: queue.Queue[tuple[int, Record] | None] = queue.Queue(KEPT)
+        self._stop = threading.Event()
+        self._complained = False
+        # A daemon: opening a session can block for as long as the station is away.
+        self._thread = threading.Thread(target=self._run, name="truth", daemon=True)
+        self._thread.start()
+
+    def offer(self, stamp_ns: int, state: Record) -> None:
+        """Send this state (1,), which is copied; dropped when the thread is behind."""
+        try:
+            self._states.put_nowait((stamp_ns, state.copy()))
+        except queue.Full:
+            self.dropped += 1
+
+    def close(self) -> None:
+        """Stop sending; waits for the session to close, at most 2 s."""
+        self._stop.set()
+        with contextlib.suppress(queue.Full):  # full: it is awake, and sees the stop by itself
+            self._states.put_nowait(None)
+        self._thread.join(2.0)
+
+    def _run(self) -> None:
+        # Imported here: the station's message types take a while, the plant need not wait.
+        from vehicle_link.topics.ticks import encode_odometries
+
+        while not self._stop.is_set():
+            try:
+                put, close = self._connect()
+            except LinkError as error:
+                self._complain(error)
+                self._stop.wait(RETRY_S)
+                continue
+            with contextlib.suppress(queue.Empty):  # what waited for the session is old
+                while True:
+                    self._states.get_nowait()
+            try:
+                while not self._stop.is_set():
+                    item = self._states.get()
+                    if item is not None:
+                        put(encode_odometries(item[0], item[1], self._vehicle)[0], item[0])
+            except LinkError as error:
+                self._complain(error)
+            finally:
+                close()
+
+    def _complain(self, error: LinkError) -> None:
+        if not self._complained:
+            self._complained = True
+            print(f"simulator: truth is not published yet: {error}", file=sys.stderr, flush=True)
+
+
+def connect_to_station(
+    loopback_port: int, vehicle: str
+) -> Callable[[], tuple[Put, Callable[[], None]]]:
+    """`connect` of a TruthPublisher: topic /<vehicle>/truth through the station's router."""
+
+    def connect() -> tuple[Put, Callable[[], None]]:
+        from vehicle_link.node import Node
+        from vehicle_link.session import loopback_session
+        from vehicle_link.topics import TOPICS
+
+        session = loopback_session(loopback_port)
+        node = Node(session, f"/{vehicle}", "simulator")
+        topic = TOPICS["truth"]
+        publisher = node.publisher(
+            topic.name, topic.type_name, qos=topic.qos, priority=topic.priority,
+            express=topic.express, drop=topic.drop,
+        )  # fmt: skip
+
+        def close() -> None:
+            node.close()
+            session.close()
+
+        return publisher.put, close
+
+    return connect

@@ -1,0 +1,172 @@
+"""Zenoh sessions of the vehicle, the station and everything on the station's loopback.
+
+One QUIC link with mutual TLS between vehicle and station: reliable streams, and datagrams for
+best effort (`mixed_rel=1`). The station dials, in router mode, and so routes between the vehicle
+and the clients on its loopback. The numbers are those measured on an emulated lossy link: short
+leases and time-outs bring data back 0.35 s after an outage instead of seconds, short queues keep
+old samples from arriving in a burst.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from quadrotor.errors import LinkError, UsageError
+from vehicle_link.authority import Role, TlsFiles, check_certificate
+
+if TYPE_CHECKING:
+    import zenoh
+
+VEHICLE_PORT = 7447
+LOOPBACK_PORT = 7447
+
+_RETRY = {
+    "timeout_ms": -1,
+    "exit_on_failure": False,
+    "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+}
+_QUEUES = {
+    "control": 2,
+    "real_time": 4,
+    "interactive_high": 4,
+    "interactive_low": 2,
+    "data_high": 2,
+    "data": 2,
+    "data_low": 2,
+    "background": 16,
+}
+
+
+def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Session:
+    """Listens for the station on UDP `port`, and never dials.
+
+    Raises:
+        LinkError: the port is in use, or the vehicle's certificate cannot be used.
+    """
+    check_certificate(tls, "vehicle")
+    config = _link_config("peer", tls, "vehicle")
+    config["listen"] = {"endpoints": [_quic(host, port)]}
+    return _open(config, f"UDP port {port} of {host}")
+
+
+def station_session(
+    vehicle_endpoint: str, loopback_port: int, tls: TlsFiles, loopback_host: str = "127.0.0.1"
+) -> zenoh.Session:
+    """Dials the vehicle for as long as it lives, and routes for clients on the loopback port.
+
+    Returns at once, vehicle or not; `connected_to` says whether the link stands.
+
+    Args:
+        vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
+            in the vehicle's certificate.
+
+    Raises:
+        LinkError: the loopback port is in use, or a certificate does not fit.
+        UsageError: the endpoint cannot be read.
+    """
+    host, port = parse_endpoint(vehicle_endpoint)
+    check_certificate(tls, "station")
+    if tls.certificate("vehicle").exists():  # the base issued it, so we can say what is wrong
+        check_certificate(tls, "vehicle", host)
+    config = _link_config("router", tls, "station")
+    config["connect"] = {"endpoints": [_quic(host, port)], **_RETRY}
+    config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
+    return _open(config, f"TCP port {loopback_port} of {loopback_host}")
+
+
+def loopback_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
+    """A client of the station's router: web, simulator, tools. Reconnects by itself.
+
+    Raises:
+        LinkError: the session cannot be opened.
+    """
+    config: dict[str, Any] = {
+        "mode": "client",
+        "connect": {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **_RETRY},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {"shared_memory": {"enabled": False}},
+    }
+    return _open(config, f"the station at {loopback_host}:{loopback_port}")
+
+
+def connected_to(session: zenoh.Session) -> list[str]:
+    """Addresses at the other end of each link of the session (`quic/192.168.4.2:7447`)."""
+    return [str(link.dst) for link in session.info.links()]
+
+
+def parse_endpoint(text: str) -> tuple[str, int]:
+    """(host, port) of `host`, `host:port`, `[v6]:port` or `quic/…`. Raises UsageError."""
+    place = text.removeprefix("quic/").split("?")[0]
+    host, colon, port = place.rpartition(":")
+    if not colon or place.endswith("]"):
+        host, port = place, str(VEHICLE_PORT)
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise UsageError(
+            f"{text!r} is no address of a vehicle; write its name or address, "
+            f"with :port unless it is {VEHICLE_PORT}"
+        )
+    return host.strip("[]"), int(port)
+
+
+def _link_config(mode: str, tls: TlsFiles, role: Role) -> dict[str, Any]:
+    """What both ends of the radio link share."""
+    key, certificate = str(tls.key(role)), str(tls.certificate(role))
+    return {
+        "mode": mode,
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        "transport": {
+            # Shared memory would carry large messages around the link on one host.
+            "shared_memory": {"enabled": False},
+            "unicast": {"open_timeout": 400, "accept_timeout": 400, "max_links": 1},
+            "link": {
+                "tx": {
+                    "lease": 1500,
+                    "keep_alive": 8,
+                    "batch_size": 1450,
+                    "queue": {
+                        "size": _QUEUES,
+                        "congestion_control": {
+                            "drop": {
+                                "wait_before_drop": 1000,
+                                "max_wait_before_drop_fragments": 100_000,
+                            }
+                        },
+                    },
+                },
+                "tls": {
+                    "root_ca_certificate": str(tls.authority),
+                    "listen_private_key": key,
+                    "listen_certificate": certificate,
+                    "connect_private_key": key,
+                    "connect_certificate": certificate,
+                    "enable_mtls": True,
+                    "verify_name_on_connect": True,
+                },
+            },
+        },
+    }
+
+
+def _quic(host: str, port: int) -> str:
+    try:
+        bracketed = f"[{host}]" if ipaddress.ip_address(host).version == 6 else host
+    except ValueError:
+        bracketed = host
+    return f"quic/{bracketed}:{port}?mixed_rel=1"
+
+
+def _open(config: dict[str, Any], place: str) -> zenoh.Session:
+    import zenoh
+
+    try:
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        text = " ".join(str(error).split())
+        if "in use" in text:
+            raise LinkError(
+                f"{place} is in use; stop the other quadlab, or choose another port"
+            ) from error
+        raise LinkError(f"cannot open a session on {place}: {text}") from error

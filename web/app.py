@@ -1,0 +1,280 @@
+"""The application: routes only. What they do is in the modules named after it."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from fastapi import Depends, FastAPI, HTTPException, Request, WebSocket
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
+from fastapi.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException as StarletteHTTPException
+from starlette.types import Scope
+
+from quadrotor.errors import LinkError, ParameterError, QuadlabError, RefusedError, StorageError
+from web import commands, events, pump, sticks
+from web.door import Door, Role, Session
+from web.events import EventHub
+from web.live import Live
+from web.parameters import GainPath, ParameterMirror
+from web.runs import RunCatalogue, log_file
+from web.scene import Scene
+from web.signals import describe
+from web.station import Station
+from web.telemetry import TelemetryFeed
+from web.view_server import ViewServer
+
+STATIC = Path(__file__).parent / "static"
+UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
+STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
+    (RefusedError, 409),
+    (ParameterError, 422),
+    (LinkError, 503),
+    (StorageError, 410),
+)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Everything the routes speak to."""
+
+    vehicle: str
+    base_url: str
+    door: Door
+    live: Live
+    hub: EventHub
+    feed: TelemetryFeed
+    view_server: ViewServer
+    scene: Scene
+    station: Station
+    mirror: ParameterMirror
+    gains: GainPath
+    catalogue: RunCatalogue
+    runs_folder: Path
+    stick: sticks.StickOutput
+
+
+def create_app(
+    parts: Parts, lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]]
+) -> FastAPI:
+    app = FastAPI(
+        title="quadlab", version="0.1.0", lifespan=lifespan,
+        docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
+    )  # fmt: skip
+    _add_error_handlers(app)
+    _add_reading(app, parts)
+    _add_commands(app, parts)
+    _add_view(app, parts)
+    _add_sockets(app, parts)
+    app.mount("/static", StaticFiles(directory=STATIC))
+    return app
+
+
+def session_of(request: Request) -> Session:
+    """Put there by `web.gate.Gate`, without which no request comes this far."""
+    session: Session = request.scope["session"]
+    return session
+
+
+def operator_of(session: Session = Depends(session_of)) -> Session:
+    if session.role is not Role.OPERATOR:
+        raise RefusedError(
+            f"{session.label} may watch but not command; ask an operator for an invitation"
+        )
+    return session
+
+
+def _add_reading(app: FastAPI, parts: Parts) -> None:
+    @app.get("/", include_in_schema=False)
+    def page() -> FileResponse:
+        return FileResponse(STATIC / "index.html")
+
+    @app.get("/kill", include_in_schema=False)
+    def kill_page() -> FileResponse:
+        return FileResponse(STATIC / "kill.html")
+
+    @app.get("/favicon.ico", include_in_schema=False)
+    def icon() -> FileResponse:
+        return FileResponse(STATIC / "icon.svg", media_type="image/svg+xml")
+
+    @app.get("/vendor/{name}", include_in_schema=False)
+    def vendor(name: str) -> FileResponse:
+        """uPlot, found without importing its package, which would pull IPython in."""
+        if name not in UPLOT:
+            raise HTTPException(404, f"no {name} here; there are {', '.join(UPLOT)}")
+        try:
+            path = distribution("uplot-python").locate_file(f"uplot/static/{name}")
+        except PackageNotFoundError as error:
+            raise HTTPException(500, "uplot-python is not installed; run scripts/setup") from error
+        return FileResponse(str(path), media_type=UPLOT[name])
+
+    @app.get("/api/session")
+    def session(session: Session = Depends(session_of)) -> dict[str, str]:
+        """Who this browser is, and which vehicle this is."""
+        return {**events.session_fields(session), "vehicle": parts.vehicle}
+
+    @app.get("/api/signals")
+    def signals() -> dict[str, Any]:
+        """Signals for charts and table; topics in the order of the ages in a frame."""
+        return describe()
+
+    @app.get("/api/summary")
+    async def summary() -> dict[str, Any]:
+        """Newest status messages and the age of every topic, as on the page's bar."""
+        return events.summarize(parts.live)
+
+    @app.get("/api/events")
+    async def newest_events() -> list[dict[str, Any]]:
+        """The last log lines of the vehicle, the station and the page."""
+        return parts.hub.lines
+
+    @app.get("/api/parameters")
+    async def parameters() -> dict[str, Any]:
+        """Descriptions and confirmed values, as the vehicle gave them."""
+        return parts.mirror.as_json()
+
+    @app.get("/api/runs")
+    def runs() -> list[dict[str, Any]]:
+        """Recorded runs, newest first."""
+        return parts.catalogue.runs()
+
+    @app.api_route("/api/runs/{run_id}/download", methods=["GET", "HEAD"])
+    def download(run_id: str) -> FileResponse:
+        """The run's MCAP file; ranges work, so a broken download can be resumed."""
+        path = log_file(parts.catalogue, parts.runs_folder, run_id)
+        if path is None:
+            raise HTTPException(404, f"there is no run {run_id!r}; /api/runs lists all")
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+
+def _add_commands(app: FastAPI, parts: Parts) -> None:
+    station = parts.station
+
+    @app.post("/api/commands/arm")
+    async def arm(
+        body: commands.CommandBody, session: Session = Depends(operator_of)
+    ) -> dict[str, Any]:
+        await station.command("arm", session.label, **body.fields)
+        return {"accepted": True}
+
+    @app.post("/api/commands/disarm")
+    async def disarm(
+        body: commands.CommandBody, session: Session = Depends(operator_of)
+    ) -> dict[str, Any]:
+        await station.command("disarm", session.label, **body.fields)
+        return {"accepted": True}
+
+    @app.post("/api/commands/start_behavior")
+    async def start_behavior(
+        body: commands.StartBehaviorBody, session: Session = Depends(operator_of)
+    ) -> dict[str, Any]:
+        """Arguments are checked by the vehicle, which knows them."""
+        await station.start_behavior(session.label, body.name, body.arguments, **body.fields)
+        return {"accepted": True}
+
+    @app.post("/api/commands/emergency")
+    async def emergency(
+        body: commands.EmergencyBody, session: Session = Depends(operator_of)
+    ) -> dict[str, Any]:
+        """`land` comes down at once under control; `cut` stops the motors."""
+        await station.command("emergency", session.label, action=body.action, **body.fields)
+        return {"accepted": True}
+
+    @app.post("/api/commands/record")
+    async def record(
+        body: commands.RecordBody, session: Session = Depends(operator_of)
+    ) -> dict[str, Any]:
+        reply = await station.command("record", session.label, start=body.start, **body.fields)
+        return {"accepted": True, "run_id": reply.run_id}
+
+    @app.put("/api/parameters")
+    async def change(
+        body: commands.ParametersBody, session: Session = Depends(operator_of)
+    ) -> dict[str, Any]:
+        """Clamped to their bounds, applied all or none; answers what the vehicle applied."""
+        applied, revision = await parts.gains.change(body.values, session.label)
+        return {"applied": applied, "revision": revision}
+
+    @app.post("/api/invitations")
+    def invite(
+        body: commands.InvitationBody, session: Session = Depends(operator_of)
+    ) -> dict[str, str]:
+        """A sign-in link for one more browser."""
+        return {"url": f"{parts.base_url}/?token={parts.door.mint(Role(body.role))}"}
+
+
+def _add_view(app: FastAPI, parts: Parts) -> None:
+    @app.get("/viser/", include_in_schema=False)
+    def client() -> HTMLResponse:
+        return HTMLResponse(
+            pump.client_html(), headers={"content-security-policy": pump.CLIENT_POLICY}
+        )
+
+    @app.post("/api/view/follow")
+    async def follow(body: commands.FollowBody) -> dict[str, bool]:
+        """Keeps one page's camera on the vehicle."""
+        parts.scene.follow(body.view, body.follow)
+        return {"follow": body.follow}
+
+
+def _add_sockets(app: FastAPI, parts: Parts) -> None:
+    @app.websocket("/viser")
+    async def view(socket: WebSocket) -> None:
+        session: Session = socket.scope["session"]
+        await pump.pump(socket, parts.view_server, session.role)
+
+    @app.websocket("/ws/telemetry")
+    async def telemetry(socket: WebSocket) -> None:
+        await parts.feed.serve(socket)
+
+    @app.websocket("/ws/events")
+    async def news(socket: WebSocket) -> None:
+        def hello() -> dict[str, Any]:
+            return {
+                "vehicle": parts.vehicle,
+                "events": parts.hub.lines,
+                "revision": parts.mirror.revision,
+            }
+
+        def summary() -> dict[str, Any]:
+            return {**events.summarize(parts.live), "pages": parts.hub.pages}
+
+        await events.serve(socket, parts.hub, socket.scope["session"], hello, summary)
+
+    @app.websocket("/ws/stick")
+    async def stick(socket: WebSocket) -> None:
+        await sticks.serve(socket, parts.stick, socket.scope["session"])
+
+
+def _add_error_handlers(app: FastAPI) -> None:
+    """Every error of the API is JSON with one line: {"error": …}."""
+
+    def line(status: int, text: str, headers: Any = None) -> Response:
+        return JSONResponse({"error": " ".join(text.split())}, status, headers=headers)
+
+    async def user_error(_: Request, error: Exception) -> Response:
+        status = next((s for kind, s in STATUS_OF if isinstance(error, kind)), 400)
+        return line(status, str(error))
+
+    async def http_error(request: Request, error: Exception) -> Response:
+        assert isinstance(error, StarletteHTTPException)
+        detail = str(error.detail)
+        if error.status_code == 404 and detail == "Not Found":
+            detail = f"there is no {request.url.path} here; /api/openapi.json lists what is"
+        return line(error.status_code, detail, error.headers)
+
+    async def body_error(_: Request, error: Exception) -> Response:
+        assert isinstance(error, RequestValidationError)
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"][1:])
+        came = f", not {first['input']!r:.80}" if place and first["type"] != "missing" else ""
+        return line(422, f"{place or 'body'}: {first['msg']}{came}")
+
+    app.add_exception_handler(QuadlabError, user_error)
+    app.add_exception_handler(StarletteHTTPException, http_error)
+    app.add_exception_handler(RequestValidationError, body_error)

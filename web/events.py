@@ -1,0 +1,167 @@
+"""`/ws/events`: what happens, as JSON: a summary at 5 Hz, log lines, parameter changes.
+
+Every page gets the same. A page that does not keep up is disconnected and starts afresh when
+it comes back, which is simpler and more honest than a backlog.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+from fastapi import WebSocket
+from starlette.websockets import WebSocketDisconnect
+
+from web.door import Session
+from web.live import STALE, Live
+
+RATE = 5.0  # Hz, of the summary
+KEPT = 200  # log lines a new page gets
+WAITING = 500  # messages a page may lag behind
+LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
+
+Message = dict[str, Any]
+_encode = msgspec.json.Encoder().encode
+
+
+class EventHub:
+    """Hands messages to all open pages. To be used from the event loop's thread, but for
+    `publish_from_thread`."""
+
+    def __init__(self) -> None:
+        self._pages: set[asyncio.Queue[Message | None]] = set()
+        self._lines: deque[Message] = deque(maxlen=KEPT)
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+
+    @property
+    def pages(self) -> int:
+        return len(self._pages)
+
+    @property
+    def lines(self) -> list[Message]:
+        return list(self._lines)
+
+    def publish(self, message: Message) -> None:
+        if message["type"] == "event":
+            self._lines.append(message)
+        for queue in self._pages:
+            if queue.qsize() >= WAITING:
+                _empty(queue)
+                queue.put_nowait(None)  # tells its page to go
+            else:
+                queue.put_nowait(message)
+
+    def publish_from_thread(self, message: Message) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self.publish, message)
+
+    def say(self, level: str, text: str) -> None:
+        """A line of our own in everyone's event list."""
+        self.publish(event(level, text, "web", time.time()))
+
+    @contextlib.contextmanager
+    def subscribe(self) -> Any:
+        queue: asyncio.Queue[Message | None] = asyncio.Queue()
+        self._pages.add(queue)
+        try:
+            yield queue
+        finally:
+            self._pages.discard(queue)
+
+
+def event(level: str, text: str, source: str, stamp: float) -> Message:
+    """`stamp`: s, epoch; `level`: info, warn or error."""
+    return {"type": "event", "level": level, "text": text, "source": source, "stamp": stamp}
+
+
+async def serve(
+    socket: WebSocket, hub: EventHub, session: Session, hello: Callable[[], Message],
+    summary: Callable[[], Message],
+) -> None:
+    """One page's socket until it closes; parts of the summary that did not change are left out."""
+    await socket.accept()
+    with hub.subscribe() as queue:
+        await _send(socket, {"type": "hello", "session": session_fields(session), **hello()})
+        leaving = asyncio.create_task(_wait_for_end(socket))
+        sent: Message = {}
+        try:
+            due = 0.0
+            while not leaving.done():
+                wait = due - time.monotonic()
+                if wait <= 0.0:
+                    fresh = summary()
+                    changed = {k: v for k, v in fresh.items() if k not in sent or sent[k] != v}
+                    sent = fresh
+                    await _send(socket, {"type": "summary", **changed})
+                    due = time.monotonic() + 1.0 / RATE
+                    continue
+                with contextlib.suppress(TimeoutError):
+                    message = await asyncio.wait_for(queue.get(), wait)
+                    if message is None:
+                        await socket.close(1013, "this page did not keep up; it starts afresh")
+                        return
+                    await _send(socket, message)
+        except (WebSocketDisconnect, OSError):
+            return
+        finally:
+            leaving.cancel()
+
+
+def summarize(live: Live) -> Message:
+    """The bar's content: newest status messages and the age (s) of every topic."""
+    ages = {topic: live.age(topic) for topic in STALE}
+    return {
+        "age": {t: round(a, 2) if math.isfinite(a) else None for t, a in ages.items()},
+        "status": _fields(live.newest("status")),
+        "station": _fields(live.newest("station_status")),
+        "link": _fields(live.newest("link_status")),
+        "battery": _battery(live.newest("battery")),
+    }
+
+
+def session_fields(session: Session) -> dict[str, str]:
+    return {"label": session.label, "role": session.role.value}
+
+
+def _battery(message: Any) -> Message | None:
+    if message is None:
+        return None
+    return {"voltage": round(float(message.voltage), 2), "percentage": _number(message.percentage)}
+
+
+def _fields(message: Any) -> Message | None:
+    """The flat fields of a message, without its header."""
+    if message is None:
+        return None
+    names = [name for name in message.__dataclass_fields__ if name not in ("header", "__msgtype__")]
+    return {name: _number(getattr(message, name)) for name in names}
+
+
+def _number(value: Any) -> Any:
+    """JSON has no NaN and needs no 17 digits."""
+    if isinstance(value, float):
+        return float(f"{value:.6g}") if math.isfinite(value) else None
+    return value
+
+
+async def _send(socket: WebSocket, message: Message) -> None:
+    await socket.send_text(_encode(message).decode())
+
+
+async def _wait_for_end(socket: WebSocket) -> None:
+    while (await socket.receive())["type"] != "websocket.disconnect":
+        pass
+
+
+def _empty(queue: asyncio.Queue[Message | None]) -> None:
+    while not queue.empty():
+        queue.get_nowait()

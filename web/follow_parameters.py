@@ -1,0 +1,91 @@
+"""Keeps the mirror true: reads all parameters when the vehicle's revision is not ours."""
+
+from __future__ import annotations
+
+import ast
+import asyncio
+import contextlib
+from typing import Any
+
+from quadrotor.errors import QuadlabError
+from web.live import Live
+from web.parameters import ParameterMirror
+from web.scene import Box, Scene
+from web.station import Station
+
+PERIOD = 0.5  # s between looks at the revision
+STATION_NODE = "station"
+
+
+class ParameterFollower:
+    """Args: `namespace` with its slash (`/quad1`)."""
+
+    def __init__(
+        self,
+        mirror: ParameterMirror,
+        station: Station,
+        live: Live,
+        scene: Scene,
+        namespace: str,
+    ) -> None:
+        self._mirror = mirror
+        self._station = station
+        self._live = live
+        self._scene = scene
+        self._namespace = namespace
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._read_revision: int | None = None
+
+    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+
+    def changed_from_thread(self, name: str, text: str, requester: str, revision: int) -> None:
+        """A `parameter_changes` message; `text` is the new value as Python writes it."""
+        if self._loop is None or self._loop.is_closed():
+            return
+        with contextlib.suppress(ValueError, SyntaxError):  # not ours: the next read tells
+            value = ast.literal_eval(text)
+            self._loop.call_soon_threadsafe(
+                self._mirror.apply, {name: value}, requester, revision
+            )
+
+    async def run(self) -> None:
+        while True:
+            await asyncio.sleep(PERIOD)
+            status = self._live.current("status")
+            if status is None:
+                self._read_revision = None  # another vehicle may come back
+            elif self._is_news(int(status.parameter_revision)):
+                await self._read(int(status.parameter_revision))
+            if (box := flight_volume(self._mirror.value)) is not None:
+                self._scene.set_volume(box)
+
+    def _is_news(self, revision: int) -> bool:
+        return self._read_revision is None or revision > self._mirror.revision
+
+    async def _read(self, revision: int) -> None:
+        """Vehicle and station; one that does not answer is asked again in the next period."""
+        descriptions: list[Any] = []
+        values: dict[str, Any] = {}
+        for node in ("vehicle", STATION_NODE):
+            try:
+                described, read = await self._station.read_parameters(f"{self._namespace}/{node}")
+            except QuadlabError:
+                if node == "vehicle":
+                    return
+                continue
+            descriptions += described
+            values |= read
+        self._mirror.load(descriptions, values, revision)
+        self._read_revision = revision
+
+
+def flight_volume(value: Any) -> Box | None:
+    """The box of `behavior.volume_…`, once known; `value(name)` looks a parameter up."""
+    bounds = []
+    for axis in "xyz":
+        low, high = value(f"behavior.{axis}_min"), value(f"behavior.{axis}_max")
+        if low is None or high is None:
+            return None
+        bounds.append((float(low), float(high)))
+    return (bounds[0], bounds[1], bounds[2])

@@ -1,0 +1,79 @@
+"""`quadlab web`: one port with the page, the API and the 3D view behind one door."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from web.assembly import assemble
+from web.sockets import LiveWebSocket, listen
+
+CLOSING_TIME = 2  # s given to open downloads and sockets at the end
+
+
+def run_web(
+    data: Path,
+    port: int = 8080,
+    loopback_port: int = 7447,
+    token: str | None = None,
+    vehicle: str = "quad1",
+    host: str = "127.0.0.1",
+) -> None:
+    """Serves the page until interrupted.
+
+    Args:
+        data: the data folder; sign-in tokens in `web/`, recorded runs in `runs/`.
+        port: 0 takes any free one.
+        loopback_port: of the station's router.
+        token: a first sign-in token chosen by the caller; one is made if None.
+
+    Raises LinkError (port taken), UsageError (no such port) or StorageError (data folder).
+    """
+    from console.catalogue import Catalogue
+    from vehicle_link.session import loopback_session
+
+    listener = listen(host, port)
+    base_url = f"http://{host}:{listener.getsockname()[1]}"
+    try:
+        app = assemble(
+            data=data,
+            base_url=base_url,
+            vehicle=vehicle,
+            token=token,
+            open_session=lambda: loopback_session(loopback_port),
+            catalogue=Catalogue(data),
+            show_link=print_link,
+        )
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
+        server(app).run(sockets=[listener])
+    finally:
+        listener.close()
+
+
+def server(app: ASGIApp) -> uvicorn.Server:
+    """uvicorn as we run it: our websocket protocol, no compression, nothing but warnings."""
+    config = uvicorn.Config(
+        app,
+        ws=LiveWebSocket,
+        ws_per_message_deflate=False,
+        ws_max_size=64 * 1024,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=CLOSING_TIME,
+        lifespan="on",
+    )
+    return uvicorn.Server(config)
+
+
+def print_link(url: str, signed_in: str | None = None) -> None:
+    """The sign-in link, as Jupyter prints it; `signed_in` says who used the one before."""
+    if signed_in is None:
+        print(f"quadlab is at  {url}", flush=True)
+    else:
+        print(f"{signed_in} signed in; for another browser:  {url}", flush=True)
+
+
