@@ -8,14 +8,14 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from quadrotor.records import Record
+from control.parameters import Item
 from quadrotor.vehicle_model import GRAVITY, thrusts_of_wrench
 
 Array = npt.NDArray[np.float64]
 
 
 @njit(cache=True, error_model="numpy")
-def allocate(wrench: Array, model: Record, thrusts: Array) -> float:
+def allocate(wrench: Array, model: Item, thrusts: Array) -> float:
     """Feasible thrusts (N, (4,)) into `thrusts`; returns the scaling lambda, 0..1.
 
     The paper's problem in one variable has the closed form

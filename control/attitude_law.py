@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from quadrotor.records import Record
+from control.parameters import Item
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def attitude_torque(
     w_d: Array,
     w_dot_d: Array,
     integral_b: Array,
-    gains: Record,
+    gains: Item,
     J: Array,
     e_R: Array,
     out: Array,

@@ -12,7 +12,7 @@ from numba import njit
 from control.allocation import allocate
 from control.attitude_law import attitude_torque
 from control.desired_attitude import attitude_of_force
-from control.parameters import ControlParameters, control_record
+from control.parameters import ControlParameters, Item, control_record
 from control.position_law import desired_force, force_rates, limit_force
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.rotations import quaternion_to_matrix
@@ -50,14 +50,14 @@ def _wind(integral: Array, error: Array, dt: float, bound: float) -> None:
 
 @njit(cache=True, error_model="numpy")
 def step_one(
-    memory: Record,
-    state: Record,
-    reference: Record,
-    gains: Record,
-    model: Record,
+    memory: Item,
+    state: Item,
+    reference: Item,
+    gains: Item,
+    model: Item,
     airborne: bool,
     dt: float,
-    actuators: Record,
+    actuators: Item,
 ) -> None:
     """One vehicle: records, not arrays. See `step`."""
     mass = model.mass
@@ -214,9 +214,7 @@ class GeometricController:
         self._idle["scaling"] = 1.0
         if not compiled:  # here and not in the first tick, which would be seconds late
             out, memory = np.zeros(1, ACTUATORS), new_control_memory()
-            step(
-                memory, new_state(), new_reference(), self._gains, self._model, False, 0.002, out
-            )
+            step(memory, new_state(), new_reference(), self._gains, self._model, False, 0.002, out)
 
     def reset(self) -> None:
         """Empty the integrals."""
@@ -232,9 +230,7 @@ class GeometricController:
         """One tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError("GeometricController.step before configure")
-        step(
-            self.memory, state, reference, self._gains, self._model, airborne, dt, actuators
-        )
+        step(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:
         """All motors at their smallest reference: armed, on the ground."""

@@ -7,6 +7,7 @@ estimate moves. The defaults fly the paper's vehicle at 60 to 1000 Hz.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,9 @@ CONTROL = np.dtype(
     ],
     align=True,
 )
+
+Item = Any
+"""One record `array[k]` inside compiled code, where its fields are attributes."""
 
 RATES = ("nominal", "exact")
 

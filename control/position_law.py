@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from quadrotor.records import Record
+from control.parameters import Item
 from quadrotor.vehicle_model import GRAVITY
 
 Array = npt.NDArray[np.float64]
@@ -19,7 +19,7 @@ LIFT_MIN = 0.3
 
 @njit(cache=True, error_model="numpy")
 def desired_force(
-    state: Record, reference: Record, integral_w: Array, gains: Record, mass: float, out: Array
+    state: Item, reference: Item, integral_w: Array, gains: Item, mass: float, out: Array
 ) -> None:
     """f_d (N, world axes, shape (3,)) of eq. 4 into out, one record each.
 
@@ -61,9 +61,9 @@ def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def force_rates(
-    state: Record,
-    reference: Record,
-    gains: Record,
+    state: Item,
+    reference: Item,
+    gains: Item,
     mass: float,
     R_wb: Array,
     force: Array,

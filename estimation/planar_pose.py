@@ -6,7 +6,7 @@ without the plane's distance from the world origin, by which print divides (0 is
 The scale is that of the two projected columns, the sign that which puts the beacons along their
 bearings and not against them. Two Gauss-Newton steps on the bearings make the estimate efficient.
 
-Bearings may point anywhere on the sphere. numpy only; about a fifth of a millisecond.
+Bearings may point anywhere on the sphere. Small numpy calls: about 0.4 ms a pose.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-from quadrotor.rotations import quaternion_from_matrix, quaternion_to_matrix, rotation_exp
+from quadrotor.rotations import cross, quaternion_from_matrix, quaternion_to_matrix, rotation_exp
 
 Array = npt.NDArray[np.float64]
 
@@ -30,6 +30,7 @@ MAX_TURN = 0.5
 """Largest Gauss-Newton step, rad."""
 FLATNESS = 1e-3
 """How far the beacons may leave their plane, as a share of their extent."""
+_EYE = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,30 +103,31 @@ def homography_pose(
     plane = (beacons - center) @ axes.T / extent
     plane[:, 2] = 1.0
     # Rows of x cross (G a) = 0: two of the three are independent, keeping all treats axes alike.
-    x, y, z = bearings.T
-    zero = np.zeros_like(x)
-    skew = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
-    system = np.einsum("ijn,nk->nijk", skew, plane).reshape(-1, 9)
-    _, singular, vt = np.linalg.svd(system, full_matrices=False)
+    system = np.zeros((len(plane), 3, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        system[:, i, k] = bearings[:, j, None] * plane
+        system[:, i, j] = -bearings[:, k, None] * plane
+    _, singular, vt = np.linalg.svd(system.reshape(-1, 9), full_matrices=False)
     if singular[7] < 1e-6 * singular[0]:
         raise MeasurementError(
             "bearings do not determine a pose: they are the same, in one plane, or three of four "
             "beacons stand on one line; move the vehicle or the beacons"
         )
     G = vt[8].reshape(3, 3)
-    if float(np.einsum("ni,ij,nj->", bearings, G, plane)) < 0.0:
+    if ((plane @ G.T) * bearings).sum() < 0.0:
         G = -G
-    first, second = G[:, 0], G[:, 1]
+    first, second, third = G.T.copy()
     length = 0.5 * (math.sqrt(first @ first) + math.sqrt(second @ second))
     if length < 1e-9:
         raise MeasurementError(
             "bearings do not determine a pose: the beacons are too far away or seen edge-on; "
             "give a predicted pose to start from"
         )
-    u, _, v = np.linalg.svd(np.column_stack([first, second, np.cross(first, second) / length]))
-    u[:, 2] *= np.sign(np.linalg.det(u) * np.linalg.det(v))
+    u, _, v = np.linalg.svd(np.column_stack([first, second, cross(first, second) / length]))
+    if np.linalg.det(u @ v) < 0.0:
+        u[:, 2] *= -1.0
     R_wb = np.ascontiguousarray(((u @ v) @ axes).T)
-    position: Array = center - R_wb @ G[:, 2] * (extent / length)
+    position: Array = center - R_wb @ third * (extent / length)
     return position, R_wb
 
 
@@ -142,7 +144,7 @@ def _refine(
     cost, gradient, information, distance = _linearize(beacons, bearings, r, R)
     for _ in range(STEPS):
         try:
-            step = -np.linalg.solve(information, gradient)
+            step: Array = -np.linalg.solve(information, gradient)
         except np.linalg.LinAlgError:
             break  # _covariance refuses it
         move, turn = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
@@ -170,11 +172,7 @@ def _linearize(
     x = bearings @ R.T
     residual = x - d
     J = np.zeros((len(d), 3, 6))
-    J[:, :, :3] = -d[:, :, None] * d[:, None, :]
-    J[:, 0, 0] += 1.0
-    J[:, 1, 1] += 1.0
-    J[:, 2, 2] += 1.0
-    J[:, :, :3] /= rho[:, None, None]
+    J[:, :, :3] = (_EYE - d[:, :, None] * d[:, None, :]) / rho[:, None, None]
     J[:, 0, 4], J[:, 0, 5] = x[:, 2], -x[:, 1]
     J[:, 1, 3], J[:, 1, 5] = -x[:, 2], x[:, 0]
     J[:, 2, 3], J[:, 2, 4] = x[:, 1], -x[:, 0]
@@ -213,7 +211,7 @@ def _plane(beacons: Array) -> tuple[Array, Array, float]:
             f"beacons leave their common plane by up to {off:.3g} m; "
             f"allowed {FLATNESS * extent:.2g} m: level them or correct their positions"
         )
-    axes[2] = np.cross(axes[0], axes[1])
+    axes[2] = cross(axes[0], axes[1])
     return center, axes, extent
 
 

@@ -70,7 +70,7 @@ class SimulatedFlight:
         self.stack = FlightStack(parameters, estimator=estimator)
         self.clock = StageClock()
         self._simulated = simulated
-        self._mcu = Microcontroller(simulated.ports)
+        self._mcu = Microcontroller(simulated.ports, epoch_ns=0)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
         self._log = log
@@ -127,6 +127,7 @@ class SimulatedFlight:
         self._simulated.step()
         clock.lap("simulated robot")
         samples = mcu.receive()
+        mcu.service(self._simulated.stamp_ns * 1e-9)
         clock.lap("serial")
         for sample in samples:
             motors = stack.tick(sample)
@@ -136,7 +137,6 @@ class SimulatedFlight:
                 mcu.set_motor_state(self._motor_state)
             if motors is not None:
                 mcu.command(motors)
-            mcu.service(sample.stamp_ns * 1e-9)
             clock.lap("serial")
             log.tick(stack.record)
             self._drain_outbox()

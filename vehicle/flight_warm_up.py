@@ -6,6 +6,9 @@ been called once, with the types it will see again. From numba's cache this take
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from control.behaviors.table import BehaviorName
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
 from vehicle.microcontroller import RawSample
@@ -16,17 +19,18 @@ from vehicle.stack import FlightStack
 PERIOD_NS = 2_000_000
 STILL = 512  # counts of a sensor at zero
 ONE_G = 256  # counts
-TICKS_A_BEHAVIOR = 100
+A_FEW_TICKS = 50
 LONGEST = 10_000  # ticks
 
-HOP: tuple[tuple[str, dict[str, ParameterValue]], ...] = (
-    ("fly_to", {"x": 0.2, "y": 0.1, "z": 0.8, "yaw": 0.2}),
-    ("brake", {}),
-    ("follow_trajectory", {"trajectory": "figure_eight"}),
-    ("brake", {}),
-    ("velocity", {}),
-    ("hover", {}),
-    ("land", {}),
+HOP: tuple[tuple[str, dict[str, ParameterValue], bool], ...] = (  # last: wait for hover
+    ("take_off", {"height": 0.2}, True),
+    ("fly_to", {"x": 0.2, "y": 0.1, "z": 0.5, "yaw": 0.2}, False),
+    ("brake", {}, True),
+    ("follow_trajectory", {}, False),
+    ("brake", {}, True),
+    ("velocity", {}, False),
+    ("hover", {}, True),
+    ("land", {}, False),
 )
 
 
@@ -59,28 +63,33 @@ class _Hop:
         for _ in range(count):
             self.tick()
 
-    def until(self, mode: Mode) -> bool:
-        """Tick until the mode is reached; False when it takes too long."""
-        while self.stack.mode is not mode and self._ticks < LONGEST:
+    def until(self, reached: Callable[[], bool]) -> bool:
+        """Tick until it is; False when it takes too long."""
+        while not reached() and self._ticks < LONGEST:
             self.tick()
-        return self.stack.mode is mode
+        return reached()
 
 
 def warm_up() -> list[str]:
-    """Fly the hop. Returns what was refused in it: a behavior refused here compiles in flight."""
+    """Fly the hop. Returns what was refused in it: what comes after would compile in flight."""
     hop = _Hop()
-    refused = [] if hop.until(Mode.READY) else ["ready"]
-    steps: list[mailbox.Command] = [mailbox.Arm("", "warm-up")]
-    steps += [mailbox.StartBehavior("", "warm-up", "take_off", {})]
-    steps += [mailbox.StartBehavior("", "warm-up", name, given) for name, given in HOP]
-    for step in steps:
-        reply = hop.stack.handle(step)
+    stack = hop.stack
+    refused = [] if hop.until(lambda: stack.mode is Mode.READY) else ["not ready"]
+
+    def ask(command: mailbox.Command) -> None:
+        reply = stack.handle(command)
         if not reply.accepted:
             refused.append(reply.reason)
-        hop.ticks(TICKS_A_BEHAVIOR)
-    hop.stack.handle(mailbox.ChangeParameters("", "warm-up", {"model.mass": 1.3}))
-    hop.stack.handle(mailbox.Emergency("", "warm-up", "land"))
-    hop.ticks(TICKS_A_BEHAVIOR)
-    hop.stack.handle(mailbox.Emergency("", "warm-up", "cut"))
-    hop.ticks(1)
+
+    ask(mailbox.Arm("", "warm-up"))
+    for name, arguments, wait in HOP:
+        ask(mailbox.StartBehavior("", "warm-up", name, arguments))
+        hop.ticks(A_FEW_TICKS)
+        if wait and not hop.until(lambda: stack.behaviors.name is BehaviorName.HOVER):
+            refused.append(f"{name} does not end")
+    ask(mailbox.ChangeParameters("", "warm-up", {"model.mass": 1.3}))
+    ask(mailbox.Emergency("", "warm-up", "land"))
+    hop.ticks(A_FEW_TICKS)
+    ask(mailbox.Emergency("", "warm-up", "cut"))
+    hop.tick()
     return refused

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
+from estimation.mass_estimator import MassParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.vehicle_model import VehicleModel
@@ -65,6 +66,7 @@ class VehicleParameters(Parameters):
     model: VehicleModel = VehicleModel()
     control: ControlParameters = ControlParameters()
     estimation: EstimationParameters = EstimationParameters()
+    mass: MassParameters = MassParameters()
     behavior: BehaviorParameters = BehaviorParameters()
     safety: SafetyParameters = SafetyParameters()
     imu: ImuCalibration = ImuCalibration()

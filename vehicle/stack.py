@@ -12,11 +12,13 @@ import math
 
 import numpy as np
 
+from control.behaviors.ground import stand
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from control.controller import Controller, GeometricController
 from estimation.complementary import ComplementaryEstimator
 from estimation.estimator import Estimator
+from estimation.mass_estimator import MassEstimator
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import ACTUATORS, POSE_SAMPLE, Record, new_tick
@@ -55,6 +57,7 @@ class FlightStack:
         self.store = ParameterStore(parameters)
         self.estimator: Estimator = estimator or ComplementaryEstimator()
         self.controller: Controller = controller or GeometricController()
+        self.mass = MassEstimator(parameters.model.mass, parameters.mass)
         self.behaviors = BehaviorMachine(parameters.behavior)
         self.supervisor = Supervisor(parameters.safety)
         self.imu_calibrator = ImuCalibrator(parameters.imu)
@@ -95,6 +98,8 @@ class FlightStack:
 
         self.estimator.predict(self.imu, dt, self.state)
         self._correct()
+        # The wrench is still the last tick's: what the vehicle obeyed until now.
+        self.mass.step(self.state, self.actuators, self.airborne, dt, self.estimate)
 
         verdict = self.supervisor.step(
             self._stamp_ns,
@@ -160,7 +165,7 @@ class FlightStack:
         self.estimator.configure(p.estimation)
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
-        self.estimate["mass"] = p.model.mass
+        self.mass.configure(p.mass)
 
     # ------------------------------------------------------------------ mode changes
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
@@ -176,7 +181,7 @@ class FlightStack:
             self.motor_state_wanted = MotorState.OFF
             self.airborne = False
             self._landed_ns = None
-            self.behaviors.ground()
+            self.behaviors.reset()
             self.controller.reset()
         self.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
 
@@ -244,17 +249,21 @@ class FlightStack:
     def _react(self, verdict: Verdict) -> None:
         if verdict.reaction is Reaction.CUT:
             self.move(Mode.CUT, verdict.reason, mailbox.ERROR)
-        elif verdict.reaction is Reaction.BRAKE:
-            if self.behaviors.name is not BehaviorName.LAND:
-                self.behaviors.force("brake", self.state)
-                self.say(f"braking: {verdict.reason}", mailbox.WARN)
-        elif self.mode is Mode.ARMED:
-            self.land_now(verdict.reason)
+        elif verdict.reaction is Reaction.LAND:
+            if self.mode is Mode.ARMED:
+                self.land_now(verdict.reason)
+        elif self.behaviors.name not in (BehaviorName.LAND, BehaviorName.BRAKE):
+            self._override("brake")
+            self.say(f"braking: {verdict.reason}", mailbox.WARN)
 
     def land_now(self, why: str) -> None:
         """Enter EMERGENCY_LAND: land from here, refuse everything but cut."""
         self.move(Mode.EMERGENCY_LAND, why, mailbox.ERROR)
-        self.behaviors.force("land", self.state)
+        self._override("land")
+
+    def _override(self, behavior: str) -> None:
+        """Start `behavior` by the vehicle's own decision; the table allows it from any flight."""
+        self.behaviors.request(behavior, {}, self.state, armed=True, airborne=True)
 
     def _watch_ground(self) -> None:
         height = float(self.state["position_w"][0, 2]) - self._ground_z
@@ -264,7 +273,7 @@ class FlightStack:
             self.airborne = False
             if self._landed_ns is None:
                 self._landed_ns = self._stamp_ns
-                self.behaviors.ground()
+                self.behaviors.reset()
                 self.controller.reset()
                 self.say("touched down")
 
@@ -282,7 +291,7 @@ class FlightStack:
         self.actuators[...] = self._off
 
     def _hold_reference(self) -> None:
-        self.behaviors.hold(self.state, self.reference)
+        stand(self.state, self.reference)
 
     def _motor_references(
         self, sample: RawSample, flying: bool

@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
-from fastapi import Depends, FastAPI, HTTPException, Request, WebSocket
+from fastapi import FastAPI, HTTPException, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException as StarletteHTTPException
-from starlette.types import Scope
 
+from console.catalogue import Catalogue
 from quadrotor.errors import LinkError, ParameterError, QuadlabError, RefusedError, StorageError
 from web import commands, events, pump, sticks
+from web.asking import Asker, Operator
 from web.door import Door, Role, Session
 from web.events import EventHub
 from web.live import Live
 from web.parameters import GainPath, ParameterMirror
-from web.runs import RunCatalogue, log_file
+from web.runs import add_runs
 from web.scene import Scene
 from web.signals import describe
 from web.station import Station
@@ -35,7 +36,7 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
     (ParameterError, 422),
     (LinkError, 503),
-    (StorageError, 410),
+    (StorageError, 404),
 )
 
 
@@ -54,8 +55,7 @@ class Parts:
     station: Station
     mirror: ParameterMirror
     gains: GainPath
-    catalogue: RunCatalogue
-    runs_folder: Path
+    catalogue: Catalogue
     stick: sticks.StickOutput
 
 
@@ -71,22 +71,9 @@ def create_app(
     _add_commands(app, parts)
     _add_view(app, parts)
     _add_sockets(app, parts)
+    add_runs(app, parts.catalogue)
     app.mount("/static", StaticFiles(directory=STATIC))
     return app
-
-
-def session_of(request: Request) -> Session:
-    """Put there by `web.gate.Gate`, without which no request comes this far."""
-    session: Session = request.scope["session"]
-    return session
-
-
-def operator_of(session: Session = Depends(session_of)) -> Session:
-    if session.role is not Role.OPERATOR:
-        raise RefusedError(
-            f"{session.label} may watch but not command; ask an operator for an invitation"
-        )
-    return session
 
 
 def _add_reading(app: FastAPI, parts: Parts) -> None:
@@ -114,7 +101,7 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
         return FileResponse(str(path), media_type=UPLOT[name])
 
     @app.get("/api/session")
-    def session(session: Session = Depends(session_of)) -> dict[str, str]:
+    def session(session: Asker) -> dict[str, str]:
         """Who this browser is, and which vehicle this is."""
         return {**events.session_fields(session), "vehicle": parts.vehicle}
 
@@ -138,72 +125,45 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
         """Descriptions and confirmed values, as the vehicle gave them."""
         return parts.mirror.as_json()
 
-    @app.get("/api/runs")
-    def runs() -> list[dict[str, Any]]:
-        """Recorded runs, newest first."""
-        return parts.catalogue.runs()
-
-    @app.api_route("/api/runs/{run_id}/download", methods=["GET", "HEAD"])
-    def download(run_id: str) -> FileResponse:
-        """The run's MCAP file; ranges work, so a broken download can be resumed."""
-        path = log_file(parts.catalogue, parts.runs_folder, run_id)
-        if path is None:
-            raise HTTPException(404, f"there is no run {run_id!r}; /api/runs lists all")
-        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
-
 
 def _add_commands(app: FastAPI, parts: Parts) -> None:
     station = parts.station
 
     @app.post("/api/commands/arm")
-    async def arm(
-        body: commands.CommandBody, session: Session = Depends(operator_of)
-    ) -> dict[str, Any]:
+    async def arm(body: commands.CommandBody, session: Operator) -> dict[str, Any]:
         await station.command("arm", session.label, **body.fields)
         return {"accepted": True}
 
     @app.post("/api/commands/disarm")
-    async def disarm(
-        body: commands.CommandBody, session: Session = Depends(operator_of)
-    ) -> dict[str, Any]:
+    async def disarm(body: commands.CommandBody, session: Operator) -> dict[str, Any]:
         await station.command("disarm", session.label, **body.fields)
         return {"accepted": True}
 
     @app.post("/api/commands/start_behavior")
-    async def start_behavior(
-        body: commands.StartBehaviorBody, session: Session = Depends(operator_of)
-    ) -> dict[str, Any]:
+    async def start_behavior(body: commands.StartBehaviorBody, session: Operator) -> dict[str, Any]:
         """Arguments are checked by the vehicle, which knows them."""
         await station.start_behavior(session.label, body.name, body.arguments, **body.fields)
         return {"accepted": True}
 
     @app.post("/api/commands/emergency")
-    async def emergency(
-        body: commands.EmergencyBody, session: Session = Depends(operator_of)
-    ) -> dict[str, Any]:
+    async def emergency(body: commands.EmergencyBody, session: Operator) -> dict[str, Any]:
         """`land` comes down at once under control; `cut` stops the motors."""
         await station.command("emergency", session.label, action=body.action, **body.fields)
         return {"accepted": True}
 
     @app.post("/api/commands/record")
-    async def record(
-        body: commands.RecordBody, session: Session = Depends(operator_of)
-    ) -> dict[str, Any]:
+    async def record(body: commands.RecordBody, session: Operator) -> dict[str, Any]:
         reply = await station.command("record", session.label, start=body.start, **body.fields)
         return {"accepted": True, "run_id": reply.run_id}
 
     @app.put("/api/parameters")
-    async def change(
-        body: commands.ParametersBody, session: Session = Depends(operator_of)
-    ) -> dict[str, Any]:
+    async def change(body: commands.ParametersBody, session: Operator) -> dict[str, Any]:
         """Clamped to their bounds, applied all or none; answers what the vehicle applied."""
         applied, revision = await parts.gains.change(body.values, session.label)
         return {"applied": applied, "revision": revision}
 
     @app.post("/api/invitations")
-    def invite(
-        body: commands.InvitationBody, session: Session = Depends(operator_of)
-    ) -> dict[str, str]:
+    def invite(body: commands.InvitationBody, session: Operator) -> dict[str, str]:
         """A sign-in link for one more browser."""
         return {"url": f"{parts.base_url}/?token={parts.door.mint(Role(body.role))}"}
 

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 from urllib.parse import urlsplit
 
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from bearing_sim.beacons import PAPER_BEACONS
+from console.catalogue import Catalogue
 from vehicle_link.messages import decode
 from web.app import Parts, create_app
 from web.door import Door
@@ -21,7 +23,6 @@ from web.follow_parameters import ParameterFollower
 from web.gate import Gate
 from web.live import Live
 from web.parameters import GainPath, ParameterMirror
-from web.runs import RunCatalogue
 from web.scene import Scene
 from web.station import Station
 from web.sticks import StickOutput
@@ -39,17 +40,20 @@ def assemble(
     base_url: str,
     vehicle: str,
     token: str | None,
-    open_session: Callable[[], Any],
-    catalogue: RunCatalogue,
+    connect: Callable[[Live, EventHub], Station],
+    catalogue: Catalogue,
     show_link: ShowLink,
 ) -> ASGIApp:
-    """The whole application behind its gate. Raises StorageError."""
+    """The whole application behind its gate; `connect` makes the station's client.
+
+    Raises StorageError.
+    """
     door = Door(data / "web", token)
     live, hub = Live(decode), EventHub()
     mirror = ParameterMirror(hub.publish)
     view_server = ViewServer()
     scene = Scene(view_server, live, PAPER_BEACONS.positions_w)
-    station = Station(open_session, vehicle, live, hub)
+    station = connect(live, hub)
     follower = ParameterFollower(mirror, station, live, scene, f"/{vehicle}")
     station.on_change = follower.changed_from_thread
     feed = TelemetryFeed(live)
@@ -63,7 +67,7 @@ def assemble(
         hub.attach(loop)
         follower.attach(loop)
         station.start()
-        loops = [asyncio.create_task(part.run()) for part in (scene, feed, follower)]
+        loops = [_start(part, hub) for part in (scene, feed, follower)]
         show_link(sign_in_link())
         try:
             yield
@@ -88,7 +92,6 @@ def assemble(
             mirror=mirror,
             gains=GainPath(mirror, station),
             catalogue=catalogue,
-            runs_folder=data / "runs",
             stick=StickOutput(station.publish_stick),
         ),
         lifespan,
@@ -100,6 +103,24 @@ def assemble(
         cookie=f"quadlab_{urlsplit(base_url).port}",
         on_sign_in=lambda label: show_link(sign_in_link(), label),
     )
+
+
+class _Runs(Protocol):
+    async def run(self) -> None: ...
+
+
+def _start(part: _Runs, hub: EventHub) -> asyncio.Task[None]:
+    """A loop that ends by an error is a defect: told on the page, its trace in the terminal."""
+
+    def ended(task: asyncio.Task[None]) -> None:
+        if not task.cancelled() and (error := task.exception()) is not None:
+            name = type(part).__name__
+            hub.say("error", f"{name} of quadlab web stopped ({error}); restart quadlab web")
+            logging.getLogger("quadlab.web").error("%s stopped", name, exc_info=error)
+
+    task = asyncio.create_task(part.run())
+    task.add_done_callback(ended)
+    return task
 
 
 def allowed_hosts(base_url: str) -> frozenset[str]:

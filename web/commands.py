@@ -54,3 +54,9 @@ class FollowBody(BaseModel):
 
     view: str = Field(min_length=1, max_length=64)
     follow: bool
+
+
+class NotesBody(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    notes: str = Field(max_length=10_000)

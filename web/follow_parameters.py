@@ -84,7 +84,7 @@ def flight_volume(value: Any) -> Box | None:
     """The box of `behavior.volume_…`, once known; `value(name)` looks a parameter up."""
     bounds = []
     for axis in "xyz":
-        low, high = value(f"behavior.{axis}_min"), value(f"behavior.{axis}_max")
+        low, high = value(f"behavior.volume_{axis}_min"), value(f"behavior.volume_{axis}_max")
         if low is None or high is None:
             return None
         bounds.append((float(low), float(high)))

@@ -51,7 +51,7 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in scope["headers"]}
         answer = _Answer(scope, send)
         if refusal := self._foreign(scope, headers):
             await answer.error(403, refusal)

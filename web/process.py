@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from starlette.types import ASGIApp
 
 from web.assembly import assemble
 from web.sockets import LiveWebSocket, listen
+from web.station import Station
 
 CLOSING_TIME = 2  # s given to open downloads and sockets at the end
 
@@ -35,6 +37,9 @@ def run_web(
     from console.catalogue import Catalogue
     from vehicle_link.session import loopback_session
 
+    def open_session() -> Any:
+        return loopback_session(loopback_port)
+
     listener = listen(host, port)
     base_url = f"http://{host}:{listener.getsockname()[1]}"
     try:
@@ -43,7 +48,7 @@ def run_web(
             base_url=base_url,
             vehicle=vehicle,
             token=token,
-            open_session=lambda: loopback_session(loopback_port),
+            connect=lambda live, hub: Station(open_session, vehicle, live, hub),
             catalogue=Catalogue(data),
             show_link=print_link,
         )

@@ -1,34 +1,37 @@
-"""Runs for the page: the catalogue's list and the log files themselves.
+"""Recorded runs: the catalogue's list, notes, and the log files themselves.
 
-A run is found by its id in the catalogue and never by a path from outside; its file must lie
-in the runs folder all the same.
+A run is found by its id in the catalogue and never by a path from outside.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, Protocol
+from dataclasses import asdict
+from typing import Any
 
-from quadrotor.errors import StorageError
+from fastapi import FastAPI
+from fastapi.responses import FileResponse
 
-
-class RunCatalogue(Protocol):
-    """What the page needs of `console.catalogue`."""
-
-    def runs(self) -> list[dict[str, Any]]:
-        """Newest first, JSON-ready, each with an `id`. Raises StorageError."""
-        ...
-
-    def path(self, run_id: str) -> Path | None:
-        """The file of a run, or None when there is no such run. Raises StorageError."""
-        ...
+from console.catalogue import Catalogue
+from web.asking import Operator
+from web.commands import NotesBody
 
 
-def log_file(catalogue: RunCatalogue, folder: Path, run_id: str) -> Path | None:
-    """The log to send, or None for an unknown run. Raises StorageError when its file is gone."""
-    path = catalogue.path(run_id)
-    if path is None or not path.resolve().is_relative_to(folder.resolve()):
-        return None
-    if not path.is_file():
-        raise StorageError(f"the file of run {run_id} is gone; it was {path.name}")
-    return path
+def add_runs(app: FastAPI, catalogue: Catalogue) -> None:
+    """The routes below /api/runs. An unknown run is a StorageError, answered with 404."""
+
+    @app.get("/api/runs")
+    def runs(search: str = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
+        """Newest first; `search` looks in id, operator and notes."""
+        entries = catalogue.runs(search, limit=min(max(limit, 1), 1000), offset=max(offset, 0))
+        return [asdict(entry) for entry in entries]
+
+    @app.api_route("/api/runs/{run_id}/download", methods=["GET", "HEAD"])
+    def download(run_id: str) -> FileResponse:
+        """The run's MCAP file; ranges work, so a broken download can be resumed."""
+        path = catalogue.resolve(run_id)
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+    @app.put("/api/runs/{run_id}/notes")
+    def set_notes(run_id: str, body: NotesBody, _: Operator) -> dict[str, str]:
+        catalogue.set_notes(run_id, body.notes)
+        return {"notes": body.notes}

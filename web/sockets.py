@@ -47,5 +47,7 @@ def listen(host: str, port: int) -> socket.socket:
                 f"stop that one or choose another with --port {port + 1}"
             ) from error
         if error.errno == errno.EACCES:
-            raise UsageError(f"port {port} needs root; choose one above 1023 with --port") from error
+            raise UsageError(
+                f"port {port} needs root; choose one above 1023 with --port"
+            ) from error
         raise LinkError(f"cannot listen on {host}:{port} ({error.strerror or error})") from error

@@ -156,12 +156,10 @@ def check_inside(
     )
     for i, (axis, low, high) in enumerate(walls):
         least, most = float(points_w[:, i].min()), float(points_w[:, i].max())
-        from_low, from_high = (low, high) if start_w is None else (
-            min(low, start_w[i]),
-            max(high, start_w[i]),
-        )
-        if least < from_low - 1e-6 or most > from_high + 1e-6:
-            worst = least if least < from_low - 1e-6 else most
+        start = low if start_w is None else start_w[i]
+        below = least < min(low, start) - 1e-6
+        if below or most > max(high, start) + 1e-6:
+            worst = least if below else most
             raise RefusedError(
                 f"{behavior.name.lower()} refused: {what} {axis} = {worst:.2f} m is outside the "
                 f"flight volume; allowed {low:g} to {high:g} m "

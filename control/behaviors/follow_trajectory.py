@@ -79,17 +79,30 @@ def _check(eight: FigureEight, a: FollowTrajectoryArguments, context: Context) -
     last = min(eight.duration, a.ramp + a.period)
     samples = sample_many(eight, np.linspace(0.0, last, 160))
     check_inside(
-        BehaviorName.FOLLOW_TRAJECTORY, "the path's", samples["position_w"], p,
+        BehaviorName.FOLLOW_TRAJECTORY,
+        "the path's",
+        samples["position_w"],
+        p,
     )
     acceleration = float(np.linalg.norm(samples["acceleration_w"], axis=1).max())
     yaw_rate = float(np.abs(samples["yaw_rate"]).max())
     yaw_acceleration = float(np.abs(samples["yaw_acceleration"]).max())
     for what, value, limit, unit, name in (
-        ("acceleration", acceleration, p.trajectory_acceleration_max, "m/s²",
-         "trajectory_acceleration_max"),
+        (
+            "acceleration",
+            acceleration,
+            p.trajectory_acceleration_max,
+            "m/s²",
+            "trajectory_acceleration_max",
+        ),
         ("yaw rate", yaw_rate, p.yaw_rate_max, "rad/s", "yaw_rate_max"),
-        ("yaw acceleration", yaw_acceleration, p.yaw_acceleration_max, "rad/s²",
-         "yaw_acceleration_max"),
+        (
+            "yaw acceleration",
+            yaw_acceleration,
+            p.yaw_acceleration_max,
+            "rad/s²",
+            "yaw_acceleration_max",
+        ),
     ):
         if value > limit:
             slower = math.ceil(10.0 * a.period * (value / limit)) / 10.0

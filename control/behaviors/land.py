@@ -76,7 +76,8 @@ class Land:
 
     @classmethod
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, LandArguments(speed=context.parameters.landing_speed), given))
+        defaults = LandArguments(speed=context.parameters.landing_speed)
+        return cls(context, read_arguments(cls.name, defaults, given))
 
     def __init__(self, context: Context, arguments: LandArguments) -> None:
         p = context.parameters

@@ -37,7 +37,8 @@ class TakeOff(TrajectoryBehavior):
 
     @classmethod
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, TakeOffArguments(speed=context.parameters.take_off_speed), given))
+        defaults = TakeOffArguments(speed=context.parameters.take_off_speed)
+        return cls(context, read_arguments(cls.name, defaults, given))
 
     def __init__(self, context: Context, arguments: TakeOffArguments) -> None:
         x, y, z, yaw = context.point
@@ -47,6 +48,4 @@ class TakeOff(TrajectoryBehavior):
             self.name, "the end at", np.array([top[:3]]), context.parameters, start_w=(x, y, z)
         )
         acceleration = context.parameters.acceleration_max
-        super().__init__(
-            Line(context.point, top, speed=arguments.speed, acceleration=acceleration)
-        )
+        super().__init__(Line(context.point, top, speed=arguments.speed, acceleration=acceleration))

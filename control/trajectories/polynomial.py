@@ -99,9 +99,7 @@ class Polynomial:
         sample_polynomial(self._times, self._coefficients, t, reference)
 
 
-def to_rest(
-    start: Record, end: tuple[float, float, float, float], duration: float
-) -> Polynomial:
+def to_rest(start: Record, end: tuple[float, float, float, float], duration: float) -> Polynomial:
     """From the reference `start`, moving or not, to rest at (x, y, z, yaw) in `duration` s.
 
     Turns the short way.

@@ -97,5 +97,5 @@ def advance(velocity_filter: Record, dt: float, reference: Record) -> bool:
     largest = max(abs(r.yaw_rate), 0.1 * abs(r.yaw_acceleration))
     for i in range(3):
         slow = max(abs(r.velocity_w[i]), 0.1 * abs(r.acceleration_w[i]))
-        largest = max(largest, max(slow, 0.01 * abs(r.jerk_w[i])))
+        largest = max(largest, slow, 0.01 * abs(r.jerk_w[i]))
     return bool(largest < REST)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -57,7 +58,7 @@ def test_what_is_encoded_is_decoded_zero_padded(payload: bytes, command: bytes) 
 def test_frames_may_arrive_in_any_pieces(cuts: list[int]) -> None:
     stream = b"".join(FRAMES)
     edges = [0, *sorted(cuts), len(stream)]
-    pieces = [stream[a:b] for a, b in zip(edges, edges[1:], strict=False)]
+    pieces = [stream[a:b] for a, b in pairwise(edges)]
     assert decode_all(*pieces) == WHOLE
 
 

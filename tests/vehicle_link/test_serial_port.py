@@ -95,7 +95,7 @@ def test_a_line_nobody_reads_drops_and_counts(terminal: Terminal) -> None:
 def test_a_line_that_hangs_up_is_an_error(terminal: Terminal) -> None:
     port = SerialPort(terminal.path)
     terminal.hang_up()
-    with pytest.raises(LinkError, match="is gone: .*start the vehicle again"):
+    with pytest.raises(LinkError, match=r"is gone: .*start the vehicle again"):
         port.read()
     port.close()
 
@@ -108,6 +108,6 @@ def test_a_port_opens_once(terminal: Terminal) -> None:
 
 
 def test_a_missing_device_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match="cannot open serial port .*No such file") as caught:
+    with pytest.raises(LinkError, match=r"cannot open serial port .*No such file") as caught:
         SerialPort(tmp_path / "mcu0")
     assert "\n" not in str(caught.value)

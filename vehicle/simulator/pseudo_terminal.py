@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import contextlib
 import fcntl
 import os
 import termios
@@ -34,6 +35,7 @@ class PseudoTerminal:
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
+        os.set_blocking(self._slave, False)
         self.device = os.ttyname(self._slave)
         self._waiting = array.array("i", [0])
         new = link.with_name(f".{link.name}.{os.getpid()}")
@@ -57,13 +59,18 @@ class PseudoTerminal:
     def write(self, data: bytes) -> None:
         fcntl.ioctl(self._slave, termios.FIONREAD, self._waiting)
         if self._waiting[0] > BACKLOG:
-            termios.tcflush(self._slave, termios.TCIFLUSH)
-            self.dropped += self._waiting[0]
+            self._throw_away()
         try:
             written = os.write(self._master, data)
         except BlockingIOError:
             written = 0
         self.dropped += len(data) - written
+
+    def _throw_away(self) -> None:
+        """Read what waits, rather than flush: what is still on its way is kept and counted."""
+        with contextlib.suppress(BlockingIOError):
+            while data := os.read(self._slave, _CHUNK):
+                self.dropped += len(data)
 
     def fileno(self) -> int:
         return self._master

@@ -1,0 +1,453 @@
+"""The parts of comms, without Zenoh: clock, commands and replies, what leaves, what comes in."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from bearing_sim.beacons import PAPER_BEACONS
+from control.behaviors.table import BehaviorName
+from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError, UnknownParameterError
+from quadrotor.records import POSE_SAMPLE, TICK, Record
+from vehicle import comms_clock, mailbox
+from vehicle.comms_clock import WINDOW_NS, VehicleClock
+from vehicle.comms_commands import FlightMailbox, ParameterMirror
+from vehicle.comms_inbound import Inbound
+from vehicle.comms_publish import Publisher, flag_names, samples_a_packet
+from vehicle.modes import Flag, Mode
+from vehicle.process_config import create_rings, open_rings
+from vehicle_link import messages, telemetry, topics
+
+MS = 1_000_000
+SECOND = 1000 * MS
+START_NS = 1_780_000_000_000_000_000
+
+
+# -------------------------------------------------------------------------------- the clock
+class FakeTime:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.monotonic = 5 * SECOND
+        monkeypatch.setattr(comms_clock.time, "monotonic_ns", lambda: self.monotonic)
+        monkeypatch.setattr(comms_clock.time, "time_ns", lambda: START_NS)
+
+
+@pytest.fixture
+def fake_time(monkeypatch: pytest.MonkeyPatch) -> FakeTime:
+    return FakeTime(monkeypatch)
+
+
+def test_before_the_first_tick_the_clock_is_the_hosts(fake_time: FakeTime) -> None:
+    clock = VehicleClock()
+    fake_time.monotonic += 3 * MS
+    assert not clock.started
+    assert clock.now_ns() == START_NS + 3 * MS
+
+
+def test_the_least_delayed_tick_sets_the_clock(fake_time: FakeTime) -> None:
+    clock = VehicleClock()
+    seed = 11
+    print("seed", seed)
+    delays = np.random.default_rng(seed).integers(MS // 10, 12 * MS, 200)
+    delays[77] = MS // 10
+    for k, delay in enumerate(delays):
+        clock.observe(START_NS + 10 * MS * k, 10 * MS * k + int(delay))
+    fake_time.monotonic = 2 * SECOND
+    assert clock.now_ns() == START_NS + 2 * SECOND - MS // 10
+
+
+def test_the_clock_follows_drift(fake_time: FakeTime) -> None:
+    clock, rate = VehicleClock(), 1 - 50e-6  # the vehicle's clock is slow by 50 ppm
+    for k in range(6000):
+        read = 10 * MS * k
+        clock.observe(START_NS + round(read * rate), read)
+    fake_time.monotonic = 60 * SECOND
+    true = START_NS + round(60 * SECOND * rate)
+    assert 0 <= clock.now_ns() - true <= 50e-6 * WINDOW_NS + 1000
+
+
+# -------------------------------------------------------------------------------- commands
+class Flight:
+    """The flight process's end of the rings, as a test."""
+
+    def __init__(self) -> None:
+        self.rings = open_rings(create_rings())
+        self.mailbox = FlightMailbox(self.rings.inbox)
+
+    def received(self) -> list[mailbox.Inbound]:
+        return [mailbox.decode_inbound(data) for data in self.rings.inbox.pop_all()]
+
+
+def answer(flight: Flight, accepted: bool, reason: str = "", **fields: object) -> threading.Thread:
+    """Replies to the next command, as comms' draining thread would deliver it."""
+
+    def run() -> None:
+        waited = threading.Event()
+        for _ in range(500):
+            for command in flight.received():
+                assert not isinstance(command, mailbox.Measurement)
+                reply = mailbox.Reply(command.request_id, accepted, reason, **fields)  # type: ignore[arg-type]
+                flight.mailbox.deliver(mailbox.Reply("somebody else's", True))
+                flight.mailbox.deliver(reply)
+                return
+            waited.wait(0.01)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
+def test_a_command_gets_its_own_reply() -> None:
+    flight = Flight()
+    thread = answer(flight, False, "not armed: keep it still")
+    reply = flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"))
+    thread.join()
+    assert (reply.accepted, reply.reason) == (False, "not armed: keep it still")
+
+
+def test_no_reply_is_one_clear_error() -> None:
+    flight = Flight()
+    with pytest.raises(LinkError, match="did not answer within 0.01 s"):
+        flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.01)
+    (command,) = flight.received()
+    flight.mailbox.deliver(mailbox.Reply(command.request_id, True))  # too late: nobody waits
+
+
+def test_a_command_too_long_for_its_slot_is_refused() -> None:
+    flight = Flight()
+    with pytest.raises(LinkError, match="too long, at most 8188"):
+        flight.mailbox.ask(lambda i: mailbox.StartBehavior(i, "anna", "x" * 9000, {}))
+    assert flight.received() == []
+
+
+def test_a_full_inbox_is_said() -> None:
+    flight = Flight()
+    while flight.mailbox.send(mailbox.Heartbeat(1)):
+        pass
+    with pytest.raises(LinkError, match="inbox is full"):
+        flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"))
+
+
+def test_two_processes_never_use_the_same_request_id(monkeypatch: pytest.MonkeyPatch) -> None:
+    ids = []
+    for pid in (100, 101):
+        monkeypatch.setattr("os.getpid", lambda pid=pid: pid)
+        flight = Flight()
+        for _ in range(2):
+            with pytest.raises(LinkError):
+                flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.0)
+        ids += [command.request_id for command in flight.received()]
+    assert len(set(ids)) == 4
+
+
+def test_the_mirror_checks_before_it_asks() -> None:
+    flight = Flight()
+    mirror = ParameterMirror(flight.mailbox, {})
+    with pytest.raises(OutOfBoundsError, match="0.5 to 2.4 kg"):
+        mirror.change({"model.mass": 99.0}, "anna")
+    with pytest.raises(UnknownParameterError, match="did you mean model.mass"):
+        mirror.change({"model.mas": 1.0}, "anna")
+    assert flight.received() == []
+
+
+def test_the_mirror_gives_flights_answer() -> None:
+    flight = Flight()
+    mirror = ParameterMirror(flight.mailbox, {"model.mass": 1.2})
+    assert mirror.values()["model.mass"] == 1.2
+    thread = answer(flight, True, applied={"model.mass": 1.4}, revision=7)
+    assert mirror.change({"model.mass": 1.4}, "anna") == ({"model.mass": 1.4}, 7)
+    thread.join()
+    mirror.changed(mailbox.ParameterChange(1, "model.mass", 1.2, 1.4, "anna", 7))
+    assert (mirror.values()["model.mass"], mirror.revision) == (1.4, 7)
+    thread = answer(flight, False, "in flight at most 10 % a step")
+    with pytest.raises(ParameterError, match="10 % a step"):
+        mirror.change({"model.mass": 2.0}, "anna")
+    thread.join()
+    assert mirror.values()["model.mass"] == 1.4
+
+
+def test_a_new_mirror_learns_what_changed_before_it_lived() -> None:
+    flight = Flight()
+    mirror = ParameterMirror(flight.mailbox, {})
+    mirror.fetch()
+    (request,) = flight.received()
+    assert request.values == {}
+    mirror.deliver(mailbox.Reply("another", True, "", {"model.mass": 2.0}, 3))
+    mirror.deliver(mailbox.Reply(request.request_id, True, "", {"model.mass": 1.1}, 9))
+    assert (mirror.values()["model.mass"], mirror.revision) == (1.1, 9)
+
+
+# -------------------------------------------------------------------------------- what leaves
+class FakeLog:
+    """Takes what the onboard log would."""
+
+    def __init__(self) -> None:
+        self.kept: Counter[str] = Counter()
+
+    def message(
+        self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
+    ) -> None:
+        assert type_name == topics.TOPICS[topic].type_name
+        messages.decode(payload, type_name)
+        self.kept[topic] += 1
+
+
+class FakeRadio:
+    """Takes what the link would."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[str, bytes, int]] = []
+
+    def put(self, topic: str, payload: bytes, source_ns: int) -> None:
+        self.sent.append((topic, payload, source_ns))
+
+    def count(self, topic: str) -> int:
+        return sum(name == topic for name, _, _ in self.sent)
+
+    def decoded(self, topic: str) -> list[messages.Message]:
+        type_name = topics.TOPICS[topic].type_name
+        return [messages.decode(p, type_name) for name, p, _ in self.sent if name == topic]
+
+
+class Sender:
+    def __init__(self, rate: float = 500.0) -> None:
+        self.radio, self.log, self.rate = FakeRadio(), FakeLog(), rate
+        self.publisher = Publisher(self.radio, self.log, VehicleClock(), "quad1")  # type: ignore[arg-type]
+        self.number = 0
+
+    def ticks(self, count: int, **status: int) -> Record:
+        made = np.zeros(count, TICK)
+        numbers = np.arange(self.number, self.number + count)
+        self.number += count
+        made["sequence"] = numbers
+        made["imu"]["stamp_ns"] = START_NS + (numbers * SECOND / self.rate).astype(np.int64)
+        made["state"]["quaternion_wb"][:, 0] = 1.0
+        made["state"]["position_w"][:, 0] = numbers
+        made["status"]["tick_rate"] = self.rate
+        for name, value in status.items():
+            made["status"][name] = value
+        return made
+
+    def run(self, seconds: float, batch: int = 5, **status: int) -> None:
+        for _ in range(round(seconds * self.rate / batch)):
+            self.publisher.ticks(self.ticks(batch, **status))
+
+    def packed(self) -> list[tuple[int, Record]]:
+        return [telemetry.unpack(p) for topic, p, _ in self.radio.sent if topic == "telemetry"]
+
+
+@pytest.fixture
+def sender() -> Iterator[Sender]:
+    yield Sender()
+
+
+@pytest.mark.parametrize("batch", [1, 4, 5, 7, 50])
+def test_telemetry_holds_every_tick_once_in_order(sender: Sender, batch: int) -> None:
+    for _ in range(700 // batch):
+        sender.publisher.ticks(sender.ticks(batch))
+    packets = sender.packed()
+    assert [sequence for sequence, _ in packets] == list(range(len(packets)))
+    assert {len(ticks) for _, ticks in packets} == {5}
+    positions = np.concatenate([t["state"]["position_w"][:, 0] for _, t in packets])
+    assert positions.tolist() == list(range(len(positions)))
+    assert len(positions) >= 700 - batch - 5
+
+
+@pytest.mark.parametrize(
+    ("rate", "samples"), [(0.0, 5), (60, 1), (100, 1), (260, 3), (500, 5), (650, 5)]
+)
+def test_samples_a_packet_make_about_100_packets_a_second(rate: float, samples: int) -> None:
+    assert samples_a_packet(rate) == samples
+
+
+def test_rates_are_those_of_the_table(sender: Sender) -> None:
+    sender.run(4.0)
+    for topic in ("status", "estimator", "battery", "pressure", "telemetry"):
+        rate = topics.TOPICS[topic].rate
+        assert sender.radio.count(topic) == pytest.approx(4.0 * rate, abs=2), topic
+    assert sender.log.kept["telemetry"] == 0
+
+
+def test_a_change_of_status_leaves_at_once(sender: Sender) -> None:
+    sender.run(0.1)
+    before = sender.radio.count("status")
+    sender.publisher.ticks(sender.ticks(1, armed=1, mode=Mode.ARMED))
+    assert sender.radio.count("status") == before + 1
+    status = sender.radio.decoded("status")[-1]
+    assert (status.mode, status.armed, status.behavior) == ("armed", True, "ground")
+
+
+def test_saturation_that_comes_and_goes_is_no_change(sender: Sender) -> None:
+    for k in range(500):
+        sender.publisher.ticks(sender.ticks(1, flags=Flag.SATURATED if k % 2 else 0))
+    assert sender.radio.count("status") <= 11
+
+
+def test_status_speaks_words(sender: Sender) -> None:
+    sender.publisher.ticks(
+        sender.ticks(1, behavior=BehaviorName.FLY_TO, flags=Flag.NO_POSE | Flag.LINK_LOST)
+    )
+    (status,) = sender.radio.decoded("status")
+    assert (status.behavior, status.flags) == ("fly_to", ["no_pose", "link_lost"])
+    assert flag_names(0) == []
+
+
+def test_a_lost_station_is_probed_and_the_log_keeps_all(sender: Sender) -> None:
+    sender.publisher.station_lost = True
+    sender.run(4.0)
+    for topic in ("telemetry", "estimator", "pressure", "status"):
+        assert 18 <= sender.radio.count(topic) <= 22, topic
+    assert sender.log.kept["estimator"] == pytest.approx(200, abs=2)
+    sender.publisher.station_lost = False
+    sender.radio.sent.clear()
+    sender.run(1.0)
+    assert sender.radio.count("telemetry") == pytest.approx(100, abs=1)
+
+
+def test_an_old_backlog_is_not_sent_as_telemetry(sender: Sender) -> None:
+    sender.publisher.ticks(sender.ticks(2000))
+    oldest = sender.packed()[0][1]["imu"]["stamp_ns"][0]
+    newest = START_NS + 1999 * 2 * MS
+    assert newest - oldest <= 200 * MS
+
+
+def test_events_leave_even_when_the_station_is_lost(sender: Sender) -> None:
+    sender.publisher.station_lost = True
+    for k in range(3):
+        sender.publisher.event(mailbox.Event(START_NS + k, mailbox.WARN, f"line {k}"))
+    assert [log.msg for log in sender.radio.decoded("events")] == ["line 0", "line 1", "line 2"]
+    assert sender.log.kept["events"] == 3
+
+
+def test_a_parameter_change_is_told_in_both_ways(sender: Sender) -> None:
+    sender.publisher.parameter_change(
+        mailbox.ParameterChange(START_NS, "model.mass", 1.3, 1.4, "anna", 2)
+    )
+    (change,) = sender.radio.decoded("parameter_changes")
+    assert (change.name, change.old_value, change.new_value) == ("model.mass", "1.3", "1.4")
+    (event,) = sender.radio.decoded("parameter_events")
+    assert event.node == "/quad1/vehicle"
+    assert event.changed_parameters[0].value.double_value == 1.4
+
+
+# -------------------------------------------------------------------------------- what comes in
+class Receiver:
+    def __init__(self, fake_time: FakeTime) -> None:
+        self.time, self.flight, self.clock = fake_time, Flight(), VehicleClock()
+        self.clock.observe(START_NS, fake_time.monotonic)
+        self.said: list[str] = []
+        self.poses: list[tuple[bytes, int]] = []
+        self.logged: list[str] = []
+        self.inbound = Inbound(
+            self.flight.mailbox,
+            self.clock,
+            lambda level, text: self.said.append(text),
+            lambda payload, stamp: self.poses.append((payload, stamp)),
+            lambda topic, payload, stamp: self.logged.append(topic),
+        )
+
+    def pose(self, age_ns: int) -> None:
+        sample = np.zeros(1, POSE_SAMPLE)
+        sample["stamp_ns"] = self.clock.now_ns() - age_ns
+        sample["position_w"] = (1.0, 2.0, 3.0)
+        sample["quaternion_wb"] = (0.0, 1.0, 0.0, 0.0)
+        self.inbound.take("tracker_pose", topics.encode_poses(sample)[0])
+
+    def bearings(self, position_w: np.ndarray, ids: list[int]) -> None:
+        places = dict(zip(PAPER_BEACONS.ids.tolist(), PAPER_BEACONS.positions_w, strict=True))
+        lines = np.array([places.get(i, np.zeros(3)) - position_w for i in ids])
+        lines /= np.linalg.norm(lines, axis=1)[:, None]
+        payload = topics.encode_bearings(self.clock.now_ns(), ids, lines, 0.02)
+        self.inbound.take("bearings", payload)
+
+
+@pytest.fixture
+def receiver(fake_time: FakeTime) -> Receiver:
+    return Receiver(fake_time)
+
+
+def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
+    receiver.pose(age_ns=30 * MS)
+    stamp = START_NS - 30 * MS
+    assert receiver.flight.received() == [
+        mailbox.Pose(stamp, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0))
+    ]
+    assert receiver.logged == ["tracker_pose"]
+
+
+@pytest.mark.parametrize(
+    ("age_ms", "words"), [(201, "201 ms old"), (-201, "201 ms ahead"), (99_000, "99000 ms old")]
+)
+def test_what_is_not_of_now_is_ignored(receiver: Receiver, age_ms: int, words: str) -> None:
+    receiver.pose(age_ns=age_ms * MS)
+    assert receiver.flight.received() == []
+    assert receiver.logged == []
+    assert len(receiver.said) == 1 and words in receiver.said[0]
+
+
+@pytest.mark.parametrize("age_ms", [-200, 0, 200])
+def test_200_ms_are_allowed(receiver: Receiver, age_ms: int) -> None:
+    receiver.pose(age_ns=age_ms * MS)
+    assert len(receiver.flight.received()) == 1
+
+
+def test_complaints_come_once_a_second_with_their_number(receiver: Receiver) -> None:
+    for _ in range(50):
+        receiver.pose(age_ns=SECOND)
+    assert len(receiver.said) == 1
+    receiver.time.monotonic += SECOND
+    receiver.pose(age_ns=SECOND)
+    assert receiver.said[1].endswith("(and 49 more)")
+
+
+def test_sticks_reach_flight(receiver: Receiver) -> None:
+    payload = topics.encode_joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)
+    receiver.inbound.take("joy", payload)
+    assert receiver.flight.received() == [mailbox.Joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)]
+
+
+def test_a_heartbeat_counts_when_it_comes_whatever_its_stamp(receiver: Receiver) -> None:
+    assert receiver.inbound.station_silence == float("inf")
+    receiver.inbound.take("station_heartbeat", topics.encode_heartbeat(1, 12345))
+    assert receiver.flight.received() == [mailbox.Heartbeat(START_NS)]
+    receiver.time.monotonic += SECOND
+    assert receiver.inbound.station_silence == 1.0
+
+
+def test_four_bearings_give_the_pose(receiver: Receiver) -> None:
+    position = np.array([0.3, -0.2, 1.4])
+    receiver.bearings(position, [1, 2, 3, 4])
+    ((payload, stamp),) = receiver.poses
+    pose = messages.decode(payload, "geometry_msgs/PoseWithCovarianceStamped").pose
+    found = (pose.pose.position.x, pose.pose.position.y, pose.pose.position.z)
+    assert found == pytest.approx(position, abs=1e-6)
+    assert abs(pose.pose.orientation.w) == pytest.approx(1.0, abs=1e-6)
+    assert stamp == START_NS
+    (bearings,) = receiver.flight.received()
+    assert isinstance(bearings, mailbox.Bearings) and bearings.beacon_ids == (1, 2, 3, 4)
+
+
+def test_an_unknown_beacon_is_left_out(receiver: Receiver) -> None:
+    receiver.bearings(np.array([0.3, -0.2, 1.4]), [1, 9, 2, 3, 4])
+    assert len(receiver.poses) == 1
+
+
+@pytest.mark.parametrize("ids", [[1, 2], [8, 9]])
+def test_too_few_bearings_are_said_and_still_reach_flight(
+    receiver: Receiver, ids: list[int]
+) -> None:
+    for _ in range(3):
+        receiver.bearings(np.array([0.3, -0.2, 1.4]), ids)
+    assert receiver.poses == []
+    assert len(receiver.said) == 1 and receiver.said[0].startswith("bearings: ")
+    assert len(receiver.flight.received()) == 3
+
+
+def test_rubbish_is_said_and_harms_nothing(receiver: Receiver) -> None:
+    for topic in receiver.inbound.handlers:
+        receiver.inbound.take(topic, b"\x00\x01\x00\x00rubbish")
+    assert receiver.flight.received() == []
+    assert len(receiver.said) == len(receiver.inbound.handlers)

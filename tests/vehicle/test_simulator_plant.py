@@ -1,0 +1,215 @@
+"""The plant: ground, flight, drag, rotors, battery, against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from quadrotor.records import STATE, Record
+from quadrotor.rotations import euler_from_quaternion, quaternion_from_euler
+from quadrotor.vehicle_model import reference_of_thrust
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.plant import advance, configure_plant, new_plant, open_voltage
+
+OFF = (0, 0, 0, 0)
+G = 9.81
+
+
+def state(plant: Record) -> Record:
+    view: Record = plant["x"].view(STATE).reshape(1)
+    return view
+
+
+def run(plant: Record, references: tuple[int, int, int, int], seconds: float) -> None:
+    for _ in range(round(seconds * 500)):
+        advance(plant, references, 0.002)
+
+
+def hover_reference(parameters: SimulatorParameters) -> float:
+    p = parameters
+    return reference_of_thrust(p.mass * G / 4, p.motor_slope, p.motor_offset)
+
+
+# ---------------------------------------------------------------- ground
+def test_it_rests_level_at_z_0_and_feels_g() -> None:
+    plant = new_plant(SimulatorParameters())
+    run(plant, OFF, 2.0)
+    assert state(plant)["position_w"][0] == pytest.approx([0, 0, 0], abs=1e-12)
+    assert state(plant)["quaternion_wb"][0] == pytest.approx([1, 0, 0, 0], abs=1e-12)
+    assert plant["specific_force_b"][0] == pytest.approx([0, 0, G], abs=1e-9)
+
+
+def test_dropped_askew_it_comes_to_rest_level_on_the_ground() -> None:
+    plant = new_plant(SimulatorParameters())
+    state(plant)["position_w"] = (0.0, 0.0, 0.3)
+    state(plant)["quaternion_wb"] = quaternion_from_euler(0.2, -0.3, 1.0)
+    run(plant, OFF, 4.0)
+    assert state(plant)["position_w"][0, 2] == pytest.approx(0.0, abs=1e-4)
+    roll, pitch, _ = euler_from_quaternion(state(plant)["quaternion_wb"][0])
+    assert (roll, pitch) == pytest.approx((0, 0), abs=1e-3)
+    assert np.abs(plant["x"][0, 3:6]).max() < 1e-3
+
+
+def test_a_heavier_vehicle_settles_at_z_0_too() -> None:
+    plant = new_plant(SimulatorParameters())
+    configure_plant(plant, SimulatorParameters(mass=1.608))
+    run(plant, OFF, 3.0)
+    assert state(plant)["position_w"][0, 2] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_below_the_hover_reference_it_stays_on_the_ground_and_above_it_leaves() -> None:
+    parameters = SimulatorParameters()
+    hover = hover_reference(parameters)
+    low, high = math.floor(hover) - 3, math.ceil(hover) + 3
+    for reference, flies in ((low, False), (high, True)):
+        plant = new_plant(parameters)
+        run(plant, (reference,) * 4, 3.0)
+        assert bool(state(plant)["position_w"][0, 2] > 0.1) is flies
+
+
+def test_friction_brakes_a_slide_at_mu_g() -> None:
+    plant = new_plant(SimulatorParameters(ground_friction=0.5))
+    state(plant)["velocity_w"] = (2.0, 0.0, 0.0)
+    run(plant, OFF, 0.2)
+    assert state(plant)["velocity_w"][0, 0] == pytest.approx(2.0 - 0.5 * G * 0.2, rel=0.02)
+    run(plant, OFF, 1.0)
+    assert state(plant)["velocity_w"][0, 0] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_friction_brakes_a_spin() -> None:
+    plant = new_plant(SimulatorParameters())
+    state(plant)["angular_velocity_b"] = (0.0, 0.0, 3.0)
+    run(plant, OFF, 1.0)
+    assert state(plant)["angular_velocity_b"][0, 2] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("speed", [1.0, 5.0, 10.0])
+def test_a_hard_landing_loses_energy(speed: float) -> None:
+    plant = new_plant(SimulatorParameters())
+    state(plant)["position_w"] = (0.0, 0.0, 0.05)
+    state(plant)["velocity_w"] = (0.0, 0.0, -speed)
+    highest = 0.0
+    for _ in range(1500):
+        advance(plant, OFF, 0.002)
+        highest = max(highest, float(state(plant)["velocity_w"][0, 2]))
+    assert np.isfinite(plant["x"]).all()
+    assert highest < 0.7 * math.hypot(speed, math.sqrt(2 * G * 0.05))
+
+
+# ---------------------------------------------------------------- flight
+def test_in_free_fall_nothing_is_felt() -> None:
+    plant = new_plant(SimulatorParameters())
+    state(plant)["position_w"] = (0.0, 0.0, 10.0)
+    run(plant, OFF, 0.5)
+    assert plant["specific_force_b"][0] == pytest.approx([0, 0, 0], abs=1e-12)
+    assert state(plant)["position_w"][0, 2] == pytest.approx(10.0 - 0.5 * G * 0.25, abs=1e-9)
+
+
+def test_drag_slows_exponentially() -> None:
+    parameters = SimulatorParameters(drag=0.5)
+    plant = new_plant(parameters)
+    state(plant)["position_w"] = (0.0, 0.0, 50.0)
+    state(plant)["velocity_w"] = (4.0, 0.0, 0.0)
+    run(plant, OFF, 1.0)
+    expected = 4.0 * math.exp(-0.5 / parameters.mass)
+    assert state(plant)["velocity_w"][0, 0] == pytest.approx(expected, rel=1e-3)
+
+
+def test_rotors_follow_with_the_time_constant() -> None:
+    plant = new_plant(SimulatorParameters(motor_time_constant=0.05))
+    run(plant, (100, 50, 0, 200), 0.05)
+    share = 1 - math.exp(-0.05 / 0.05)
+    assert plant["rotor_speeds"][0] == pytest.approx([100 * share, 50 * share, 0, 200 * share])
+
+
+@pytest.mark.parametrize(
+    ("references", "axis", "sign"),
+    [
+        ((120, 130, 120, 110), 0, 1.0),  # left up: rolls right, positive about x
+        ((110, 120, 130, 120), 1, 1.0),  # rear up: pitches nose down, positive about y
+        ((130, 110, 130, 110), 2, 1.0),  # motors 1 and 3 give positive yaw torque
+    ],
+)
+def test_which_motors_turn_it_which_way(
+    references: tuple[int, int, int, int], axis: int, sign: float
+) -> None:
+    plant = new_plant(SimulatorParameters())
+    state(plant)["position_w"] = (0.0, 0.0, 10.0)
+    run(plant, references, 0.1)
+    omega = state(plant)["angular_velocity_b"][0]
+    assert omega[axis] * sign > 0.05
+    # Thrust is not linear in the reference: a little yaw comes along.
+    assert np.abs(np.delete(omega, axis)).max() < 0.02 * abs(omega[axis])
+
+
+def test_thrust_efficiency_scales_what_the_rotors_lift() -> None:
+    forces = []
+    for efficiency in (1.0, 0.938):
+        plant = new_plant(SimulatorParameters(thrust_efficiency=efficiency))
+        state(plant)["position_w"] = (0.0, 0.0, 10.0)
+        run(plant, (127,) * 4, 0.5)
+        forces.append(float(plant["specific_force_b"][0, 2]))
+    assert forces[1] / forces[0] == pytest.approx(0.938)
+
+
+def test_a_disturbance_accelerates_by_force_over_mass() -> None:
+    parameters = SimulatorParameters()
+    plant = new_plant(parameters)
+    state(plant)["position_w"] = (0.0, 0.0, 20.0)
+    plant["disturbance_w"] = (2.0, -1.0, 0.5)
+    run(plant, OFF, 1.0)
+    expected = np.array([2.0, -1.0, 0.5]) / parameters.mass - [0, 0, G]
+    assert state(plant)["velocity_w"][0] == pytest.approx(expected, rel=1e-9)
+
+
+def test_odd_periods_are_cut_into_steps_of_at_most_a_millisecond() -> None:
+    plants = [new_plant(SimulatorParameters()) for _ in range(2)]
+    for plant in plants:
+        state(plant)["position_w"] = (0.0, 0.0, 10.0)
+    for _ in range(300):
+        advance(plants[0], (140, 130, 140, 130), 1 / 300)
+    for _ in range(1000):
+        advance(plants[1], (140, 130, 140, 130), 1 / 1000)
+    assert plants[0]["x"][0] == pytest.approx(plants[1]["x"][0], abs=2e-3)
+
+
+# ---------------------------------------------------------------- battery
+def test_the_battery_is_14_8_v_in_its_middle() -> None:
+    # Nominal 4S; under the load of hover, 3.7 V a cell.
+    parameters = SimulatorParameters(battery_charge=0.5)
+    plant = new_plant(parameters)
+    run(plant, (127,) * 4, 1.0)
+    assert open_voltage(0.5) == pytest.approx(15.4)
+    assert plant["voltage"][0] == pytest.approx(14.6, abs=0.3)
+
+
+def test_voltage_falls_with_power_and_with_time() -> None:
+    plant = new_plant(SimulatorParameters())
+    run(plant, OFF, 1.0)
+    idle = float(plant["voltage"][0])
+    run(plant, (127,) * 4, 1.0)
+    hover = float(plant["voltage"][0])
+    run(plant, (127,) * 4, 20.0)
+    assert idle > hover + 0.3
+    assert plant["voltage"][0] < hover - 0.05
+    run(plant, OFF, 0.5)
+    assert hover < plant["voltage"][0] < idle
+
+
+def test_hover_lasts_around_ten_minutes() -> None:
+    parameters = SimulatorParameters()
+    plant = new_plant(parameters)
+    run(plant, (127,) * 4, 1.0)
+    before = float(plant["charge"][0])
+    run(plant, (127,) * 4, 1.0)
+    minutes = before / (before - float(plant["charge"][0])) / 60
+    assert 9 < minutes < 14
+
+
+def test_an_empty_battery_stays_at_zero_charge() -> None:
+    plant = new_plant(SimulatorParameters(battery_charge=0.0))
+    run(plant, (180,) * 4, 2.0)
+    assert plant["charge"][0] == 0.0
+    assert 10 < plant["voltage"][0] < 13.1

@@ -1,0 +1,221 @@
+"""The simulator in real time: serial devices anyone may open and leave, truth on the same clock."""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from quadrotor.errors import LinkError, StorageError
+from quadrotor.records import new_state
+from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.simulator import process
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.process import RunStatistics, run
+from vehicle.simulator.pseudo_terminal import BACKLOG, PseudoTerminal
+from vehicle.simulator.truth import Put, TruthPublisher
+from vehicle_link.serial.port import SerialPort
+from vehicle_link.topics.ticks import decode_odometry
+
+BOUND = 30.0
+"""s, after which a test that waits has failed."""
+
+
+class Simulator(threading.Thread):
+    """`run` in a thread, stopped by the test."""
+
+    def __init__(self, folder: Path, loopback_port: int | None = None) -> None:
+        super().__init__()
+        self.stop = threading.Event()
+        self.statistics = RunStatistics()
+        self._arguments = (SimulatorParameters(), folder, loopback_port)
+
+    def run(self) -> None:
+        self.statistics = run(*self._arguments, stop=self.stop)
+
+
+@contextmanager
+def simulator(folder: Path, loopback_port: int | None = None) -> Iterator[Simulator]:
+    thread = Simulator(folder, loopback_port)
+    thread.start()
+    try:
+        yield thread
+    finally:
+        thread.stop.set()
+        thread.join(BOUND)
+
+
+def open_ports(folder: Path) -> list[SerialPort]:
+    links = [folder / "mcu0", folder / "mcu1"]
+    waited = threading.Event()
+    for _ in range(int(BOUND / 0.01)):
+        if all(link.exists() for link in links):
+            break
+        waited.wait(0.01)
+    return [SerialPort(link) for link in links]
+
+
+def receive(mcu: Microcontroller, count: int) -> list[RawSample]:
+    """At least `count` samples; each wait for bytes is bounded."""
+    samples: list[RawSample] = []
+    while len(samples) < count:
+        ready = select.select(mcu.filenos(), [], [], BOUND)[0]
+        assert ready, f"no bytes in {BOUND:.0f} s"
+        samples += mcu.receive()
+        mcu.service(0.0)
+    return samples
+
+
+def test_it_speaks_through_two_devices_and_removes_them(tmp_path: Path) -> None:
+    with simulator(tmp_path) as running:
+        ports = open_ports(tmp_path)
+        mcu = Microcontroller(ports)
+        samples = receive(mcu, 100)
+        for port in ports:
+            port.close()
+    assert mcu.connected
+    assert all(sample.stamp_ns % 1_000_000 == samples[0].stamp_ns % 1_000_000 for sample in samples)
+    assert running.statistics.samples >= 100
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_vehicle_may_leave_and_come_back(tmp_path: Path) -> None:
+    with simulator(tmp_path):
+        for _ in range(2):
+            ports = open_ports(tmp_path)
+            mcu = Microcontroller(ports)
+            receive(mcu, 20)
+            assert mcu.connected
+            for port in ports:
+                port.close()
+
+
+def test_it_goes_on_while_the_station_is_away(tmp_path: Path) -> None:
+    with simulator(tmp_path, loopback_port=1) as running:
+        ports = open_ports(tmp_path)
+        receive(Microcontroller(ports), 50)
+        for port in ports:
+            port.close()
+    assert not running.is_alive()
+
+
+def test_when_the_machine_stopped_the_lost_samples_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "GIVE_UP_NS", -(10**12))  # every sample is "too late" …
+    stop = threading.Event()
+    said: list[str] = []
+
+    def say(line: str) -> None:
+        said.append(line)
+        if len(said) > 3:
+            stop.set()
+
+    monkeypatch.setattr(process, "_say", say)
+    statistics = run(SimulatorParameters(), tmp_path, None, stop=stop)
+    assert statistics.samples <= 1
+    assert "samples are lost" in said[-1]
+
+
+def test_unread_bytes_are_bounded_thrown_away_and_counted(tmp_path: Path) -> None:
+    terminal = PseudoTerminal(tmp_path / "mcu0")
+    for index in range(3000):
+        terminal.write(b"%033d\r" % index)
+    slave = os.open(tmp_path / "mcu0", os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    waiting = os.read(slave, 10_000)
+    assert len(waiting) <= BACKLOG + 34
+    assert waiting.endswith(b"%033d\r" % 2999)
+    assert terminal.dropped == 3000 * 34 - len(waiting)
+    os.close(slave)
+    terminal.close()
+
+
+def test_a_newer_simulator_s_link_is_left_alone(tmp_path: Path) -> None:
+    old, new = PseudoTerminal(tmp_path / "mcu0"), PseudoTerminal(tmp_path / "mcu0")
+    old.close()
+    assert os.readlink(tmp_path / "mcu0") == new.device
+    new.close()
+    assert not os.path.lexists(tmp_path / "mcu0")
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(StorageError, match=r"cannot make the serial device's link .*--data"):
+        PseudoTerminal(tmp_path / "file" / "mcu0")
+
+
+# ---------------------------------------------------------------- truth
+class Receiver:
+    """The way out of a TruthPublisher, and what came through it."""
+
+    def __init__(self, refusals: int = 0) -> None:
+        self.payloads: list[tuple[bytes, int]] = []
+        self.arrived = threading.Semaphore(0)
+        self.closed = threading.Event()
+        self._refusals = refusals
+
+    def connect(self) -> tuple[Put, object]:
+        if self._refusals:
+            self._refusals -= 1
+            raise LinkError("no station")
+        return self._put, self.closed.set
+
+    def _put(self, payload: bytes, source_ns: int) -> None:
+        self.payloads.append((payload, source_ns))
+        self.arrived.release()
+
+
+def test_truth_is_sent_as_odometry_with_its_stamp() -> None:
+    receiver = Receiver()
+    publisher = TruthPublisher(receiver.connect, "quad1")
+    state = new_state()
+    sent = False
+    while not sent:  # what is offered before the session is there is dropped as old
+        state["position_w"] = (1.0, 2.0, 3.0)
+        publisher.offer(1_700_000_000_123_456_789, state)
+        state["position_w"] = 0.0  # it was copied
+        sent = receiver.arrived.acquire(timeout=0.2)
+    publisher.close()
+    payload, source_ns = receiver.payloads[0]
+    stamp_ns, truth = decode_odometry(payload)
+    assert stamp_ns == source_ns == 1_700_000_000_123_456_789
+    assert truth["position_w"][0].tolist() == [1.0, 2.0, 3.0]
+    assert receiver.closed.is_set()
+
+
+def test_a_slow_network_costs_truth_and_not_the_plant() -> None:
+    blocked = threading.Event()
+
+    def connect() -> tuple[Put, object]:
+        blocked.wait(BOUND)
+        raise LinkError("no station")
+
+    publisher = TruthPublisher(connect, "quad1")
+    for k in range(100):
+        publisher.offer(k, new_state())
+    assert publisher.dropped == 92
+    publisher._stop.set()
+    blocked.set()
+    publisher.close()
+
+
+def test_truth_and_vehicle_share_a_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    receiver = Receiver()
+    monkeypatch.setattr(process, "connect_to_station", lambda port, vehicle: receiver.connect)
+    with simulator(tmp_path, loopback_port=1):
+        ports = open_ports(tmp_path)
+        sample = receive(Microcontroller(ports), 100)[-1]
+        assert receiver.arrived.acquire(timeout=BOUND)
+        for port in ports:
+            port.close()
+    stamp_ns = receiver.payloads[-1][1]
+    # Same grid of 10 ms, shifted by the least delay of a sample on its way; a loaded test
+    # machine may stretch that.
+    shift = (sample.stamp_ns - stamp_ns) % 2_000_000
+    assert min(shift, 2_000_000 - shift) < 1_000_000
+    assert abs(sample.stamp_ns - stamp_ns) < 5_000_000_000

@@ -1,0 +1,127 @@
+"""The simulated vehicle as a whole: only bytes go in and out, and the same bytes for a seed."""
+
+from __future__ import annotations
+
+import pytest
+
+from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle_link.serial.ids import MotorState
+
+CLIMB = (135, 135, 135, 135)
+
+
+def fly(seed: int, steps: int) -> tuple[list[RawSample], bytes]:
+    """Motors on, constant references; what was sampled, and the truth at the end."""
+    simulated = SimulatedVehicle(SimulatorParameters(seed=seed))
+    mcu = Microcontroller(simulated.ports, 0)
+    mcu.set_motor_state(MotorState.ON)
+    samples = []
+    for _ in range(steps):
+        simulated.step()
+        samples += mcu.receive()
+        mcu.command(CLIMB)
+        mcu.service(simulated.stamp_ns * 1e-9)
+    return samples, simulated.truth.tobytes()
+
+
+def test_the_same_seed_gives_the_same_flight_to_the_bit() -> None:
+    assert fly(5, 1200) == fly(5, 1200)
+
+
+def test_another_seed_gives_other_noise() -> None:
+    assert fly(5, 100)[0] != fly(6, 100)[0]
+
+
+def test_references_on_the_line_make_it_climb() -> None:
+    simulated = SimulatedVehicle(SimulatorParameters())
+    mcu = Microcontroller(simulated.ports, 0)
+    mcu.set_motor_state(MotorState.ON)
+    for _ in range(1000):
+        simulated.step()
+        mcu.receive()
+        mcu.command(CLIMB)
+        mcu.service(simulated.stamp_ns * 1e-9)
+    assert simulated.truth["position_w"][0, 2] > 0.5
+
+
+def test_silence_stops_the_motors_and_is_reported() -> None:
+    simulated = SimulatedVehicle(SimulatorParameters())
+    mcu = Microcontroller(simulated.ports, 0)
+    mcu.set_motor_state(MotorState.ON)
+    samples = []
+    for step in range(700):
+        simulated.step()
+        samples += mcu.receive()
+        if step < 300:
+            mcu.command(CLIMB)
+            mcu.service(simulated.stamp_ns * 1e-9)
+    states = [sample.motor_state for sample in samples]
+    assert states[290] is MotorState.ON
+    assert states[300 + 124] is MotorState.ON  # 0.25 s after the last command
+    assert states[300 + 128] is MotorState.EMERGENCY
+
+
+def test_the_first_sample_is_at_time_0_and_moves_nothing() -> None:
+    simulated = SimulatedVehicle(SimulatorParameters())
+    simulated.place((1.0, 2.0, 3.0))
+    simulated.step()
+    assert simulated.stamp_ns == 0
+    assert simulated.truth["position_w"][0].tolist() == [1.0, 2.0, 3.0]
+    simulated.step()
+    assert simulated.stamp_ns == 2_000_000
+    assert simulated.truth["position_w"][0, 2] < 3.0
+
+
+@pytest.mark.parametrize("rate", [60, 120, 300, 650])
+def test_stamps_on_board_are_the_truth_s_in_whole_milliseconds(rate: int) -> None:
+    simulated = SimulatedVehicle(SimulatorParameters(imu_rate=rate))
+    mcu = Microcontroller(simulated.ports, 0)
+    for k in range(rate):
+        simulated.step()
+        (sample,) = mcu.receive()
+        assert simulated.stamp_ns == k * 1_000_000_000 // rate
+        assert sample.stamp_ns == simulated.stamp_ns // 1_000_000 * 1_000_000
+
+
+def test_warming_up_changes_nothing() -> None:
+    plain, warm = SimulatedVehicle(SimulatorParameters()), SimulatedVehicle(SimulatorParameters())
+    warm.warm_up()
+    for _ in range(3):
+        plain.step()
+        warm.step()
+    assert [port.read() for port in plain.ports] == [port.read() for port in warm.ports]
+
+
+def test_a_payload_and_a_gust_act_in_flight() -> None:
+    heights, drifts = [], []
+    for payload in (0.0, 0.3):
+        simulated = SimulatedVehicle(SimulatorParameters())
+        mcu = Microcontroller(simulated.ports, 0)
+        mcu.set_motor_state(MotorState.ON)
+        for step in range(500):
+            if step == 250:
+                simulated.configure(SimulatorParameters(mass=1.308 + payload))
+                simulated.disturb((payload * 10, 0.0, 0.0))
+            simulated.step()
+            mcu.receive()
+            mcu.command((140, 140, 140, 140))
+            mcu.service(simulated.stamp_ns * 1e-9)
+        heights.append(simulated.truth["position_w"][0, 2])
+        drifts.append(simulated.truth["position_w"][0, 0])
+    assert heights[1] < heights[0] - 0.1
+    assert drifts[1] > drifts[0] + 0.1
+
+
+def test_skipped_samples_are_a_gap_in_the_stamps() -> None:
+    simulated = SimulatedVehicle(SimulatorParameters())
+    mcu = Microcontroller(simulated.ports, 0)
+    simulated.step()
+    simulated.skip(1000)
+    samples = mcu.receive()
+    for _ in range(3):
+        simulated.step()
+        samples += mcu.receive()
+    # The first one after the gap is taken for damage until the next confirms it.
+    assert [sample.stamp_ns for sample in samples] == [0, 2_004_000_000, 2_006_000_000]

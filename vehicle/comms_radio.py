@@ -1,0 +1,61 @@
+"""The vehicle's publishers on the link, one a topic.
+
+Best-effort topics are put at once (1 ms at most). Reliable ones may have to wait for a congested
+link, so they leave through a queue and a thread of their own.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+
+from vehicle_link.node import Node
+from vehicle_link.topics import TOPICS
+
+WAITING_MAX = 1000
+
+
+class LinkRadio:
+    """Publishes every topic of the table that the vehicle sends."""
+
+    def __init__(self, node: Node) -> None:
+        self.lost = 0  # reliable messages, of a link that stood still
+        rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
+        self._publishers = {
+            row.name: node.publisher(
+                row.name,
+                row.type_name,
+                qos=row.qos,
+                priority=row.priority,
+                express=row.express,
+                drop=row.drop,
+            )
+            for row in rows
+        }
+        self._patient = {row.name for row in rows if not row.drop}
+        self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)
+        self._thread = threading.Thread(target=self._run, name="reliable", daemon=True)
+        self._thread.start()
+
+    def put(self, topic: str, payload: bytes, source_ns: int) -> None:
+        """Send, now or as soon as the link takes it."""
+        if topic not in self._patient:
+            self._publishers[topic].put(payload, source_ns)
+            return
+        try:
+            self._queue.put_nowait((topic, payload, source_ns))
+        except queue.Full:
+            self.lost += 1
+
+    def close(self, timeout_s: float = 0.5) -> None:
+        """Send what waits, as far as the time allows."""
+        try:
+            self._queue.put_nowait(None)
+        except queue.Full:
+            return
+        self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        while (item := self._queue.get()) is not None:
+            topic, payload, source_ns = item
+            self._publishers[topic].put(payload, source_ns)

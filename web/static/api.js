@@ -1,0 +1,22 @@
+// Requests to our own API. An error's message is the one line the server gave.
+
+export async function request(method, path, body) {
+  let response;
+  try {
+    response = await fetch(path, {
+      method,
+      headers: body === undefined ? {} : { "Content-Type": "application/json" },
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+  } catch {
+    throw new Error("quadlab web does not answer; is it running?");
+  }
+  const content = await response.json().catch(() => ({}));
+  if (!response.ok) {
+    throw Object.assign(new Error(content.error ?? `error ${response.status}`), { status: response.status });
+  }
+  return content;
+}
+
+export const get = (path) => request("GET", path);
+export const command = (name, body = {}) => request("POST", `/api/commands/${name}`, body);

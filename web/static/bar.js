@@ -1,0 +1,57 @@
+// The bar: what the vehicle says of itself, grey when old, and the controls always in sight.
+
+import { command } from "./api.js";
+import { bytes, duration, fixed, NONE, seconds, words } from "./format.js";
+import { onHold } from "./hold.js";
+
+const $ = (id) => document.getElementById(id);
+const STALE = { status: 1, link_status: 1.5, station_status: 1.5, battery: 3 }; // s
+
+const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
+
+export class Bar {
+  constructor(events, fly, isOperator) {
+    this.events = events;
+    this.controls = ["arm", "take-off", "land", "emergency-land", "cut"].map($);
+    this.isOperator = isOperator;
+    onHold($("arm"), 800, () => fly.attempt(() => command(this.armed ? "disarm" : "arm"), this.armed ? "disarm" : "arm"));
+    $("take-off").addEventListener("click", () => fly.start("take_off"));
+    $("land").addEventListener("click", () => fly.start("land"));
+    $("emergency-land").addEventListener("click", () => fly.attempt(() => command("emergency", { action: "land" }), "emergency landing"));
+    onHold($("cut"), 500, () => fly.attempt(() => command("emergency", { action: "cut" }), "cut"));
+    if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
+    setInterval(() => this.draw(), 200);
+  }
+
+  get armed() { return Boolean(this.events.summary.status?.armed) && this.fresh("status"); }
+  fresh(topic) { return this.events.age(topic) < STALE[topic]; }
+
+  draw() {
+    const { status, link, battery, station } = this.events.summary;
+    this.set("mode", status && words(status.mode));
+    this.set("behavior", status && words(status.behavior));
+    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && link.state !== "good");
+    this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
+    this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
+    this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
+    this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz` : "none"), station?.tracker_rate < 10);
+    this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
+    if (this.isOperator) $("arm").textContent = this.armed ? "Disarm" : "Arm";
+    $("arm").title = this.armed ? "hold for 0.8 s to stop the motors on the ground" : "hold for 0.8 s to start the motors";
+  }
+
+  // The station's own figure while it speaks; longer once it is silent.
+  linkAge(link) { return Math.max(link.age ?? 0, this.fresh("link_status") ? 0 : this.events.age("link_status")); }
+
+  lateness(value) { return value === null || value === undefined ? NONE : value < 1e-3 ? `${fixed(1e6 * value, 0)} µs` : `${fixed(1e3 * value, 1)} ms`; }
+
+  set(id, text, warn = false) {
+    const output = $(id), topic = output.dataset.topic, old = !this.fresh(topic);
+    const shown = text || NONE;
+    if (output.textContent !== shown) output.textContent = shown;
+    output.classList.toggle("stale", old);
+    output.classList.toggle("warn", Boolean(warn) && !old);
+    const age = this.events.age(topic);
+    output.title = !old ? "" : Number.isFinite(age) ? `last heard ${seconds(age)} ago` : "never heard";
+  }
+}

@@ -1,0 +1,78 @@
+// The Fly tab: behaviours with their arguments, recording, and the answer to the last command.
+
+import { command } from "./api.js";
+import { bytes, element } from "./format.js";
+
+const $ = (id) => document.getElementById(id);
+
+export class Fly {
+  // behaviors: static/behaviors.json; the vehicle knows and checks them all.
+  constructor(events, behaviors, isOperator) {
+    this.events = events;
+    this.behaviors = behaviors;
+    this.forms = new Map();
+    this.isOperator = isOperator;
+    for (const behavior of behaviors) $("behaviors").append(this.row(behavior));
+    $("record").addEventListener("click", () => this.record());
+    $("record").disabled = !isOperator;
+    events.on("summary", () => this.showRecording());
+  }
+
+  row({ name, label, title, arguments: fields = [] }) {
+    const inputs = fields.map((field) => [field, element("input", {
+      type: "number", value: field.value ?? "", placeholder: "auto", min: field.min, max: field.max, step: field.step ?? "any",
+      title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`,
+      onkeydown: (event) => { if (event.key === "Enter") this.start(name); },
+    })]);
+    this.forms.set(name, { label, inputs });
+    const button = element("button", { title, disabled: !this.isOperator, onclick: () => this.start(name) }, label);
+    const shown = inputs.map(([field, input]) => element("label", { className: "argument" }, field.label ?? field.name, input, field.unit ?? ""));
+    return element("div", { className: "behavior" }, button, element("div", { className: "arguments" }, ...shown));
+  }
+
+  start(name) {
+    const { label, inputs } = this.forms.get(name);
+    const values = { ...this.behaviors.find((behavior) => behavior.name === name).fixed };
+    for (const [field, input] of inputs) {
+      if (input.value === "") continue; // the vehicle's own default
+      const wrong = !input.checkValidity() || !Number.isFinite(input.valueAsNumber);
+      if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.min} to ${field.max} ${field.unit ?? ""}`); return; }
+      values[field.name] = input.valueAsNumber * (field.scale ?? 1);
+    }
+    this.attempt(() => command("start_behavior", { name, arguments: values }), label);
+  }
+
+  // Runs a command and shows its answer: a refusal stays until the next command.
+  async attempt(act, label = "") {
+    try {
+      await act();
+      if (label) this.say(`${label}: accepted`);
+    } catch (error) {
+      this.refuse(`${label ? `${label}: ` : ""}${error.message}`);
+    }
+  }
+
+  say(content) { this.show(content, true); }
+  refuse(content) { this.show(content, false); document.querySelector("[data-tab=fly]").click(); }
+
+  show(content, good) {
+    const answer = $("answer");
+    clearTimeout(this.fading);
+    answer.replaceChildren(content);
+    answer.classList.toggle("good", good);
+    answer.hidden = false;
+    if (good && typeof content === "string") this.fading = setTimeout(() => { answer.hidden = true; }, 4000);
+  }
+
+  record() {
+    const start = !this.events.summary.station?.recording;
+    this.attempt(() => command("record", { start }), start ? "record" : "stop recording");
+  }
+
+  showRecording() {
+    const station = this.events.summary.station;
+    $("record").textContent = station?.recording ? "Stop" : "Record";
+    const note = !station ? "" : station.recording ? station.run_id : `${bytes(station.free_bytes)} free; starts by itself on arming`;
+    if ($("record-note").textContent !== note) $("record-note").textContent = note;
+  }
+}

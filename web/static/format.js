@@ -1,0 +1,50 @@
+// Numbers, times and sizes as people read them; "–" for what is not known.
+
+export const NONE = "–";
+const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
+
+export function fixed(value, digits) {
+  if (!known(value)) return NONE;
+  const text = value.toFixed(digits);
+  return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
+}
+
+export function seconds(value) {
+  if (!known(value)) return NONE;
+  if (value < 0.9995) return `${Math.round(value * 1e3)} ms`;
+  return value < 100 ? `${value.toFixed(1)} s` : duration(value);
+}
+
+export function duration(value) {
+  if (!known(value)) return NONE;
+  const whole = Math.floor(value), hours = Math.floor(whole / 3600);
+  const clock = [Math.floor(whole / 60) % 60, whole % 60].map((n) => String(n).padStart(2, "0")).join(":");
+  return hours ? `${hours}:${clock}` : clock;
+}
+
+export function bytes(value) {
+  if (!known(value)) return NONE;
+  if (value < 1e6) return `${(value / 1e3).toFixed(value < 1e4 ? 1 : 0)} kB`;
+  return value < 1e9 ? `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB` : `${(value / 1e9).toFixed(2)} GB`;
+}
+
+// As many digits as a step of this size needs.
+export const digitsOf = (step) => Math.min(7, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
+
+export function exact(value) {
+  if (typeof value !== "number") return String(value);
+  return String(Number(value.toPrecision(7)));
+}
+
+export const words = (name) => (name ? String(name).replaceAll("_", " ").toLowerCase() : NONE);
+
+export function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (key in made && key !== "list") made[key] = value;
+    else made.setAttribute(key, value);
+  }
+  made.append(...children);
+  return made;
+}

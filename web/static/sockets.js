@@ -1,0 +1,93 @@
+// Websockets that come back by themselves.
+
+const PAUSES = [250, 500, 1000, 2000]; // ms
+
+export class Socket extends EventTarget {
+  constructor(path, { binary = false } = {}) {
+    super();
+    this.path = path;
+    this.binary = binary;
+    this.failures = 0;
+    this.open();
+  }
+
+  get connected() { return this.socket.readyState === WebSocket.OPEN; }
+
+  open() {
+    const url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.path}`;
+    this.socket = new WebSocket(url);
+    if (this.binary) this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => { this.failures = 0; this.dispatchEvent(new Event("open")); };
+    this.socket.onmessage = (event) => this.dispatchEvent(new MessageEvent("message", { data: event.data }));
+    this.socket.onclose = () => {
+      this.dispatchEvent(new Event("close"));
+      const pause = PAUSES[Math.min(this.failures++, PAUSES.length - 1)];
+      setTimeout(() => this.open(), pause);
+    };
+  }
+
+  send(data) { if (this.connected) this.socket.send(data); }
+}
+
+// /ws/events: JSON messages by type, and the summary merged into one object.
+export class Events extends Socket {
+  constructor() {
+    super("/ws/events");
+    this.summary = { age: {} };
+    this.received = -Infinity;
+    this.addEventListener("message", ({ data }) => {
+      const message = JSON.parse(data);
+      if (message.type === "summary") {
+        Object.assign(this.summary, message);
+        this.received = performance.now();
+      }
+      this.dispatchEvent(new CustomEvent(message.type, { detail: message }));
+    });
+  }
+
+  on(type, listener) { this.addEventListener(type, ({ detail }) => listener(detail)); }
+
+  // Age in seconds of a topic's newest message, running on while nothing arrives.
+  age(topic) {
+    const age = this.summary.age[topic];
+    return age === null || age === undefined ? Infinity : age + (performance.now() - this.received) / 1e3;
+  }
+}
+
+// /ws/telemetry: see web/telemetry.py for the frame.
+export class Telemetry extends Socket {
+  constructor(description) {
+    super("/ws/telemetry", { binary: true });
+    this.topics = description.topics;
+    this.wants = new Map(); // who wants which signals
+    this.names = [];
+    this.id = 0;
+    this.addEventListener("open", () => this.subscribe());
+    this.addEventListener("message", ({ data }) => this.read(data));
+  }
+
+  want(who, names) {
+    this.wants.set(who, names);
+    this.subscribe();
+  }
+
+  subscribe() {
+    this.names = [...new Set([...this.wants.values()].flat())];
+    this.id = (this.id + 1) % 65536;
+    this.send(JSON.stringify({ id: this.id, signals: this.names }));
+  }
+
+  read(buffer) {
+    const view = new DataView(buffer);
+    if (view.getUint16(0, true) !== this.id) return; // of the selection before
+    const count = view.getUint16(2, true), age = {}, value = {};
+    this.topics.forEach((topic, i) => {
+      const milliseconds = view.getUint16(12 + 2 * i, true);
+      age[topic] = milliseconds === 65535 ? Infinity : milliseconds / 1e3;
+    });
+    const start = 12 + 2 * this.topics.length;
+    for (let i = 0; i < count; i++) value[this.names[i]] = view.getFloat32(start + 4 * i, true);
+    const detail = { time: view.getFloat64(4, true), age, value };
+    this.dispatchEvent(new CustomEvent("frame", { detail }));
+  }
+}

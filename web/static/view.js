@@ -1,0 +1,36 @@
+// The 3D view: viser in an iframe, flags over it, the follow switch.
+
+import { request } from "./api.js";
+import { words } from "./format.js";
+
+const $ = (id) => document.getElementById(id);
+
+export class View {
+  constructor(events) {
+    this.name = crypto.randomUUID?.() ?? String(Math.random());
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = `${scheme}://${location.host}/viser?view=${this.name}`;
+    $("scene").src = `/viser/?darkMode&websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
+    $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
+    events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
+    events.on("summary", ({ age }) => {
+      if (age) $("truth-key").hidden = !(age.truth !== null && age.truth < 1);
+      this.flags(events.summary);
+    });
+  }
+
+  async follow(wanted) {
+    try {
+      await request("POST", "/api/view/follow", { view: this.name, follow: wanted });
+      $("follow").setAttribute("aria-pressed", String(wanted));
+    } catch { /* the strip on top says that web is away; asked again when it is back */ }
+  }
+
+  flags({ status, station }) {
+    const texts = [...(status?.flags ?? []).map(words), ...(station?.alarms ?? [])];
+    const key = texts.join("|");
+    if (key === this.shown) return;
+    this.shown = key;
+    $("flags").replaceChildren(...texts.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
+  }
+}
