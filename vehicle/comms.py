@@ -15,6 +15,7 @@ import time
 from pathlib import Path
 
 import msgspec
+from vehicle_link.node import Node, Received
 
 from quadrotor.errors import QuadlabError
 from vehicle import mailbox
@@ -30,7 +31,6 @@ from vehicle.process_config import CommsConfig, Rings, open_rings
 from vehicle.realtime import die_with_parent
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
-from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 
 DRAIN_PERIOD_S = 0.01

@@ -72,6 +72,12 @@ class Inbound:
         self._log = log
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
         self._heard_ns: int | None = None
+        self.handlers: dict[str, Callable[[bytes], None]] = {
+            "tracker_pose": self._tracker_pose,
+            "bearings": self._bearings,
+            "joy": self._joy,
+            "station_heartbeat": self._heartbeat,
+        }
 
     @property
     def station_silence(self) -> float:
@@ -82,7 +88,7 @@ class Inbound:
     def take(self, topic: str, payload: bytes) -> None:
         """One message of a topic of `handlers`; unusable ones are reported."""
         try:
-            self.handlers[topic](self, payload)
+            self.handlers[topic](payload)
         except (LinkError, MeasurementError) as error:
             self._complain(topic, str(error))
 
@@ -111,9 +117,7 @@ class Inbound:
         seen = topics.decode_bearings(payload)
         if not self._fresh("bearings", seen.stamp_ns):
             return
-        self._send(
-            mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma)
-        )
+        self._send(mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma))
         self._log("bearings", payload, seen.stamp_ns)
         known = [k for k, one in enumerate(seen.beacon_ids) if one in self._places]
         if not known:
@@ -141,10 +145,3 @@ class Inbound:
     def _send(self, message: mailbox.Measurement) -> None:
         if not self._flight.send(message):
             self._complain("flight inbox", "full; measurements are lost")
-
-    handlers = {
-        "tracker_pose": _tracker_pose,
-        "bearings": _bearings,
-        "joy": _joy,
-        "station_heartbeat": _heartbeat,
-    }

@@ -10,6 +10,7 @@ import queue
 import threading
 
 from vehicle_link.node import Node
+
 from vehicle_link.topics import TOPICS
 
 WAITING_MAX = 1000

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import ipaddress
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
@@ -77,19 +76,33 @@ def station_session(
     return _open(config, f"TCP port {loopback_port} of {loopback_host}")
 
 
-def loopback_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
-    """A client of the station's router: web, simulator, tools. Reconnects by itself.
+def loopback_session(
+    loopback_port: int, timeout: float = 5.0, loopback_host: str = "127.0.0.1"
+) -> zenoh.Session:
+    """A client of the station's router: web, simulator, tools.
+
+    Waits for a station to answer; once open, it comes back by itself after the station's restart.
+
+    Args:
+        timeout: how long to wait, s; a client that should start before its station tries again.
 
     Raises:
-        LinkError: the session cannot be opened.
+        LinkError: no station answered in time.
     """
+    connect = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **_RETRY}
     config: dict[str, Any] = {
         "mode": "client",
-        "connect": {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **_RETRY},
+        "connect": {**connect, "timeout_ms": round(1000 * timeout), "exit_on_failure": True},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {"shared_memory": {"enabled": False}},
     }
-    return _open(config, f"the station at {loopback_host}:{loopback_port}")
+    try:
+        return _open(config, f"{loopback_host}:{loopback_port}")
+    except LinkError as error:
+        raise LinkError(
+            f"no station answered at {loopback_host}:{loopback_port} within {timeout:g} s; "
+            "start it with `quadlab station` (or `quadlab up`)"
+        ) from error
 
 
 def connected_to(session: zenoh.Session) -> list[str]:

@@ -110,7 +110,7 @@ def test_a_command_gets_its_own_reply() -> None:
 
 def test_no_reply_is_one_clear_error() -> None:
     flight = Flight()
-    with pytest.raises(LinkError, match="did not answer within 0.01 s"):
+    with pytest.raises(LinkError, match=r"did not answer within 0\.01 s"):
         flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.01)
     (command,) = flight.received()
     flight.mailbox.deliver(mailbox.Reply(command.request_id, True))  # too late: nobody waits
@@ -146,9 +146,9 @@ def test_two_processes_never_use_the_same_request_id(monkeypatch: pytest.MonkeyP
 def test_the_mirror_checks_before_it_asks() -> None:
     flight = Flight()
     mirror = ParameterMirror(flight.mailbox, {})
-    with pytest.raises(OutOfBoundsError, match="0.5 to 2.4 kg"):
+    with pytest.raises(OutOfBoundsError, match=r"0\.5 to 2\.4 kg"):
         mirror.change({"model.mass": 99.0}, "anna")
-    with pytest.raises(UnknownParameterError, match="did you mean model.mass"):
+    with pytest.raises(UnknownParameterError, match=r"did you mean model\.mass"):
         mirror.change({"model.mas": 1.0}, "anna")
     assert flight.received() == []
 
@@ -241,7 +241,7 @@ class Sender:
 
 @pytest.fixture
 def sender() -> Iterator[Sender]:
-    yield Sender()
+    return Sender()
 
 
 @pytest.mark.parametrize("batch", [1, 4, 5, 7, 50])
@@ -385,7 +385,8 @@ def test_what_is_not_of_now_is_ignored(receiver: Receiver, age_ms: int, words: s
     receiver.pose(age_ns=age_ms * MS)
     assert receiver.flight.received() == []
     assert receiver.logged == []
-    assert len(receiver.said) == 1 and words in receiver.said[0]
+    assert len(receiver.said) == 1
+    assert words in receiver.said[0]
 
 
 @pytest.mark.parametrize("age_ms", [-200, 0, 200])
@@ -427,7 +428,8 @@ def test_four_bearings_give_the_pose(receiver: Receiver) -> None:
     assert abs(pose.pose.orientation.w) == pytest.approx(1.0, abs=1e-6)
     assert stamp == START_NS
     (bearings,) = receiver.flight.received()
-    assert isinstance(bearings, mailbox.Bearings) and bearings.beacon_ids == (1, 2, 3, 4)
+    assert isinstance(bearings, mailbox.Bearings)
+    assert bearings.beacon_ids == (1, 2, 3, 4)
 
 
 def test_an_unknown_beacon_is_left_out(receiver: Receiver) -> None:
@@ -442,7 +444,8 @@ def test_too_few_bearings_are_said_and_still_reach_flight(
     for _ in range(3):
         receiver.bearings(np.array([0.3, -0.2, 1.4]), ids)
     assert receiver.poses == []
-    assert len(receiver.said) == 1 and receiver.said[0].startswith("bearings: ")
+    assert len(receiver.said) == 1
+    assert receiver.said[0].startswith("bearings: ")
     assert len(receiver.flight.received()) == 3
 
 

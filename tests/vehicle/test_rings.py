@@ -47,14 +47,17 @@ def test_a_full_ring_keeps_the_old_and_counts_the_new() -> None:
     assert [ring.push(b"%d" % k) for k in range(5)] == [True, True, False, False, False]
     assert ring.dropped == 3
     assert ring.pop_all() == [b"0", b"1"]
-    assert ring.push(b"again") and ring.pop() == b"again"
+    assert ring.push(b"again")
+    assert ring.pop() == b"again"
 
 
 def test_a_message_longer_than_a_slot_is_dropped_whole() -> None:
     ring = byte_ring()
     assert not ring.push(b"x" * (ring.longest + 1))
-    assert ring.dropped == 1 and len(ring) == 0
-    assert ring.push(b"y") and ring.pop() == b"y"
+    assert ring.dropped == 1
+    assert len(ring) == 0
+    assert ring.push(b"y")
+    assert ring.pop() == b"y"
 
 
 def test_random_traffic_equals_a_bounded_queue() -> None:
@@ -86,7 +89,8 @@ def test_records_survive_the_wrap_bit_for_bit(slots: int) -> None:
         received = ring.pop_all()
         assert received.tobytes() == b"".join(tick.tobytes() for tick in sent)
     assert ring.pop_all().shape == (0,)
-    assert ring.dropped == 0 and ring.pushed == sequence
+    assert ring.dropped == 0
+    assert ring.pushed == sequence
 
 
 def test_records_are_dropped_newest_first_when_the_reader_is_away() -> None:
@@ -109,7 +113,8 @@ def test_counters_go_on_beyond_32_bits() -> None:
     start = (1 << 40) + 3
     ring._words[0] = ring._words[TAIL] = start
     for k in range(9):
-        assert ring.push(b"%d" % k) and ring.pop() == b"%d" % k
+        assert ring.push(b"%d" % k)
+        assert ring.pop() == b"%d" % k
     assert ring.pushed == start + 9
 
 
@@ -133,7 +138,8 @@ def test_the_fence_of_weakly_ordered_processors_returns(monkeypatch: pytest.Monk
     monkeypatch.setattr("vehicle.rings._TOTAL_STORE_ORDER", False)
     fence()
     ring = byte_ring()
-    assert ring.push(b"a") and ring.pop() == b"a"
+    assert ring.push(b"a")
+    assert ring.pop() == b"a"
 
 
 WRITER = """
@@ -164,11 +170,13 @@ def test_no_record_is_torn_or_swapped_between_two_processes() -> None:
         ticks = ring.pop_all()
         if len(ticks):
             seen.append(ticks)
-    assert writer.stdout is not None and int(writer.stdout.read()) == ring.dropped
+    assert writer.stdout is not None
+    assert int(writer.stdout.read()) == ring.dropped
     sequences = np.concatenate([t["sequence"] for t in seen]).astype(np.int64)
     stamps = np.concatenate([t["imu"]["stamp_ns"] for t in seen])
     pressures = np.concatenate([t["status"]["pressure"] for t in seen])
     assert len(sequences) + ring.dropped == count
     assert (np.diff(sequences) > 0).all()
-    assert (stamps == 3 * sequences).all() and (pressures == sequences).all()
+    assert (stamps == 3 * sequences).all()
+    assert (pressures == sequences).all()
     assert ring._memory.size() == HEADER_BYTES + slots * TICK.itemsize
