@@ -18,6 +18,9 @@ from quadrotor.parameters import Parameters, parameter
 NEAREST = 0.01
 """m; a beacon nearer than this to the camera has no direction."""
 
+SIGMA_TOLD_MIN = 0.01
+"""deg; an estimator cannot weigh measurements that claim to be exact."""
+
 
 class BearingParameters(Parameters):
     """The bearing sensor that is not on the vehicle."""
@@ -94,7 +97,7 @@ class BearingEmulator:
             stamp_ns,
             ids[seen],
             perturbed(bearings_b[seen], noise[seen]),
-            float(np.radians(p.sigma)),
+            float(np.radians(max(p.sigma, SIGMA_TOLD_MIN))),
         )
         self._line.put(stamp_ns + round(p.delay * SECOND_NS), frame)
 

@@ -51,7 +51,8 @@ class RunEnd:
     bytes: int
     messages: int
     dropped: int
-    problem: str  # empty when the file was closed properly
+    closed: bool  # the file has its index
+    problem: str  # why it ended other than as asked
 
 
 @dataclass(frozen=True)
@@ -247,8 +248,9 @@ class Recorder:
         if self._open is None:
             return
         done, self._open = self._open, None
+        closed = False
         try:
-            done.writer.close()
+            closed = done.writer.close()
         except StorageError as error:
             problem = problem or str(error)
             self._alarms["run"] = str(error)
@@ -259,6 +261,7 @@ class Recorder:
             bytes=done.writer.size,
             messages=done.writer.message_count,
             dropped=self._dropped,
+            closed=closed,
             problem=problem,
         )
         try:

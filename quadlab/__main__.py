@@ -41,6 +41,7 @@ def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
             return tyro.extras.subcommand_cli_from_dict(
                 dict(COMMANDS),
                 prog="quadlab",
+                config=(tyro.conf.FlagCreatePairsOff,),
                 description="Base station and experiment console of a quadrotor laboratory.",
                 args=list(words),
             )
@@ -51,11 +52,20 @@ def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
 
 
 def _one_line(boxed: str) -> str:
-    """tyro's boxed complaint as one sentence."""
+    """tyro's boxed complaint as one sentence: what is wrong, and the nearest word there is."""
     plain = re.sub(r"\x1b\[[0-9;]*m", "", boxed)
-    lines = [re.sub(r"[╭╮╰╯│─]+", " ", line).strip() for line in plain.splitlines()]
-    text = "; ".join(line.removesuffix(":") for line in lines[1:] if line)
-    return re.sub(r";\s*(For full helptext, )(run|see)", r"; \2", text)
+    sections: list[list[str]] = [[]]
+    for framed in plain.splitlines()[1:]:
+        line = framed.strip("│| ")
+        if re.fullmatch(r"[╭╮╰╯─+-]+", line):
+            sections.append([])
+        elif line:
+            sections[-1].append(line)
+    said = " ".join(sections[0])
+    for section in sections[1:]:
+        if section and section[0].startswith(("Perhaps you meant", "Available subcommands")):
+            said += "; " + " ".join(section[:2])
+    return said.rstrip(".") + "; --help lists what is allowed"
 
 
 if __name__ == "__main__":

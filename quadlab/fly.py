@@ -11,7 +11,7 @@ from typing import Annotated
 import tyro
 
 from quadlab.data_folder import open_data_folder
-from quadlab.processes import Settings
+from quadlab.processes import Folder, Settings
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
 
@@ -22,9 +22,9 @@ LARGEST_SEED = 2**31 - 1 - 2_000_003
 class Fly:
     """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
 
-    experiment: Annotated[str, tyro.conf.Positional]
+    experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
     """figure_eight or hover"""
-    out: Path | None = None
+    out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
     """of all noise; the same seed gives the same messages"""

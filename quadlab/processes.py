@@ -13,6 +13,7 @@ from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
 
 Settings = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")]
+Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
 
@@ -23,7 +24,7 @@ class Vehicle:
 
     serial: tuple[Path, ...]
     """the microcontroller's serial ports, one or two"""
-    data: Path | None = None
+    data: Folder = None
     """data folder"""
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
@@ -71,7 +72,7 @@ class Simulator:
 class Station:
     """Run the base station: tracker, recorder, run catalogue, forwarding of commands."""
 
-    data: Path | None = None
+    data: Folder = None
     """data folder"""
     vehicle: str = "127.0.0.1:7447"
     """address of the vehicle's radio link, host:port"""
@@ -95,7 +96,7 @@ class Station:
 class Web:
     """Serve the page."""
 
-    data: Path | None = None
+    data: Folder = None
     """data folder"""
     port: int = 8080
     """HTTP port on loopback"""

@@ -14,7 +14,7 @@ from types import FrameType
 
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
-from quadlab.processes import SIGN_IN_TOKEN, Settings
+from quadlab.processes import SIGN_IN_TOKEN, Folder, Settings
 from quadlab.settings import parse_settings
 from quadlab.supervise import Child
 from quadrotor.errors import UsageError
@@ -28,7 +28,7 @@ class Up:
 
     port: int = 8080
     """HTTP port of the page, on loopback"""
-    data: Path | None = None
+    data: Folder = None
     """data folder (default: the platform's)"""
     no_browser: bool = False
     """do not open a browser"""

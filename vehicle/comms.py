@@ -12,10 +12,10 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
-from vehicle_link.node import Node, Received
 
 from quadrotor.errors import QuadlabError
 from vehicle import mailbox
@@ -31,11 +31,12 @@ from vehicle.process_config import CommsConfig, Rings, open_rings
 from vehicle.realtime import die_with_parent
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
+from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 
 DRAIN_PERIOD_S = 0.01
 STATION_LOST_S = 1.0
-CLOSE_PATIENCE_S = 2.0  # closing a session whose peer is gone can take 10 s
+CLOSE_PATIENCE_S = 0.5
 
 
 class Comms:
@@ -48,7 +49,6 @@ class Comms:
         self._mirror = ParameterMirror(self._flight, config.parameters)
         self._events: list[mailbox.Event] = []
         self._bearing_poses: list[tuple[bytes, int]] = []
-        self._node = node
         self._radio = LinkRadio(node)
         self._log = OnboardLog(Path(config.data), config.name, self._parameters_json, self._say)
         self._publisher = Publisher(self._radio, self._log, self._clock, config.name)
@@ -91,10 +91,9 @@ class Comms:
         self._watch_drops()
 
     def close(self) -> None:
-        """Close the log first: it must not wait for the radio."""
+        """Close the log and send the last events; the session is closed by its maker."""
         self._log.close()
         self._radio.close()
-        self._node.close()
 
     def _dispatch(self, message: mailbox.Outbound) -> None:
         if isinstance(message, mailbox.Reply):
@@ -115,11 +114,8 @@ class Comms:
             )
             self._dropped = dropped
 
-    def _receiver(self, topic: str):  # type: ignore[no-untyped-def]
-        def receive(received: Received) -> None:
-            self._inbound.take(topic, bytes(received.payload))
-
-        return receive
+    def _receiver(self, topic: str) -> Callable[[Received], None]:
+        return lambda received: self._inbound.take(topic, received.payload)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
         type_name = topics.TOPICS[topic].type_name
@@ -150,10 +146,12 @@ def main(argument: str) -> int:
         return GIVEN_UP
     comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
     comms.run(stopping)
-    threading.Timer(CLOSE_PATIENCE_S, os._exit, (0,)).start()
     comms.close()
-    session.close()
-    os._exit(0)  # threads of a session that was lost may still wait
+    # Tells the station at once that we leave; with a peer that is gone it could take 10 s.
+    closing = threading.Thread(target=session.close, daemon=True)
+    closing.start()
+    closing.join(CLOSE_PATIENCE_S)
+    os._exit(0)
 
 
 if __name__ == "__main__":

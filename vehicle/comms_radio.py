@@ -10,7 +10,6 @@ import queue
 import threading
 
 from vehicle_link.node import Node
-
 from vehicle_link.topics import TOPICS
 
 WAITING_MAX = 1000
@@ -22,17 +21,7 @@ class LinkRadio:
     def __init__(self, node: Node) -> None:
         self.lost = 0  # reliable messages, of a link that stood still
         rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
-        self._publishers = {
-            row.name: node.publisher(
-                row.name,
-                row.type_name,
-                qos=row.qos,
-                priority=row.priority,
-                express=row.express,
-                drop=row.drop,
-            )
-            for row in rows
-        }
+        self._publishers = {row.name: node.advertise(row) for row in rows}
         self._patient = {row.name for row in rows if not row.drop}
         self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)
         self._thread = threading.Thread(target=self._run, name="reliable", daemon=True)

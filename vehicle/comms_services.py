@@ -1,5 +1,90 @@
-"""The services the vehicle offers on the link: commands, parameters, time, name."""
+"""The services the vehicle offers on the link: commands, parameters, time, name.
+
+Commands are idempotent by request id; what the flight process refuses is an answer with its
+reason, and a flight process that does not answer is a reason too.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from quadrotor.errors import QuadlabError
+from vehicle import mailbox
+from vehicle.comms_clock import VehicleClock
+from vehicle.comms_commands import FlightMailbox, ParameterMirror
+from vehicle_link.idempotent import Idempotent
+from vehicle_link.messages import Message, new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameter_service import serve_parameters
+from vehicle_link.time_sync import serve_time_sync
+from vehicle_link.topics import SERVICES
+
 ROLE = "vehicle"
+
+
+def serve(
+    node: Node, flight: FlightMailbox, parameters: ParameterMirror, clock: VehicleClock, name: str
+) -> None:
+    """Declare all services on the node; they answer on threads of their own."""
+    commands = _Commands(flight, parameters)
+    for service in ("arm", "disarm", "start_behavior", "emergency", "change_parameters"):
+        handler = _refusing(SERVICES[service], getattr(commands, service))
+        node.serve(service, SERVICES[service], Idempotent(handler))
+    whoami = new(f"{SERVICES['whoami']}_Response", name=name, role=ROLE)
+    node.serve("whoami", SERVICES["whoami"], lambda request: whoami)
+    serve_time_sync(node, clock.now_ns)
+    serve_parameters(node, parameters)
+
+
+def _refusing(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:
+    """A handler whose errors are answers: not accepted, with the error as the reason."""
+
+    def handle(request: Message) -> Message:
+        try:
+            return handler(request)
+        except QuadlabError as error:
+            return new(f"{srv_type}_Response", accepted=False, reason=str(error))
+
+    return handle
+
+
+class _Commands:
+    """One method a service: request message in, response message out."""
+
+    def __init__(self, flight: FlightMailbox, parameters: ParameterMirror) -> None:
+        self._flight = flight
+        self._parameters = parameters
+
+    def arm(self, request: Message) -> Message:
+        reply = self._flight.ask(lambda i: mailbox.Arm(i, request.requester))
+        return _response("arm", reply)
+
+    def disarm(self, request: Message) -> Message:
+        reply = self._flight.ask(lambda i: mailbox.Disarm(i, request.requester))
+        return _response("disarm", reply)
+
+    def start_behavior(self, request: Message) -> Message:
+        arguments = from_parameters(request.arguments)
+        reply = self._flight.ask(
+            lambda i: mailbox.StartBehavior(i, request.requester, request.name, arguments)
+        )
+        return _response("start_behavior", reply)
+
+    def emergency(self, request: Message) -> Message:
+        reply = self._flight.ask(lambda i: mailbox.Emergency(i, request.requester, request.action))
+        return _response("emergency", reply)
+
+    def change_parameters(self, request: Message) -> Message:
+        values = from_parameters(request.parameters)
+        applied, revision = self._parameters.change(values, request.requester)
+        return new(
+            f"{SERVICES['change_parameters']}_Response",
+            accepted=True,
+            applied=to_parameters(applied),
+            revision=revision,
+        )
+
+
+def _response(service: str, reply: mailbox.Reply) -> Message:
+    return new(f"{SERVICES[service]}_Response", accepted=reply.accepted, reason=reply.reason)

@@ -23,8 +23,8 @@ A_FEW_TICKS = 50
 LONGEST = 10_000  # ticks
 
 HOP: tuple[tuple[str, dict[str, ParameterValue], bool], ...] = (  # last: wait for hover
-    ("take_off", {"height": 0.2}, True),
-    ("fly_to", {"x": 0.2, "y": 0.1, "z": 0.5, "yaw": 0.2}, False),
+    ("take_off", {"height": 0.6}, True),
+    ("fly_to", {"x": 0.2, "y": 0.1, "z": 0.7, "yaw": 0.2}, False),
     ("brake", {}, True),
     ("follow_trajectory", {}, False),
     ("brake", {}, True),

@@ -115,7 +115,7 @@ class FixedLayout:
         self._constant(len(text).to_bytes(4, "little") + text)
 
     def _nested(self, path: str, name: str) -> None:
-        primitives = {part for part in _primitives(name)}
+        primitives = set(_primitives(name))
         if len(primitives) == 1 and "" not in primitives:
             self._place(path, _dtype(primitives.pop()), (len(list(_primitives(name))),))
         else:

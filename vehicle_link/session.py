@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import threading
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
@@ -106,8 +107,26 @@ def loopback_session(
 
 
 def connected_to(session: zenoh.Session) -> list[str]:
-    """Addresses at the other end of each link of the session (`quic/192.168.4.2:7447`)."""
-    return [str(link.dst) for link in session.info.links()]
+    """Addresses at the other end of the session's links (`quic/192.168.4.2:7447`), sorted.
+
+    A refused certificate shows only here: the link never stands, and nothing says why.
+    """
+    return sorted({str(link.dst).split("?")[0] for link in session.info.links()})
+
+
+def wait_connected(session: zenoh.Session, timeout: float) -> bool:
+    """Whether the QUIC link of a vehicle's or a station's session stands; waits at most `timeout`
+    seconds for it."""
+    import zenoh
+
+    stands = threading.Event()
+
+    def changed(event: zenoh.LinkEvent) -> None:
+        if event.kind == zenoh.SampleKind.PUT and event.link.dst.startswith("quic/"):
+            stands.set()
+
+    with session.info.declare_link_events_listener(changed, history=True):
+        return stands.wait(timeout)
 
 
 def parse_endpoint(text: str) -> tuple[str, int]:

@@ -15,8 +15,8 @@ ROTORS = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions of front, left, rear and right, body axes (x forward, y left)."""
 
 _ROTOR_RADIUS = 0.125
-_DARK = (46, 54, 62)
-_LIGHT = (196, 204, 212)
+_DARK = (92, 103, 114)
+_LIGHT = (206, 213, 220)
 _FRONT = (255, 146, 43)
 _BLADE = (222, 228, 234)
 
@@ -98,7 +98,8 @@ def _blades(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
     """Two twisted blades, vertices (8, 3) and faces (4, 3)."""
     pitch = -0.012 if clockwise else 0.012
-    vertices, faces = [], []
+    vertices: list[tuple[float, float, float]] = []
+    faces: list[tuple[int, int, int]] = []
     for side in (1.0, -1.0):
         base = len(vertices)
         for span, chord in ((0.1, 0.010), (1.0, 0.007)):

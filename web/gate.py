@@ -11,7 +11,7 @@ from collections.abc import Callable
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
 
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from web.door import COOKIE_AGE, Door
 from web.pages import sign_in_page, signed_in_page
@@ -146,9 +146,9 @@ def _wants_page(scope: Scope, headers: dict[str, str]) -> bool:
 def _with_policy(scope: Scope, send: Send) -> Send:
     """Adds the headers every answer carries; an answer may bring its own content policy."""
 
-    async def sending(message: dict[str, object]) -> None:
+    async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
-            headers = list(message.get("headers", []))  # type: ignore[call-overload]
+            headers = list(message.get("headers", []))
             present = {key.lower() for key, _ in headers}
             headers.append((b"x-content-type-options", b"nosniff"))
             headers.append((b"referrer-policy", b"same-origin"))

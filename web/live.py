@@ -12,18 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-TOPICS: dict[str, str] = {
-    "state": "nav_msgs/Odometry",
-    "reference": "quadlab_msgs/Reference",
-    "actuators": "quadlab_msgs/Actuators",
-    "estimator": "quadlab_msgs/EstimatorStatus",
-    "status": "quadlab_msgs/VehicleStatus",
-    "battery": "sensor_msgs/BatteryState",
-    "truth": "nav_msgs/Odometry",
-    "station_status": "quadlab_msgs/StationStatus",
-    "link_status": "quadlab_msgs/LinkStatus",
-}
-"""Topics of which only the newest message matters, and their types."""
+from vehicle_link.topics.table import TOPICS
 
 STALE: dict[str, float] = {
     "state": 0.3,
@@ -36,7 +25,8 @@ STALE: dict[str, float] = {
     "station_status": 1.5,
     "link_status": 1.5,
 }
-"""Age (s) above which a topic's values are shown grey and charts show a gap."""
+"""The topics of which the newest message is kept, with the age (s) above which its values are shown
+grey and charts show a gap."""
 
 
 @dataclass(slots=True)
@@ -74,7 +64,7 @@ class Live:
         if newest is None:
             return None
         if newest.message is None:
-            newest.message = self._decode(newest.payload, TOPICS[topic])
+            newest.message = self._decode(newest.payload, TOPICS[topic].type_name)
         return newest.message
 
     def current(self, topic: str) -> Any | None:

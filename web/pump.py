@@ -32,8 +32,10 @@ CLIENT_POLICY = (
 """viser's client is one file with inline scripts, workers and WebAssembly; it may reach only us."""
 
 _INJECTION = """<script>document.hasFocus=()=>true</script>
-<style>html,body{background:#0d1115!important}</style>"""
-"""viser's client reconnects only while its document has the focus, which an iframe has not."""
+<style>html,body{background:#0d1115!important}[data-floating-window]{display:none!important}</style>
+"""
+"""viser's client reconnects only while its document has the focus, which an iframe has not; its
+control panel (server address, scene tree) has no business on our page."""
 
 
 class _Upward(msgspec.Struct):

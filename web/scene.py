@@ -49,8 +49,8 @@ class Scene:
         )
         for index, position in enumerate(beacons):
             _add_beacon(api, index, position)
-        server.viser.initial_camera.position = (-2.6, -2.9, 2.1)
-        server.viser.initial_camera.look_at = (0.1, 0.1, 0.75)
+        server.viser.initial_camera.position = (-1.9, -2.3, 1.9)
+        server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
     def follow(self, view: str, wanted: bool) -> None:
         """Keeps a page's camera on the vehicle, or lets it go."""
@@ -65,7 +65,7 @@ class Scene:
             return
         self._volume_box = box
         self._server.viser.scene.add_line_segments(
-            "/volume", _edges(box), (64, 76, 88), thickness=1.0, thickness_units="screen"
+            "/volume", _edges(box), (56, 68, 80), thickness=1.0, thickness_units="screen"
         )
 
     async def run(self) -> None:
@@ -102,8 +102,7 @@ class Scene:
         self._vehicle.pose(point, _wxyz(state.pose.pose.orientation))
         self._vehicle.frame.visible = True
         self._flown.add(point, now)
-        self._drop.position = (point[0], point[1], 0.0)
-        self._drop.scale = (1.0, 1.0, max(0.001, round(point[2], 3)))
+        self._drop.points = np.array([[(point[0], point[1], 0.0), point]], np.float32)
         self._drop.visible = point[2] > 0.05
         if self._following:
             for camera in self._server.clients_of(self._following).values():
@@ -129,7 +128,7 @@ def _carry(camera: Any, point: Sequence[float]) -> None:
 def _add_room(api: Any) -> None:
     api.add_grid(
         "/ground", width=12.0, height=12.0, cell_size=0.5, section_size=1.0,
-        cell_color=(30, 37, 44), section_color=(44, 53, 62), cell_thickness=0.8,
+        cell_color=(38, 46, 54), section_color=(60, 71, 82), cell_thickness=0.8,
         section_thickness=1.0, plane_color=(17, 22, 27), plane_opacity=0.0, shadow_opacity=0.35,
         fade_distance=18.0, fade_strength=1.5,
     )

@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import socket
 from asyncio import BaseTransport
-from typing import cast
 
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
@@ -39,7 +38,7 @@ def listen(host: str, port: int) -> socket.socket:
     if not 0 <= port <= 65535:
         raise UsageError(f"port {port} is not a port; allowed 0 (any free one) to 65535")
     try:
-        return cast(socket.socket, socket.create_server((host, port), backlog=128))
+        return socket.create_server((host, port), backlog=128)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             raise LinkError(

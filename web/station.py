@@ -20,14 +20,17 @@ from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameter_messages import from_parameters, to_parameters
-from vehicle_link.topics.table import SERVICES
+from vehicle_link.topics.table import SERVICES, TOPICS
 from web.events import LEVELS, EventHub, event
-from web.live import TOPICS, Live
+from web.live import STALE, Live
 
 if TYPE_CHECKING:
-    from vehicle_link.node import Node, Received
+    from vehicle_link.client import ServiceClient
+    from vehicle_link.node import Node, Publisher, Received
+    from vehicle_link.parameter_service import ParameterClient
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
+ATTEMPTS = {"emergency": 3}  # under the same request id, so that it is done once
 RETRY = 1.0  # s
 
 Described = tuple[list[ParameterDescription], dict[str, ParameterValue]]
@@ -56,7 +59,10 @@ class Station:
         self._hub = hub
         self.on_change: Callable[[str, str, str, int], None] = lambda *_: None
         self._node: Node | None = None
-        self._stick: Any = None
+        self._stick: Publisher | None = None
+        self._clients: dict[str, ServiceClient] = {}
+        self._parameters: dict[str, ParameterClient] = {}
+        self._making = threading.Lock()
         self._closing = threading.Event()
         self._callers = ThreadPoolExecutor(16, thread_name_prefix="web-call")
         self._urgent = ThreadPoolExecutor(4, thread_name_prefix="web-emergency")
@@ -67,9 +73,12 @@ class Station:
 
     def stop(self) -> None:
         self._closing.set()
-        self._opener.join(timeout=2.0)
+        self._opener.join(timeout=1.0)
         if self._node is not None:
-            self._node.close()
+            # Closing a session whose router died can block for long; the process need not wait.
+            closer = threading.Thread(target=_close, args=(self._node,), daemon=True)
+            closer.start()
+            closer.join(timeout=1.0)
         self._callers.shutdown(wait=False, cancel_futures=True)
         self._urgent.shutdown(wait=False, cancel_futures=True)
 
@@ -103,8 +112,12 @@ class Station:
     def _read_parameters(self, remote: str) -> Described:
         from vehicle_link.parameter_service import ParameterClient
 
-        client = ParameterClient(self._require_node(), remote)
-        return list(client.describe()), dict(client.values())
+        node = self._require_node()
+        with self._making:
+            if remote not in self._parameters:
+                self._parameters[remote] = ParameterClient(node, remote)
+        client = self._parameters[remote]
+        return client.describe(), client.values()
 
     def publish_stick(self, axes: tuple[float, float, float, float], enabled: bool) -> None:
         """Forward, left, up, yaw in -1..1; the station stamps, watches and forwards them."""
@@ -127,8 +140,16 @@ class Station:
         return response
 
     def _call_blocking(self, service: str, request: Any) -> Any:
-        client = self._require_node().client(f"station/{service}", SERVICES[service])
-        return client.call(request, timeout=CALL_TIMEOUT)
+        node = self._require_node()
+        with self._making:  # each client announces itself to ROS 2: one a service, not a call
+            if service not in self._clients:
+                self._clients[service] = node.client(f"station/{service}", SERVICES[service])
+        for attempt in range(ATTEMPTS.get(service, 1), 0, -1):
+            try:
+                return self._clients[service].call(request, timeout=CALL_TIMEOUT)
+            except LinkError:
+                if attempt == 1:
+                    raise
 
     def _require_node(self) -> Node:
         if self._node is None:
@@ -137,8 +158,6 @@ class Station:
 
     def _open(self) -> None:
         """Until it works: the session, the node, its subscriptions."""
-        from vehicle_link.node import Node
-
         told = False
         while not self._closing.is_set():
             try:
@@ -150,14 +169,20 @@ class Station:
                 told = True
                 self._closing.wait(RETRY)
                 continue
-            node = Node(session, f"/{self._vehicle}", "web")
-            for topic, type_name in TOPICS.items():
-                node.subscribe(topic, type_name, self._put(topic))
-            node.subscribe("events", "rcl_interfaces/Log", self._on_event)
-            node.subscribe("parameter_changes", "quadlab_msgs/ParameterChange", self._on_parameter)
-            self._stick = node.publisher("stick", "sensor_msgs/Joy")
-            self._node = node
+            self._join(session)
             return
+
+    def _join(self, session: Any) -> None:
+        from vehicle_link.node import Node
+
+        node = Node(session, f"/{self._vehicle}", "web")
+        for topic in STALE:
+            # On Zenoh's own thread: it only puts the bytes away.
+            node.subscribe(topic, TOPICS[topic].type_name, self._put(topic), direct=True)
+        for topic, react in (("events", self._on_event), ("parameter_changes", self._on_change)):
+            node.subscribe(topic, TOPICS[topic].type_name, react, qos=TOPICS[topic].qos)
+        self._stick = node.advertise(TOPICS["stick"])
+        self._node = node
 
     def _put(self, topic: str) -> Callable[[Received], None]:
         def put(received: Received) -> None:
@@ -171,8 +196,13 @@ class Station:
         level = LEVELS.get(int(log.level), "info")
         self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp))
 
-    def _on_parameter(self, received: Received) -> None:
+    def _on_change(self, received: Received) -> None:
         change = decode(received.payload, "quadlab_msgs/ParameterChange")
         self.on_change(change.name, change.new_value, change.requester, int(change.revision))
 
 
+
+
+def _close(node: Node) -> None:
+    node.close()
+    node.session.close()  # type: ignore[no-untyped-call]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import http
+import io
 import secrets
 import socket
 from collections.abc import Iterator
@@ -35,7 +36,7 @@ class ViewServer:
 
     def __init__(self) -> None:
         self.secret = secrets.token_urlsafe(24)
-        with _guarded_listener(self.secret):
+        with _guarded_listener(self.secret), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self.port = self.viser.get_port()
         refuse_sharing(self.viser)
@@ -66,7 +67,8 @@ class ViewServer:
         return bool(self.viser._websock_server._live_connections)
 
     def stop(self) -> None:
-        self.viser.stop()
+        with contextlib.redirect_stdout(io.StringIO()):  # as above: it prints addresses
+            self.viser.stop()
 
 
 def refuse_sharing(server: viser.ViserServer) -> None:

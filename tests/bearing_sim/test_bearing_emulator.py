@@ -130,3 +130,9 @@ def test_swaps_exchange_two_identities_only() -> None:
     measured = frame(BearingParameters(swap=1.0, sigma=0.0), np.array([0.1, 0.2, 1]), LEVEL)
     assert sorted(measured.beacon_ids) == [1, 2, 3, 4]
     assert np.count_nonzero(measured.beacon_ids != [1, 2, 3, 4]) == 2
+
+
+def test_the_sigma_told_is_the_noise_in_radians_and_never_zero() -> None:
+    position = np.array([0.1, 0.2, 1.0])
+    assert frame(BearingParameters(), position, LEVEL).sigma == pytest.approx(1.5 * np.pi / 180)
+    assert frame(BearingParameters(sigma=0.0), position, LEVEL).sigma > 0

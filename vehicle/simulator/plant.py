@@ -122,49 +122,45 @@ def _forces(plant: Record, wrench: Array, force_w: Array) -> None:
     for i in range(3):
         force_w[i] = p.disturbance_w[i] - p.drag * x[3 + i]
     if x[2] < CONTACT_HEIGHT:
-        _touch(plant, wrench, force_w)
+        _touch(plant, quaternion_to_matrix(x[6:10]), wrench, force_w)
 
 
 @njit(cache=True)
-def _touch(plant: Record, wrench: Array, force_w: Array) -> None:
-    """Add what the ground does to the four feet at (±FOOT, 0, 0) and (0, ±FOOT, 0) in B."""
+def _touch(plant: Record, R: Array, wrench: Array, force_w: Array) -> None:
+    """Add what the ground does to the four feet at lever e, e = ±x_B or ±y_B, |lever| = FOOT.
+
+    With e along x_B (sign = 1) or y_B (sign = -1) and `other` the second horizontal axis:
+    omega x lever e = lever (sign omega_z) on `other` and lever (-omega_y or omega_x) on z_B;
+    the torque lever e x f has -sign lever f_z about `other` and sign lever f_other about z_B.
+    """
     p = plant[0]
     x = p.x
-    R = quaternion_to_matrix(x[6:10])
+    velocity, force = np.empty(3), np.empty(3)
     for foot in range(4):
-        axis = foot // 2
+        axis, other = foot // 2, 1 - foot // 2
+        sign = 1.0 - 2.0 * axis
         lever = FOOT if foot % 2 == 0 else -FOOT
         depth = p.rest_depth - (x[2] + lever * R[2, axis])
         if depth <= 0.0:
             continue
-        # omega x lever in B: (0, r, -q) lever for the x axis, (-r, 0, p) lever for the y axis.
-        if axis == 0:
-            v_b0, v_b1, v_b2 = 0.0, lever * x[12], -lever * x[11]
-        else:
-            v_b0, v_b1, v_b2 = -lever * x[12], 0.0, lever * x[10]
-        v_x = x[3] + R[0, 0] * v_b0 + R[0, 1] * v_b1 + R[0, 2] * v_b2
-        v_y = x[4] + R[1, 0] * v_b0 + R[1, 1] * v_b1 + R[1, 2] * v_b2
-        v_z = x[5] + R[2, 0] * v_b0 + R[2, 1] * v_b1 + R[2, 2] * v_b2
-        normal = p.stiffness * depth - p.damping * v_z
+        along, up = sign * lever * x[12], -sign * lever * x[10 + other]
+        for i in range(3):
+            velocity[i] = x[3 + i] + R[i, other] * along + R[i, 2] * up
+        normal = p.stiffness * depth - p.damping * velocity[2]
         if normal <= 0.0:
             continue
-        slip = math.sqrt(v_x * v_x + v_y * v_y)
+        slip = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
         grip = SLIP_DAMPING
         if grip * slip > p.friction * normal:
             grip = p.friction * normal / slip
-        f_x, f_y = -grip * v_x, -grip * v_y
-        force_w[0] += f_x
-        force_w[1] += f_y
-        force_w[2] += normal
-        f_b0 = R[0, 0] * f_x + R[1, 0] * f_y + R[2, 0] * normal
-        f_b1 = R[0, 1] * f_x + R[1, 1] * f_y + R[2, 1] * normal
-        f_b2 = R[0, 2] * f_x + R[1, 2] * f_y + R[2, 2] * normal
-        if axis == 0:
-            wrench[2] -= lever * f_b2
-            wrench[3] += lever * f_b1
-        else:
-            wrench[1] += lever * f_b2
-            wrench[3] -= lever * f_b0
+        force[0], force[1], force[2] = -grip * velocity[0], -grip * velocity[1], normal
+        along, up = 0.0, 0.0
+        for i in range(3):
+            force_w[i] += force[i]
+            along += R[i, other] * force[i]
+            up += R[i, 2] * force[i]
+        wrench[1 + other] -= sign * lever * up
+        wrench[3] += sign * lever * along
 
 
 @njit(cache=True)

@@ -12,16 +12,18 @@ from pathlib import Path
 
 from quadrotor.errors import StorageError
 
-BACKLOG = 2048
-"""Bytes that may wait unread, 60 frames; a vehicle that comes later finds no old samples."""
+BACKLOG = 3400
+"""Bytes that may wait unread: 100 `D` frames, 0.4 s, and less than the kernel's 4 kB."""
+FORGOTTEN = 1020
+"""Bytes thrown away, oldest first, when the backlog is full: 30 `D` frames."""
 _CHUNK = 4096
 
 
 class PseudoTerminal:
     """The microcontroller's end of one serial line; a `vehicle_link.serial.port.Port`.
 
-    The device is raw and stays alive whoever opens and closes it. When nobody reads, what waits is
-    thrown away once it passes BACKLOG; `dropped` counts those bytes.
+    The device is raw and stays alive whoever opens and closes it. When nobody reads, the oldest
+    bytes are thrown away once more than BACKLOG wait; `dropped` counts them.
 
     Args:
         link: symbolic link to make (or replace) for the device, removed by `close`.
@@ -67,10 +69,9 @@ class PseudoTerminal:
         self.dropped += len(data) - written
 
     def _throw_away(self) -> None:
-        """Read what waits, rather than flush: what is still on its way is kept and counted."""
-        with contextlib.suppress(BlockingIOError):
-            while data := os.read(self._slave, _CHUNK):
-                self.dropped += len(data)
+        """Read the oldest bytes ourselves, so that the newest stay and the count is exact."""
+        with contextlib.suppress(BlockingIOError):  # the vehicle was faster
+            self.dropped += len(os.read(self._slave, FORGOTTEN))
 
     def fileno(self) -> int:
         return self._master

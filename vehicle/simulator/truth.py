@@ -98,15 +98,11 @@ def connect_to_station(
 
         session = loopback_session(loopback_port)
         node = Node(session, f"/{vehicle}", "simulator")
-        topic = TOPICS["truth"]
-        publisher = node.publisher(
-            topic.name, topic.type_name, qos=topic.qos, priority=topic.priority,
-            express=topic.express, drop=topic.drop,
-        )  # fmt: skip
+        publisher = node.advertise(TOPICS["truth"])
 
         def close() -> None:
             node.close()
-            session.close()
+            session.close()  # type: ignore[no-untyped-call]
 
         return publisher.put, close
 

@@ -51,6 +51,7 @@ class LogWriter:
         self._chunk_start_ns = -CHUNK_AGE_NS
         self._broken: StorageError | None = None
         self._closed = False
+        self._whole = False  # closed with its index
         self.message_count = 0
         self._writer = new_mcap_writer(self._file)
         self._add_message = self._writer.add_message
@@ -104,18 +105,23 @@ class LogWriter:
         self._guard()
         self._writer.add_metadata(name, dict(values))
 
-    def close(self) -> None:
-        """Write the index and close; the second call does nothing."""
+    def close(self) -> bool:
+        """Write the index and close; the second call does nothing.
+
+        Returns whether the file has its index: not when a write failed before.
+        """
         if self._closed:
-            return
+            return self._whole
         self._closed = True
         try:
             if self._broken is None:
                 self._writer.finish()
                 self._file.sync()
+                self._whole = True
         finally:
             self._file.close()
             self._broken = StorageError(f"{self.path} is closed")
+        return self._whole
 
     def __enter__(self) -> LogWriter:
         return self

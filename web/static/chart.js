@@ -50,19 +50,26 @@ export class Chart {
     this.data = [[], ...names.map(() => [])];
     const others = [...OTHERS];
     const styles = names.map((name) => {
-      const axis = name.split(".").at(-1), wanted = name.startsWith("reference.") || name.startsWith("truth.position.");
-      return { stroke: AXIS[axis] ?? others.shift() ?? "#d5dbe1", dash: wanted ? [5, 4] : undefined };
+      const axis = name.split(".").at(-1), dash = isReference(name) || name.startsWith("truth.position.") ? [5, 4] : undefined;
+      return { stroke: AXIS[axis] ?? others.shift() ?? "#d5dbe1", dash };
     });
-    this.outputs = names.map(() => element("output"));
-    const groups = new Set(names.map((name) => this.signals.get(name).group));
-    this.legend.replaceChildren(...names.map((name, i) => {
+    this.outputs = names.map((name) => (isReference(name) ? null : element("output")));
+    const entries = names.map((name, i) => {
+      if (isReference(name)) return null; // they have the colours of what they are the reference of
       const { label, group, unit } = this.signals.get(name);
-      const entry = element("span", { title: `${group} ${label}${unit ? `, ${unit}` : ""}` }, groups.size > 1 && !name.startsWith("reference.") ? label : shortLabel(name, label), this.outputs[i]);
-      entry.style.setProperty("--c", styles[i].stroke);
-      return entry;
-    }));
+      return this.entry(label, `${group} ${label}${unit ? `, ${unit}` : ""}`, styles[i].stroke, this.outputs[i]);
+    }).filter(Boolean);
+    if (names.some(isReference)) entries.push(this.entry("reference", "dashed", "#84909b"));
+    this.legend.replaceChildren(...entries);
     this.uplot?.destroy();
     this.uplot = new uPlot(this.options(names, styles), this.data, this.plot);
+  }
+
+  entry(label, title, color, output = "") {
+    const entry = element("span", { title }, label, output);
+    entry.style.setProperty("--c", color);
+    entry.classList.toggle("dashed", title === "dashed");
+    return entry;
   }
 
   options(names, styles) {
@@ -70,7 +77,7 @@ export class Chart {
     const units = new Set(names.map((name) => this.signals.get(name).unit));
     return {
       width: Math.max(50, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight),
-      legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } }, padding: [6, 6, 0, 0],
+      legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } }, padding: [6, 16, 0, 0],
       scales: { x: { time: false }, y: { range: (_, low, high) => spread(low, high) } },
       axes: [
         { ...line, size: 20, gap: 3, values: (_, ticks) => ticks.map((tick) => axisTime(tick - this.now())), splits: () => this.ticks() },
@@ -110,6 +117,7 @@ export class Chart {
       this.uplot.setScale("x", { min: now - this.window, max: now });
     });
     this.names.forEach((_, i) => {
+      if (this.outputs[i] === null) return;
       const value = this.data[i + 1].at(-1), text = value === null || value === undefined ? "–" : fixed(value, Math.abs(value) < 100 ? 3 : 1);
       if (this.outputs[i].textContent !== text) this.outputs[i].textContent = text;
     });
@@ -118,7 +126,7 @@ export class Chart {
   resize() { this.uplot.setSize({ width: this.plot.clientWidth, height: this.plot.clientHeight }); }
 }
 
-function shortLabel(name, label) { return name.startsWith("reference.") ? `${label} ref` : label; }
+const isReference = (name) => name.startsWith("reference.");
 
 // A little air, and never less than a millimetre high: noise should look like noise.
 function spread(low, high) {

@@ -12,22 +12,32 @@ export class Fly {
     this.behaviors = behaviors;
     this.forms = new Map();
     this.isOperator = isOperator;
-    for (const behavior of behaviors) $("behaviors").append(this.row(behavior));
+    const plain = element("div", { className: "plain" });
+    for (const behavior of behaviors) {
+      if (behavior.arguments.length) $("behaviors").append(this.row(behavior));
+      else plain.append(this.button(behavior));
+    }
+    $("behaviors").append(plain);
     $("record").addEventListener("click", () => this.record());
     $("record").disabled = !isOperator;
     events.on("summary", () => this.showRecording());
   }
 
-  row({ name, label, title, arguments: fields = [] }) {
+  button({ name, label, title, arguments: fields }) {
+    if (!fields.length) this.forms.set(name, { label, inputs: [] });
+    return element("button", { title, disabled: !this.isOperator, onclick: () => this.start(name) }, label);
+  }
+
+  row(behavior) {
+    const { name, label, arguments: fields } = behavior;
     const inputs = fields.map((field) => [field, element("input", {
       type: "number", value: field.value ?? "", placeholder: "auto", min: field.min, max: field.max, step: field.step ?? "any",
       title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`,
       onkeydown: (event) => { if (event.key === "Enter") this.start(name); },
     })]);
     this.forms.set(name, { label, inputs });
-    const button = element("button", { title, disabled: !this.isOperator, onclick: () => this.start(name) }, label);
-    const shown = inputs.map(([field, input]) => element("label", { className: "argument" }, field.label ?? field.name, input, field.unit ?? ""));
-    return element("div", { className: "behavior" }, button, element("div", { className: "arguments" }, ...shown));
+    const shown = inputs.map(([field, input]) => element("label", { className: "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
+    return element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
   }
 
   start(name) {

@@ -14,9 +14,9 @@ const VECTORS = [
   ["torque", xyz("torque"), 3],
 ];
 const SCALARS = [
-  ["thrust · λ · mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N · – · kg"],
-  ["innovation · pose age", ["innovation.position", "innovation.attitude", "measurement.age"], [1, 2, 0], "mm ° ms"],
-  ["error to truth", ["truth.position_error", "truth.velocity_error", null], [1, 3, 0], "mm m/s"],
+  ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],
+  ["innov., pose age", ["innovation.position", "innovation.attitude", "measurement.age"], [1, 2, 0], "mm, °, ms"],
+  ["error to truth", ["truth.position_error", "truth.velocity_error", null], [1, 3, 0], "mm, m/s"],
 ];
 
 export class StateTable {

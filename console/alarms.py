@@ -1,0 +1,41 @@
+"""What is wrong at the station now, each said once as an event when it begins."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+
+
+class AlarmBoard:
+    """Thread-safe; keyed, so that a cause has one line however often it is noticed.
+
+    Args:
+        said: called with each new line, outside the lock.
+    """
+
+    def __init__(self, said: Callable[[str], None]) -> None:
+        self._said = said
+        self._lock = threading.Lock()
+        self._lines: dict[str, str] = {}
+        self._foreign: set[str] = set()
+
+    def set(self, key: str, line: str | None) -> None:
+        """Raise or change the alarm of this cause; None clears it."""
+        with self._lock:
+            begins = line is not None and key not in self._lines
+            if line is None:
+                self._lines.pop(key, None)
+            else:
+                self._lines[key] = line
+        if begins and line is not None:
+            self._said(line)
+
+    def lines(self, foreign: Sequence[str] = ()) -> list[str]:
+        """All alarms with those another object keeps itself (the recorder)."""
+        with self._lock:
+            own = list(self._lines.values())
+            begun = [line for line in foreign if line not in self._foreign]
+            self._foreign = set(foreign)
+        for line in begun:
+            self._said(line)
+        return [*own, *foreign]

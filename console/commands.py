@@ -1,0 +1,113 @@
+"""The station's services: commands for the vehicle are passed on, the rest is answered here.
+
+The requester's name travels along, so that vehicle, log and catalogue know who asked. A request
+id that comes again gets the first answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from console.parameter_store import PREFIX, StationStore
+from quadrotor.errors import LinkError, ParameterError, StorageError
+from vehicle_link.idempotent import IdempotentCache
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.topics import SERVICES
+
+CALL_TIMEOUT = 1.0
+"""s the vehicle has for an answer; clients of the station wait a little longer."""
+
+FORWARDED = ("arm", "disarm", "start_behavior", "emergency")
+
+
+class CommandGateway:
+    """Serves `/<vehicle>/station/{arm, …, change_parameters, record}`.
+
+    Args:
+        record: (start, requester) → run id; raises StorageError with the reason.
+        on_accepted: told (command, requester) of each command the vehicle accepted.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        store: StationStore,
+        record: Callable[[bool, str], str],
+        on_accepted: Callable[[str, str], None],
+    ) -> None:
+        self._store = store
+        self._record = record
+        self._on_accepted = on_accepted
+        self._clients = {
+            name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
+        }
+        self._answers = IdempotentCache()
+        for name in FORWARDED:
+            self._serve(node, name, lambda request, name=name: self._forward(name, request))
+        self._serve(node, "change_parameters", self._change_parameters)
+        self._serve(node, "record", self._start_or_stop)
+
+    def _serve(self, node: Node, name: str, handle: Callable[[Any], Any]) -> None:
+        def once(request: Any) -> Any:
+            return self._answers.answer(request.request_id, lambda: handle(request))
+
+        node.serve(f"station/{name}", SERVICES[name], once)
+
+    def _forward(self, name: str, request: Any) -> Any:
+        try:
+            response = self._clients[name].call(request, timeout=CALL_TIMEOUT)
+        except LinkError as error:
+            return _refused(name, f"the vehicle did not answer: {error}")
+        if response.accepted:
+            self._on_accepted(name, request.requester)
+        return response
+
+    def _change_parameters(self, request: Any) -> Any:
+        """Names of the station here, all others at the vehicle; all or nothing."""
+        name = "change_parameters"
+        try:
+            values = from_parameters(request.parameters)
+            own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
+            self._store.check(own)
+        except ParameterError as error:
+            return _refused(name, str(error))
+        applied, revision = {}, self._store.revision
+        others = {key: value for key, value in values.items() if key not in own}
+        if others:
+            passed_on = new(
+                f"{SERVICES[name]}_Request",
+                request_id=request.request_id,
+                requester=request.requester,
+                parameters=to_parameters(others),
+            )
+            response = self._forward(name, passed_on)
+            if not response.accepted:
+                return response
+            applied, revision = from_parameters(response.applied), int(response.revision)
+        if own:
+            try:
+                mine, own_revision = self._store.change(own, request.requester)
+            except ParameterError as error:  # changed by somebody else since the check
+                return _refused(name, str(error))
+            applied = {**applied, **mine}
+            revision = revision if others else own_revision
+        return new(
+            f"{SERVICES[name]}_Response",
+            accepted=True,
+            applied=to_parameters(applied),
+            revision=revision,
+        )
+
+    def _start_or_stop(self, request: Any) -> Any:
+        try:
+            run_id = self._record(bool(request.start), request.requester)
+        except StorageError as error:
+            return _refused("record", str(error))
+        return new(f"{SERVICES['record']}_Response", accepted=True, run_id=run_id)
+
+
+def _refused(name: str, reason: str) -> Any:
+    return new(f"{SERVICES[name]}_Response", accepted=False, reason=reason)

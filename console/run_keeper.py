@@ -1,0 +1,151 @@
+"""Runs: recorder, catalogue and the rules of when to record, put together."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from datetime import UTC, datetime
+from typing import Any
+
+from console.catalogue import SUFFIX, Catalogue, RunEntry, run_name
+from console.parameter_store import StationStore
+from console.recorder import Recorder, Run, RunEnd
+from console.recording import Decision, RecordingPolicy
+from console.vehicle_parameters import VehicleParameters
+from quadrotor.errors import StorageError
+from vehicle_link.log.provenance import provenance
+
+ASKED_KEEP = 5.0
+"""s within which a request to arm names the operator of the run that begins."""
+
+
+class RunKeeper:
+    """Thread-safe.
+
+    Args:
+        operator: written into runs nobody asked for by name.
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        store: StationStore,
+        vehicle_parameters: VehicleParameters,
+        vehicle: str,
+        operator: str,
+    ) -> None:
+        self._catalogue = catalogue
+        self._store = store
+        self._vehicle_parameters = vehicle_parameters
+        self._vehicle = vehicle
+        self._operator = operator
+        self._asked = (operator, float("-inf"))
+        self._policy = RecordingPolicy()
+        self._lock = threading.Lock()
+        self._provenance = provenance()
+        self.recorder = Recorder(catalogue.folder, self._started, self._ended)
+
+    def asked(self, command: str, requester: str) -> None:
+        """Somebody asked for this command; whoever arms is the run's operator."""
+        if command == "arm":
+            self._asked = (requester, time.monotonic())
+
+    def status(self, armed: bool) -> None:
+        """Each status of the vehicle. A run that cannot start is an alarm of the recorder."""
+        with self._lock:
+            decision = self._policy.status(armed, time.monotonic())
+        if decision is Decision.START and not self.recorder.run_id:
+            requester, at = self._asked
+            named = requester and time.monotonic() - at < ASKED_KEEP
+            try:
+                self.start(requester if named else self._operator)
+            except StorageError:
+                pass  # shown and said as an alarm until a run starts
+
+    def tick(self) -> None:
+        """Some times a second."""
+        after = self._store.parameters.recorder.after_disarm
+        with self._lock:
+            decision = self._policy.tick(time.monotonic(), after)
+        if decision is Decision.STOP:
+            self.recorder.stop()
+
+    def by_hand(self, start: bool, requester: str) -> str:
+        """Start or stop; the run's id. Raises StorageError with the reason."""
+        if start:
+            return self.start(requester or self._operator)
+        run_id = self.recorder.run_id
+        if not run_id:
+            raise StorageError("nothing is being recorded")
+        self.recorder.stop()
+        return run_id
+
+    def start(self, operator: str) -> str:
+        """Begin a run; its id. Raises StorageError."""
+        now = datetime.now(UTC)
+        run_id = run_name(now, self._vehicle, self._catalogue.folder)
+        run = Run(
+            run_id=run_id,
+            path=self._catalogue.folder / f"{run_id}{SUFFIX}",
+            metadata={
+                "run_id": run_id,
+                "vehicle": self._vehicle,
+                "operator": operator,
+                "started": now.isoformat(),
+                "recorder": "station",
+                "seed": str(self._store.parameters.tracker.seed),
+                **self._provenance,
+            },
+            attachments=self._attachments,
+            keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
+        )
+        self.recorder.start(run)
+        return run_id
+
+    def close(self) -> None:
+        """End the run and write its file to the end."""
+        self.recorder.close()
+
+    def _attachments(self) -> dict[str, bytes]:
+        values, revision, problem = self._vehicle_parameters.snapshot()
+        content: dict[str, Any] = {
+            "vehicle": values,
+            "vehicle_revision": revision,
+            "station": self._store.values(),
+        }
+        if problem:
+            content["problem"] = problem
+        return {"parameters.json": json.dumps(content, indent=1).encode()}
+
+    def _started(self, run: Run) -> None:
+        self._catalogue.add(self._entry(run))
+
+    def _ended(self, end: RunEnd) -> None:
+        problem = end.problem
+        if end.dropped:
+            problem = f"{end.dropped} messages were dropped. {problem}".strip()
+        self._catalogue.update(
+            end.run.run_id,
+            duration=end.duration,
+            bytes=end.bytes,
+            messages=end.messages,
+            complete=end.closed,
+            problem=problem,
+        )
+
+    def _entry(self, run: Run) -> RunEntry:
+        return RunEntry(
+            id=run.run_id,
+            vehicle=self._vehicle,
+            start_ns=time.time_ns(),
+            duration=0.0,
+            file=run.path.name,
+            bytes=0,
+            messages=0,
+            operator=run.metadata["operator"],
+            complete=False,
+            recovered=False,
+            problem="",
+            notes="",
+        )

@@ -1,0 +1,37 @@
+"""The station's copy of the vehicle's parameters, for the head of each run's file."""
+
+from __future__ import annotations
+
+import threading
+
+from quadrotor.errors import LinkError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.node import Node
+from vehicle_link.parameter_service import ParameterClient
+
+
+class VehicleParameters:
+    """Fetched again whenever the vehicle's status shows another revision."""
+
+    def __init__(self, node: Node, vehicle: str) -> None:
+        self._client = ParameterClient(node, f"/{vehicle}/vehicle", timeout=1.0)
+        self._fetching = threading.Lock()
+        self._values: dict[str, ParameterValue] | None = None
+        self._revision = -1
+        self.shown_revision = -1  # in the vehicle's status
+
+    def refresh(self) -> None:
+        """Fetch when what we have is not what the vehicle shows. Raises LinkError."""
+        with self._fetching:
+            wanted = self.shown_revision
+            if wanted >= 0 and wanted != self._revision:
+                self._values = self._client.values()
+                self._revision = wanted
+
+    def snapshot(self) -> tuple[dict[str, ParameterValue] | None, int, str]:
+        """(values or None, revision, why there are none or old ones); may wait 1 s."""
+        try:
+            self.refresh()
+        except LinkError as error:
+            return self._values, self._revision, str(error)
+        return self._values, self._revision, ""

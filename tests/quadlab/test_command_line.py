@@ -1,0 +1,124 @@
+"""Wrong words on the command line: one line, what came, what was allowed; exit status 2 or 1."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from quadlab.__main__ import main
+
+
+def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int) -> str:
+    assert main(words) == status
+    captured = capsys.readouterr()
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1, f"not one line: {captured.err}"
+    assert lines[0].startswith("quadlab: ")
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["fly_8"], "up, fly"),
+        ([], "up, fly"),
+        (["fly"], "experiment"),
+        (["fly", "figure_nine"], "figure_eight"),
+        (["fly", "hover", "--sed", "3"], "--seed"),
+        (["fly", "hover", "--seed", "x"], "--seed"),
+        (["fly", "hover", "--seed", "-1"], "allowed 0 to"),
+        (["fly", "hover", "--set", "model.mas=1"], "model.mass"),
+        (["fly", "hover", "--set", "model.mass=9"], "allowed 0.5 to 2.4 kg"),
+        (["fly", "hover", "--set", "model.mass=nan"], "finite"),
+        (["fly", "hover", "--set", "model.mass=heavy"], "a number"),
+        (["fly", "hover", "--set", "model.mass"], "name=value"),
+        (["up", "--port", "99999"], "allowed 1 to 65535"),
+        (["up", "--port", "http"], "--port"),
+        (["up", "--set", "simulator.mas=1"], "mass"),
+        (["log", "inspect", "x.mcap"], "info"),
+    ],
+)
+def test_wrong_words_are_answered_in_one_line(
+    capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert said in complaint(capsys, words, 2)
+
+
+@pytest.mark.parametrize("command", ["", "up", "fly", "log", "vehicle", "simulator", "station", "web"])
+def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([command, "--help"] if command else ["--help"])
+    assert stop.value.code in (0, None)
+    assert "usage: quadlab" in capsys.readouterr().out
+
+
+def test_a_log_that_is_not_there_is_named(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert "no.mcap" in complaint(capsys, ["log", "info", str(tmp_path / "no.mcap")], 1)
+
+
+def test_a_data_folder_that_is_a_file_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("")
+    words = ["fly", "hover", "--out", str(tmp_path / "file" / "data")]
+    assert "--data DIR" in complaint(capsys, words, 1)
+
+
+def test_a_full_disk_is_refused_before_anything_starts(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("quadlab.data_folder.FREE_SPACE_FLOOR", 10**18)
+    line = complaint(capsys, ["fly", "hover", "--out", str(tmp_path)], 1)
+    assert "MB free" in line
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("option", "kind"),
+    [("--port", socket.SOCK_STREAM), ("--link-port", socket.SOCK_DGRAM),
+     ("--link-port", socket.SOCK_STREAM)],
+)  # fmt: skip
+def test_a_port_in_use_is_named_with_the_option_that_changes_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, option: str, kind: socket.SocketKind
+) -> None:
+    with socket.socket(socket.AF_INET, kind) as taken:
+        taken.bind(("127.0.0.1", 0))
+        if kind == socket.SOCK_STREAM:
+            taken.listen()
+        port = taken.getsockname()[1]
+        words = ["up", "--data", str(tmp_path), option, str(port), "--no-browser"]
+        if option == "--port":
+            words += ["--link-port", "17447"]
+        else:
+            words += ["--port", "18080"]
+        line = complaint(capsys, words, 2)
+    assert str(port) in line
+    assert option in line
+
+
+def test_a_second_up_on_the_same_data_folder_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from quadlab.data_folder import open_data_folder, owned
+
+    with owned(open_data_folder(tmp_path)):
+        words = ["up", "--data", str(tmp_path), "--port", "18081", "--link-port", "17448"]
+        line = complaint(capsys, [*words, "--no-browser"], 1)
+    assert f"process {os.getpid()}" in line
+    assert "--data DIR" in line
+
+
+def test_the_module_runs_as_a_program() -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "quadlab", "fly", "nothing"], capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert ran.returncode == 2
+    assert ran.stderr.count("\n") == 1

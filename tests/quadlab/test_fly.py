@@ -1,0 +1,100 @@
+"""`quadlab fly`: verdict, metrics from the log alone, and the same bytes for the same seed."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter, defaultdict
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from quadlab.__main__ import main
+from vehicle_link.log import read_log
+
+
+def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
+    main(["fly", *words, "--out", str(out), "--json"])
+    report: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    return report
+
+
+@pytest.fixture(scope="module")
+def eight(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """One figure 8 with full sensors, shared by the tests below."""
+    import contextlib
+    import io
+
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        main(["fly", "figure_eight", "--json", "--out", str(tmp_path_factory.mktemp("eight"))])
+    report: dict[str, Any] = json.loads(printed.getvalue().strip().splitlines()[-1])
+    return report
+
+
+def test_the_eight_with_full_sensors_stays_within_its_errors(eight: dict[str, Any]) -> None:
+    metrics = eight["metrics"]
+    assert eight["verdict"] == "passed"
+    assert metrics["samples"] > 1500
+    assert metrics["position_rms_m"] <= 0.005
+    assert metrics["position_max_m"] <= 0.009
+    assert metrics["yaw_rms_deg"] <= 0.4
+
+
+def test_with_the_true_state_only_the_motors_lag_remains(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    report = fly(capsys, tmp_path, "figure_eight", "--true-state")
+    assert report["metrics"]["position_rms_m"] <= 0.002
+
+
+def test_the_log_holds_every_topic_at_its_rate(eight: dict[str, Any]) -> None:
+    counts: Counter[str] = Counter()
+    for message in read_log(Path(eight["log"])):
+        counts[message.topic.removeprefix("/quad1/")] += 1
+    flown = eight["metrics"]["flown_s"]
+    expected = {
+        "state": 500, "reference": 500, "imu": 500, "actuators": 500, "truth": 100,
+        "tracker_pose": 100, "bearings": 30, "bearing_pose": 30, "estimator": 50,
+        "status": 10, "battery": 2, "pressure": 25,
+    }  # fmt: skip
+    for topic, rate in expected.items():
+        assert counts[topic] / flown == pytest.approx(rate, rel=0.05), topic
+    assert counts["events"] >= 5
+
+
+def test_another_reader_opens_the_log_and_finds_what_was_flown(eight: dict[str, Any]) -> None:
+    heights = []
+    with AnyReader([Path(eight["log"])]) as reader:
+        connections = [c for c in reader.connections if c.topic == "/quad1/truth"]
+        for connection, _, raw in reader.messages(connections):
+            heights.append(reader.deserialize(raw, connection.msgtype).pose.pose.position.z)
+    assert max(heights) == pytest.approx(1.2, abs=0.02)
+    assert heights[-1] == pytest.approx(0.0, abs=0.02)
+
+
+def test_the_same_seed_gives_the_same_messages_byte_for_byte(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def messages(folder: str, seed: int) -> dict[str, list[tuple[int, int, bytes]]]:
+        found = defaultdict(list)
+        report = fly(capsys, tmp_path / folder, "hover", "--seed", str(seed))
+        for message in read_log(Path(report["log"])):
+            found[message.topic].append((message.log_ns, message.publish_ns, message.payload))
+        return found
+
+    first, again, other = messages("a", 4), messages("b", 4), messages("c", 5)
+    assert first.keys() == again.keys()
+    for topic in first:
+        assert first[topic] == again[topic], topic
+    assert first["/quad1/imu"] != other["/quad1/imu"]
+
+
+def test_a_set_parameter_reaches_the_vehicle_and_the_log(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    good = fly(capsys, tmp_path / "a", "hover")
+    heavy = fly(capsys, tmp_path / "b", "hover", "--set", "simulator.mass=1.6")
+    assert heavy["verdict"] == "failed"
+    assert heavy["metrics"]["position_rms_m"] > 5 * good["metrics"]["position_rms_m"]

@@ -1,0 +1,29 @@
+"""Gyroscope bias from still samples (Sec. 5.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from quadrotor.errors import MeasurementError
+from vehicle.gyro_calibration import GyroCalibration
+
+
+def test_the_bias_is_the_mean_of_still_samples() -> None:
+    random = np.random.default_rng(7)
+    bias = np.array([0.02, -0.01, 0.005])
+    samples = bias + random.normal(0.0, 0.005, (200, 3))
+    calibration = GyroCalibration(200, np.radians(1.0))
+    results = [calibration.add(sample) for sample in samples]
+    assert all(result is None for result in results[:-1])
+    np.testing.assert_allclose(results[-1], samples.mean(axis=0), atol=1e-12)
+
+
+def test_a_moving_vehicle_is_refused_with_both_numbers_and_calibrated_once_still() -> None:
+    calibration = GyroCalibration(50, np.radians(1.0))
+    swing = 0.1 * np.sin(np.linspace(0, 20, 50))
+    with pytest.raises(MeasurementError, match=r"4\.\d\d deg/s, allowed 1\.00"):
+        for rate in swing:
+            calibration.add(np.array([rate, 0.0, 0.0]))
+    results = [calibration.add(np.array([0.03, 0.0, 0.0])) for _ in range(50)]
+    np.testing.assert_allclose(results[-1], [0.03, 0.0, 0.0], atol=1e-12)

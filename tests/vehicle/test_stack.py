@@ -1,0 +1,226 @@
+"""The whole tick, flown by the simulated robot in simulated time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.errors import RefusedError, UnknownParameterError
+from vehicle import mailbox
+from vehicle.modes import Flag, Mode
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+
+class Record:
+    """A log that keeps events and changes, in place of a file."""
+
+    def __init__(self) -> None:
+        self.events: list[mailbox.Event] = []
+        self.changes: list[mailbox.ParameterChange] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.events.append(event)
+
+    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        self.changes.append(change)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class Lab(SimulatedFlight):
+    """A flight whose station and tracker can be silenced."""
+
+    def __init__(self, **settings: Any) -> None:
+        parameters = FlightParameters().model_copy(deep=True)
+        self.record = Record()
+        self.robot = SimulatedVehicle(parameters.simulator)
+        self.station_alive = True
+        super().__init__(parameters, self.robot, self.record)  # type: ignore[arg-type]
+        if settings:
+            self.change(settings)
+
+    def _station(self, now_ns: int) -> None:
+        if self.station_alive:
+            super()._station(now_ns)
+
+    def ready(self) -> Lab:
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(0.2)
+        return self
+
+    def hovering(self, height: float = 1.0) -> Lab:
+        self.ready().arm()
+        self.wait(0.5)
+        self.start("take_off", height=height)
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.wait(1.0)
+        return self
+
+    def texts(self) -> str:
+        return "\n".join(event.text for event in self.record.events)
+
+
+def refusal(action: Callable[[], None]) -> str:
+    with pytest.raises(RefusedError) as caught:
+        action()
+    return str(caught.value)
+
+
+def test_it_takes_off_hovers_and_lands_where_it_should() -> None:
+    lab = Lab().hovering(1.2)
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0.0, 0.0, 1.2], abs=0.02)
+    lab.start("land")
+    lab.wait_until(lambda v: not v.armed, what="disarmed", timeout=15)
+    lab.wait(1.0)
+    assert lab.robot.truth["position_w"][0, 2] == pytest.approx(0.0, abs=0.02)
+    assert np.all(lab.robot.rotor_speeds < 20.0), "motors still turn after landing"
+    assert "touched down" in lab.texts()
+
+
+def test_take_off_is_refused_when_disarmed_and_when_flying() -> None:
+    lab = Lab().ready()
+    assert "arm the vehicle first" in refusal(lambda: lab.start("take_off"))
+    lab = Lab().hovering()
+    assert "flying already" in refusal(lambda: lab.start("take_off"))
+
+
+def test_fly_to_outside_the_flight_volume_is_refused_and_changes_nothing() -> None:
+    lab = Lab().hovering()
+    reason = refusal(lambda: lab.start("fly_to", x=50.0))
+    assert "50" in reason
+    assert lab.view().behavior == "hover"
+    lab.wait(1.0)
+    assert lab.robot.truth["position_w"][0] == pytest.approx([0, 0, 1], abs=0.02)
+
+
+def test_an_unknown_behavior_and_an_unknown_argument_are_refused_by_name() -> None:
+    lab = Lab().hovering()
+    assert "land" in refusal(lambda: lab.start("lnad"))
+    with pytest.raises(UnknownParameterError, match="heigth"):
+        lab.stack.behaviors.request(
+            "fly_to", {"heigth": 1.0}, lab.stack.state, armed=True, airborne=True
+        )
+    assert "heigth" in refusal(lambda: lab.start("fly_to", heigth=1.0))
+    assert lab.view().behavior == "hover"
+
+
+def test_arming_is_refused_before_the_gyroscope_is_calibrated_and_without_a_pose() -> None:
+    lab = Lab()
+    lab.advance()
+    assert "gyroscope" in refusal(lab.arm)
+    lab.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+    lab.station_alive = False
+    lab.wait(0.3)
+    assert "pose" in refusal(lab.arm)
+
+
+def test_arming_is_refused_when_only_the_heartbeat_is_missing() -> None:
+    lab = Lab().ready()
+    lab._next_heartbeat_ns = 10**15
+    lab.wait(1.0)
+    assert "station is not heard" in refusal(lab.arm)
+
+
+def test_disarming_in_flight_is_refused_and_the_cut_stops_the_motors() -> None:
+    lab = Lab().hovering()
+    disarm = mailbox.Disarm("1", "test")
+    assert "flying" in lab.stack.handle(disarm).reason
+    assert lab.stack.handle(mailbox.Emergency("2", "test", "cut")).accepted
+    lab.wait(0.3)
+    assert lab.stack.mode is Mode.CUT
+    assert lab.robot.truth["velocity_w"][0, 2] < -1.0, "the vehicle should be falling"
+    assert "disarm first" in refusal(lab.arm)
+    assert lab.stack.handle(mailbox.Disarm("3", "test")).accepted
+
+
+def test_an_emergency_landing_refuses_everything_but_the_cut() -> None:
+    lab = Lab().hovering()
+    assert lab.stack.handle(mailbox.Emergency("1", "test", "land")).accepted
+    assert "emergency landing" in refusal(lambda: lab.start("hover"))
+    lab.wait_until(lambda v: v.mode == "ready", what="on the ground", timeout=15)
+    assert lab.robot.truth["position_w"][0, 2] == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("action", ["lnad", "", "CUT"])
+def test_an_unknown_emergency_action_names_the_two_there_are(action: str) -> None:
+    reply = Lab().hovering().stack.handle(mailbox.Emergency("1", "test", action))
+    assert not reply.accepted
+    assert "land or cut" in reply.reason
+
+
+def test_a_lost_station_makes_it_brake_and_land_on_its_inertial_sensors() -> None:
+    lab = Lab(**{"safety.link_land_after": 1.0}).hovering()
+    silent = lab.stack.stamp_ns
+    lab.station_alive = False
+    lab.wait_until(lambda v: v.behavior in ("brake", "hover") and "braking" in lab.texts(),
+                   what="braking", timeout=0.5)  # fmt: skip
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.2)
+    lab.wait_until(lambda v: not v.armed, what="disarmed", timeout=15)
+    flown = (lab.stack.stamp_ns - silent) * 1e-9
+    truth = lab.robot.truth["position_w"][0]
+    assert truth[2] == pytest.approx(0.0, abs=0.02), f"not on the ground after {flown:.1f} s"
+    assert np.hypot(*truth[:2]) < 1.5, "drifted more than a dead-reckoned landing should"
+
+
+def test_a_lost_pose_alone_lands_it() -> None:
+    lab = Lab(**{"safety.pose_land_after": 0.5}).hovering()
+    lab._tracker.parameters.drop_out = 1.0
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
+    assert int(lab.stack.status["flags"][0]) & Flag.NO_POSE
+    assert "no pose measurement" in lab.texts()
+
+
+def test_a_parameter_change_is_applied_whole_and_told_with_who_old_and_new() -> None:
+    lab = Lab().ready()
+    name = "control.position.kp_xy"
+    old = lab.stack.store.get(name)
+    reply = lab.stack.handle(mailbox.ChangeParameters("1", "alice", {name: 5.0}))
+    assert (reply.accepted, reply.applied) == (True, {name: 5.0})
+    assert reply.revision == lab.stack.status["parameter_revision"][0]
+    lab.advance()
+    change = lab.record.changes[-1]
+    assert (change.requester, change.old, change.new) == ("alice", old, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"control.position.kp_xy": float("nan")}, "finite"),
+        ({"control.position.kp_xy": 1e6}, "out of bounds"),
+        ({"control.position.kp_xy": "stiff"}, "a number"),
+        ({"control.position.kp_xz": 4.0}, "control.position.kp_xy"),
+        ({"control.position.kp_xy": 5.0, "control.position.kp_z": -1.0}, "out of bounds"),
+    ],
+)
+def test_a_bad_parameter_change_changes_nothing(values: dict[str, Any], said: str) -> None:
+    lab = Lab().ready()
+    before, revision = lab.stack.store.values(), lab.stack.store.revision
+    reply = lab.stack.handle(mailbox.ChangeParameters("1", "test", values))
+    assert not reply.accepted
+    assert said in reply.reason
+    assert lab.stack.store.values() == before
+    assert lab.stack.store.revision == revision
+
+
+def test_rounded_motor_references_keep_their_mean() -> None:
+    lab = Lab().ready()
+    stack = lab.stack
+    wanted = np.array([100.3, 120.75, 30.01, 179.5])
+    sent = []
+    for _ in range(1000):
+        stack.actuators["motor_references"][0] = wanted
+        sent.append(stack._round_references())
+    assert np.asarray(sent).mean(axis=0) == pytest.approx(wanted, abs=2e-3)
+
+
+def test_the_tick_is_a_function_of_its_inputs() -> None:
+    def fly() -> bytes:
+        lab = Lab().hovering()
+        return lab.stack.record.tobytes() + lab.robot.truth.tobytes()
+
+    assert fly() == fly()

@@ -1,0 +1,258 @@
+"""Topics: records of a tick to payloads and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from quadrotor.errors import LinkError, MeasurementError
+from quadrotor.records import POSE_SAMPLE, TICK, Record
+from quadrotor.rotations import rotate_inverse
+from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
+from vehicle_link.topics import (
+    SERVICES,
+    TOPICS,
+    decode_actuators,
+    decode_bearings,
+    decode_heartbeat,
+    decode_imu,
+    decode_joy,
+    decode_odometry,
+    decode_pose,
+    decode_reference,
+    encode_actuators,
+    encode_batteries,
+    encode_bearing_pose,
+    encode_bearings,
+    encode_estimators,
+    encode_event,
+    encode_heartbeat,
+    encode_imus,
+    encode_joy,
+    encode_parameter_change,
+    encode_parameter_event,
+    encode_poses,
+    encode_pressures,
+    encode_references,
+    encode_states,
+    encode_status,
+)
+
+SEED = 1977
+STAMP = 1_700_000_000_123_456_789
+
+
+def _ticks(count: int = 4) -> Record:
+    """Ticks with every float at random, unit quaternions, stamps 2 ms apart."""
+    print("seed", SEED)
+    rng = np.random.default_rng(SEED)
+    ticks = np.zeros(count, TICK)
+    for part in ("imu", "state", "reference", "actuators", "estimate", "status"):
+        for name in TICK[part].names or ():
+            if TICK[part][name].base.kind == "f":
+                ticks[part][name] = rng.normal(size=ticks[part][name].shape)
+    quaternions = ticks["state"]["quaternion_wb"]
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    ticks["imu"]["stamp_ns"] = STAMP + 2_000_000 * np.arange(count)
+    return ticks
+
+
+def test_state_survives_as_odometry() -> None:
+    ticks = _ticks()
+    for tick, payload in zip(ticks, encode_states(ticks), strict=True):
+        stamp, state = decode_odometry(payload)
+        assert stamp == tick["imu"]["stamp_ns"]
+        for name in state.dtype.names or ():
+            np.testing.assert_allclose(state[name][0], tick["state"][name], atol=1e-14)
+
+
+def test_odometry_twist_is_in_body_axes_and_its_quaternion_in_ros_order() -> None:
+    ticks = _ticks(1)
+    message = decode(encode_states(ticks)[0], "nav_msgs/Odometry")
+    state = ticks["state"][0]
+    q = message.pose.pose.orientation
+    np.testing.assert_array_equal([q.w, q.x, q.y, q.z], state["quaternion_wb"])
+    expected = rotate_inverse(state["quaternion_wb"], state["velocity_w"])
+    linear = message.twist.twist.linear
+    np.testing.assert_allclose([linear.x, linear.y, linear.z], expected, atol=1e-14)
+    assert (message.header.frame_id, message.child_frame_id) == ("world", "quad1/body")
+    assert stamp_of(message) == STAMP
+
+
+def test_odometry_of_a_foreign_node_is_read_too() -> None:
+    ticks = _ticks(1)
+    message = decode(encode_states(ticks)[0], "nav_msgs/Odometry")
+    message.header.frame_id = "map"
+    stamp, state = decode_odometry(encode(message))
+    assert stamp == STAMP
+    np.testing.assert_allclose(state["velocity_w"][0], ticks["state"]["velocity_w"][0], atol=1e-14)
+    np.testing.assert_array_equal(state["quaternion_wb"], ticks["state"]["quaternion_wb"])
+
+
+def test_reference_imu_and_actuators_survive_exactly() -> None:
+    ticks = _ticks(2)
+    for i in range(2):
+        stamp, reference = decode_reference(encode_references(ticks)[i])
+        assert stamp == ticks["imu"]["stamp_ns"][i]
+        assert reference[0] == ticks["reference"][i]
+        assert decode_imu(encode_imus(ticks)[i])[0] == ticks["imu"][i]
+        stamp, actuators = decode_actuators(encode_actuators(ticks)[i])
+        assert stamp == ticks["imu"]["stamp_ns"][i]
+        assert actuators[0] == ticks["actuators"][i]
+
+
+def test_frames_follow_the_vehicle() -> None:
+    payload = encode_imus(_ticks(1), "quad7")[0]
+    assert decode(payload, "sensor_msgs/Imu").header.frame_id == "quad7/body"
+
+
+def test_imu_says_that_it_has_no_orientation() -> None:
+    message = decode(encode_imus(_ticks(1))[0], "sensor_msgs/Imu")
+    assert message.orientation_covariance[0] == -1.0
+
+
+def test_estimator_battery_and_pressure_carry_the_numbers_of_the_tick() -> None:
+    ticks = _ticks(1)
+    estimate, status = ticks["estimate"][0], ticks["status"][0]
+    message = decode(encode_estimators(ticks, "mine")[0], "quadlab_msgs/EstimatorStatus")
+    assert message.estimator == "mine"
+    assert message.mass == estimate["mass"]
+    assert message.mass_variance == estimate["mass_variance"]
+    assert message.measurement_age == estimate["measurement_age"]
+    assert message.gyroscope_bias.y == estimate["gyroscope_bias_b"][1]
+    assert message.accelerometer_bias.z == estimate["accelerometer_bias_b"][2]
+    assert message.position_innovation.x == estimate["position_innovation_w"][0]
+    assert message.attitude_innovation.x == estimate["attitude_innovation_b"][0]
+    battery = decode(encode_batteries(ticks)[0], "sensor_msgs/BatteryState")
+    assert battery.voltage == pytest.approx(status["battery_voltage"])
+    assert math.isnan(battery.percentage)
+    pressure = decode(encode_pressures(ticks)[0], "sensor_msgs/FluidPressure")
+    assert pressure.fluid_pressure == status["pressure"]
+
+
+def test_status_carries_texts_and_statistics() -> None:
+    ticks = _ticks(1)
+    ticks["status"]["armed"] = 1
+    ticks["status"]["parameter_revision"] = 7
+    payload = encode_status(ticks, "armed", "hover", ["link_degraded", "saturated"])
+    message = decode(payload, "quadlab_msgs/VehicleStatus")
+    assert (message.mode, message.behavior) == ("armed", "hover")
+    assert message.flags == ["link_degraded", "saturated"]
+    assert (message.armed, message.airborne, message.parameter_revision) == (True, False, 7)
+    assert message.lateness_p99 == ticks["status"]["lateness_p99"][0]
+
+
+def test_events_and_parameter_changes() -> None:
+    event = decode(encode_event(STAMP, 30, "link lost", "vehicle"), "rcl_interfaces/Log")
+    assert (event.level, event.msg, stamp_of(event)) == (30, "link lost", STAMP)
+    payload = encode_parameter_change(STAMP, "position.kp_xy", 3.0, 4.5, "anna", 12)
+    change = decode(payload, "quadlab_msgs/ParameterChange")
+    assert (change.name, change.old_value, change.new_value) == ("position.kp_xy", "3.0", "4.5")
+    assert (change.requester, change.revision) == ("anna", 12)
+    payload = encode_parameter_event(STAMP, "/quad1/vehicle", {"a.b": 2.5, "c": True})
+    ros = decode(payload, "rcl_interfaces/ParameterEvent")
+    assert [p.name for p in ros.changed_parameters] == ["a.b", "c"]
+    assert ros.changed_parameters[0].value.double_value == 2.5
+
+
+def _pose_samples() -> Record:
+    samples = np.zeros(2, POSE_SAMPLE)
+    samples["stamp_ns"] = STAMP, STAMP + 1
+    samples["position_w"] = (1, 2, 3), (4, 5, 6)
+    samples["quaternion_wb"] = (0.8, 0, 0.6, 0), (1, 0, 0, 0)
+    return samples
+
+
+def test_poses_survive() -> None:
+    samples = _pose_samples()
+    for sample, payload in zip(samples, encode_poses(samples), strict=True):
+        assert decode_pose(payload)[0] == sample
+
+
+def test_pose_of_a_foreign_tracker_is_read_and_normalised() -> None:
+    message = new(
+        "geometry_msgs/PoseStamped",
+        header=header(STAMP, "optitrack"),
+        pose={"position": (1, 2, 3), "orientation": (0.0, 0.606, 0.0, 0.808)},
+    )
+    sample = decode_pose(encode(message))
+    np.testing.assert_allclose(sample["quaternion_wb"][0], [0.8, 0.0, 0.6, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(sample["position_w"][0], [1.0, 2.0, 3.0])
+    assert sample["stamp_ns"][0] == STAMP
+
+
+@pytest.mark.parametrize(
+    ("position", "quaternion"),
+    [
+        ((math.nan, 0, 0), (1, 0, 0, 0)),
+        ((0, math.inf, 0), (1, 0, 0, 0)),
+        ((0, 0, 0), (0, 0, 0, 0)),
+        ((0, 0, 0), (math.nan, 0, 0, 0)),
+        ((0, 0, 0), (1, 1, 0, 0)),
+    ],
+)
+def test_a_pose_the_estimator_could_not_use_is_refused(
+    position: tuple[float, ...], quaternion: tuple[float, ...]
+) -> None:
+    samples = _pose_samples()[:1]
+    samples["position_w"], samples["quaternion_wb"] = position, quaternion
+    with pytest.raises(MeasurementError, match="finite numbers and a unit quaternion"):
+        decode_pose(encode_poses(samples)[0])
+
+
+def test_bearing_pose_keeps_covariance() -> None:
+    covariance = np.arange(36.0).reshape(6, 6)
+    payload = encode_bearing_pose(
+        STAMP, np.array([1.0, 2, 3]), np.array([0.8, 0, 0.6, 0]), covariance
+    )
+    message = decode(payload, "geometry_msgs/PoseWithCovarianceStamped")
+    np.testing.assert_array_equal(message.pose.covariance, covariance.ravel())
+    assert (message.pose.pose.orientation.w, message.pose.pose.orientation.y) == (0.8, 0.6)
+
+
+def test_bearings_survive_and_bad_ones_are_refused() -> None:
+    bearings = [(1.0, 0.0, 0.0), (0.0, 0.6, -0.8)]
+    back = decode_bearings(encode_bearings(STAMP, [3, 1], bearings, 0.026))
+    assert (back.stamp_ns, back.beacon_ids, back.sigma) == (STAMP, (3, 1), 0.026)
+    np.testing.assert_array_equal(back.bearings_b, bearings)
+    with pytest.raises(MeasurementError, match="2 bearings with 1 beacon"):
+        decode_bearings(encode_bearings(STAMP, [3], bearings, 0.026))
+    with pytest.raises(MeasurementError, match="finite unit vectors"):
+        decode_bearings(encode_bearings(STAMP, [3], [(1.0, 1.0, 0.0)], 0.026))
+    with pytest.raises(MeasurementError, match="finite unit vectors"):
+        decode_bearings(encode_bearings(STAMP, [3], [(math.nan, 1.0, 0.0)], 0.026))
+    with pytest.raises(MeasurementError, match="sigma"):
+        decode_bearings(encode_bearings(STAMP, [3, 1], bearings, 0.0))
+
+
+def test_sticks_survive_are_cut_and_bad_ones_are_refused() -> None:
+    back = decode_joy(encode_joy(STAMP, (0.5, -0.25, 3.0, -1.0), True))
+    assert back.axes == (0.5, -0.25, 1.0, -1.0)
+    assert back.enabled
+    assert back.stamp_ns == STAMP
+    assert not decode_joy(encode_joy(STAMP, (0, 0, 0, 0), False)).enabled
+    with pytest.raises(MeasurementError, match="four finite axes"):
+        decode_joy(encode_joy(STAMP, (math.nan, 0, 0, 0), True))
+    with pytest.raises(MeasurementError, match="four finite axes"):
+        decode_joy(encode(new("sensor_msgs/Joy", axes=[0.0, 0.0], buttons=[1])))
+    with pytest.raises(MeasurementError, match="button 0"):
+        decode_joy(encode(new("sensor_msgs/Joy", axes=[0.0] * 4)))
+
+
+def test_heartbeat_survives() -> None:
+    assert decode_heartbeat(encode_heartbeat(9, STAMP)) == (9, STAMP)
+
+
+def test_garbage_is_a_link_error() -> None:
+    for decoder in (decode_odometry, decode_pose, decode_joy, decode_bearings, decode_heartbeat):
+        with pytest.raises(LinkError):
+            decoder(b"\x00\x01\x00\x00garbage")
+
+
+def test_every_topic_and_service_has_a_known_type() -> None:
+    for topic in TOPICS.values():
+        assert stored_name(topic.type_name) in TYPESTORE.types
+    for srv_type in SERVICES.values():
+        assert stored_name(f"{srv_type}_Request") in TYPESTORE.types

@@ -1,0 +1,46 @@
+"""How the link is doing, judged by the heartbeats of the other end. Pure: fed with times."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+HEARTBEAT_RATE = 20.0  # Hz
+DEGRADED_AFTER = 0.3  # s
+LOST_AFTER = 1.0  # s
+
+
+class LinkState(StrEnum):
+    GOOD = "good"
+    DEGRADED = "degraded"
+    LOST = "lost"
+
+
+class HeartbeatMonitor:
+    """Degraded and lost by the time since the last heartbeat; lost before the first.
+
+    Args:
+        degraded_after, lost_after: s without a heartbeat.
+    """
+
+    def __init__(
+        self, degraded_after: float = DEGRADED_AFTER, lost_after: float = LOST_AFTER
+    ) -> None:
+        self._degraded_ns = round(degraded_after * 1e9)
+        self._lost_ns = round(lost_after * 1e9)
+        self._heard_ns: int | None = None
+
+    def heard(self, now_ns: int) -> None:
+        """A heartbeat came at this time of any steady clock."""
+        if self._heard_ns is None or now_ns > self._heard_ns:
+            self._heard_ns = now_ns
+
+    def age(self, now_ns: int) -> float:
+        """s since the last heartbeat; inf before the first."""
+        return float("inf") if self._heard_ns is None else (now_ns - self._heard_ns) * 1e-9
+
+    def state(self, now_ns: int) -> LinkState:
+        if self._heard_ns is None or now_ns - self._heard_ns >= self._lost_ns:
+            return LinkState.LOST
+        if now_ns - self._heard_ns >= self._degraded_ns:
+            return LinkState.DEGRADED
+        return LinkState.GOOD

@@ -1,0 +1,230 @@
+"""A ROS 2 node over Zenoh without ROS: publishers, subscriptions, services and their clients.
+
+Threads: every subscription and service has a thread of its own, on which Zenoh calls back; a slow
+callback delays only its own topic. With `direct=True` the callback runs on Zenoh's network thread
+instead: 50 µs sooner, but it must return at once. `put` may take 1 ms (50 ms for large messages),
+so it does not belong into a control thread.
+
+There is no latching: a topic whose last value a newcomer needs is sent again periodically.
+"""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from quadrotor.errors import LinkError, QuadlabError
+from vehicle_link.client import ServiceClient, wait_for_match
+from vehicle_link.messages import Message, decode, encode
+from vehicle_link.rmw_keys import (
+    RELIABLE,
+    SENSOR_DATA,
+    EntityKind,
+    NodeIdentity,
+    Qos,
+    attachment,
+    data_key,
+    full_name,
+    gid_of,
+    parse_attachment,
+)
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.table import Priority, Topic
+
+log = logging.getLogger(__name__)
+
+# One counter a session numbers nodes and endpoints (rmw_zenoh).
+_counters: dict[str, itertools.count[int]] = {}
+_counters_lock = threading.Lock()
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """One message as it came; `decode` of vehicle_link.messages or topics makes sense of it."""
+
+    payload: bytes
+    sequence: int  # of its publisher, from 1
+    source_ns: int  # as the publisher stamped it
+    received_ns: int  # time.time_ns here
+
+
+class Publisher:
+    """Made by `Node.publisher`."""
+
+    def __init__(self, publisher: zenoh.Publisher, gid: bytes) -> None:
+        self._publisher = publisher
+        self._gid = gid
+        self._sequence = itertools.count(1)
+
+    def put(self, payload: bytes, source_ns: int | None = None) -> None:
+        """Send CDR bytes.
+
+        Args:
+            source_ns: source time in ns; now (time.time_ns) when not given.
+
+        Raises:
+            LinkError: the session is closed.
+        """
+        stamp = time.time_ns() if source_ns is None else source_ns
+        try:
+            self._publisher.put(
+                payload, attachment=attachment(next(self._sequence), stamp, self._gid)
+            )
+        except zenoh.ZError as error:
+            raise LinkError(f"cannot publish, the session is closed ({error})") from error
+
+    def wait(self, timeout: float) -> bool:
+        """Whether anybody listens, waiting for it for at most `timeout` seconds."""
+        return wait_for_match(self._publisher, timeout)
+
+
+class Node:
+    """One node of a session; topic and service names are relative to its namespace.
+
+    Args:
+        namespace: `/quad1`, or empty.
+        name: for instance `vehicle`; may hold no slash.
+    """
+
+    def __init__(self, session: zenoh.Session, namespace: str, name: str, domain: int = 0) -> None:
+        zid = str(session.info.zid())
+        with _counters_lock:
+            self._ids = _counters.setdefault(zid, itertools.count())
+        self.session = session
+        self.namespace = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+        self.name = name
+        self.full_name = full_name(self.namespace, name)
+        self.domain = domain
+        self._identity = NodeIdentity(zid, next(self._ids), self.namespace, name, domain)
+        self._entities: list[Any] = []
+        self._declare_token(self._identity.token)
+
+    def publisher(
+        self,
+        topic: str,
+        type_name: str,
+        *,
+        qos: Qos = RELIABLE,
+        priority: Priority = "data",
+        express: bool = False,
+        drop: bool = True,
+    ) -> Publisher:
+        """`drop`: on congestion this publisher's messages are dropped rather than waited for."""
+        key, gid = self._announce("MP", topic, type_name, qos)
+        publisher = self.session.declare_publisher(
+            key,
+            priority=getattr(zenoh.Priority, priority.upper()),
+            express=express,
+            congestion_control=(
+                zenoh.CongestionControl.DROP if drop else zenoh.CongestionControl.BLOCK
+            ),
+            reliability=(
+                zenoh.Reliability.RELIABLE if qos.reliable else zenoh.Reliability.BEST_EFFORT
+            ),
+        )
+        self._entities.append(publisher)
+        return Publisher(publisher, gid)
+
+    def advertise(self, topic: Topic) -> Publisher:
+        """A publisher as the table of topics says."""
+        return self.publisher(
+            topic.name,
+            topic.type_name,
+            qos=topic.qos,
+            priority=topic.priority,
+            express=topic.express,
+            drop=topic.drop,
+        )
+
+    def subscribe(
+        self,
+        topic: str,
+        type_name: str,
+        callback: Callable[[Received], None],
+        *,
+        qos: Qos = SENSOR_DATA,
+        direct: bool = False,
+    ) -> None:
+        """Call back with each message; see the module for the threads.
+
+        What the callback raises is logged with its traceback and ends that call only. A sample
+        without ROS attachment is logged and dropped.
+        """
+
+        def deliver(sample: zenoh.Sample) -> None:
+            received_ns = time.time_ns()
+            try:
+                data = sample.attachment
+                sequence, source_ns, _ = parse_attachment(data.to_bytes() if data else b"")
+                payload = sample.payload.to_bytes()
+                callback(Received(payload, sequence, source_ns, received_ns))
+            except Exception:
+                log.exception("a message of %s could not be handled", topic)
+
+        key, _ = self._announce("MS", topic, type_name, qos)
+        handler = Callback(deliver, indirect=not direct)
+        self._entities.append(self.session.declare_subscriber(key, handler))
+
+    def serve(
+        self,
+        name: str,
+        srv_type: str,
+        handler: Callable[[Message], Message],
+        *,
+        direct: bool = False,
+    ) -> None:
+        """Answer requests of a service, one after the other; see the module for the threads.
+
+        A QuadlabError of the handler is the client's LinkError with the same text; anything else
+        is logged with its traceback, and the client told that the service failed.
+        """
+        key, _ = self._announce("SS", name, srv_type, RELIABLE)
+
+        def answer(query: zenoh.Query) -> None:
+            with query:  # finishes the query also when nothing was replied
+                try:
+                    data = query.attachment
+                    sequence, _, gid = parse_attachment(data.to_bytes() if data else b"")
+                    payload = query.payload.to_bytes() if query.payload else b""
+                    response = encode(handler(decode(payload, f"{srv_type}_Request")))
+                    stamped = attachment(sequence, time.time_ns(), gid)
+                    query.reply(key, response, attachment=stamped)
+                except QuadlabError as error:
+                    query.reply_err(str(error).encode())
+                except Exception as error:
+                    log.exception("service %s failed", name)
+                    query.reply_err(f"the service failed: {error!r}; see its log".encode())
+
+        callback = Callback(answer, indirect=not direct)
+        self._entities.append(self.session.declare_queryable(key, callback, complete=True))
+
+    def client(self, name: str, srv_type: str) -> ServiceClient:
+        key, gid = self._announce("SC", name, srv_type, RELIABLE)
+        return ServiceClient(self.session, full_name(self.namespace, name), key, srv_type, gid)
+
+    def close(self) -> None:
+        """Undeclare all of this node; its session stays open."""
+        while self._entities:
+            self._entities.pop().undeclare()
+
+    def _announce(self, kind: EntityKind, name: str, type_name: str, qos: Qos) -> tuple[str, bytes]:
+        """The key of a new endpoint and its GID; its token is declared."""
+        topic = full_name(self.namespace, name)
+        token = self._identity.endpoint_token(next(self._ids), kind, topic, type_name, qos)
+        self._declare_token(token)
+        return data_key(self.domain, topic, type_name), gid_of(token)
+
+    def _declare_token(self, token: str) -> None:
+        try:
+            self._entities.append(self.session.liveliness().declare_token(token))
+        except zenoh.ZError as error:
+            raise LinkError(f"cannot announce {self.full_name}: {error}") from error

@@ -1,0 +1,116 @@
+"""The vehicle's clock as seen from the station: offset and round trip from TimeSync exchanges.
+
+Of one exchange, with client times t0, t3 and server times t1, t2 (NTP): round trip
+(t3 - t0) - (t2 - t1), offset ((t1 - t0) + (t2 - t3)) / 2, wrong by at most half the round trip.
+So the exchange with the smallest round trip of the last few says the offset best.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from vehicle_link.messages import Message, new
+
+if TYPE_CHECKING:
+    from vehicle_link.client import ServiceClient
+    from vehicle_link.node import Node
+
+TIME_SYNC = "quadlab_msgs/srv/TimeSync"
+WINDOW = 10
+"""Exchanges looked back on: at 1 Hz clocks drift by less than 1 ms in them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """Four stamps in ns; those of the server are of its clock."""
+
+    client_sent_ns: int
+    server_received_ns: int
+    server_sent_ns: int
+    client_received_ns: int
+
+    @property
+    def round_trip_ns(self) -> int:
+        total = self.client_received_ns - self.client_sent_ns
+        return total - (self.server_sent_ns - self.server_received_ns)
+
+    @property
+    def offset_ns(self) -> int:
+        """Server's clock minus client's."""
+        there = self.server_received_ns - self.client_sent_ns
+        back = self.server_sent_ns - self.client_received_ns
+        return (there + back) // 2
+
+
+class ClockOffset:
+    """The offset of the server's clock over a sliding window of exchanges."""
+
+    def __init__(self, window: int = WINDOW) -> None:
+        self._exchanges: deque[Exchange] = deque(maxlen=window)
+
+    @property
+    def known(self) -> bool:
+        return bool(self._exchanges)
+
+    @property
+    def offset_ns(self) -> int:
+        """Server's clock minus client's; 0 before the first exchange."""
+        if not self._exchanges:
+            return 0
+        return min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
+
+    @property
+    def round_trip_ns(self) -> int:
+        """Of the newest exchange; 0 before the first."""
+        return self._exchanges[-1].round_trip_ns if self._exchanges else 0
+
+    @property
+    def jitter_ns(self) -> int:
+        """Largest minus smallest round trip in the window."""
+        trips = [exchange.round_trip_ns for exchange in self._exchanges]
+        return max(trips) - min(trips) if trips else 0
+
+    def add(self, exchange: Exchange) -> None:
+        """A server whose clock was set anew (it restarted) empties the window."""
+        if self._exchanges and not self._agrees(exchange):
+            self._exchanges.clear()
+        self._exchanges.append(exchange)
+
+    def to_server(self, client_ns: int) -> int:
+        """A time of the client's clock in the server's."""
+        return client_ns + self.offset_ns
+
+    def to_client(self, server_ns: int) -> int:
+        return server_ns - self.offset_ns
+
+    def clear(self) -> None:
+        self._exchanges.clear()
+
+    def _agrees(self, exchange: Exchange) -> bool:
+        """Both offsets are right to half their round trip, and a little drift."""
+        best = min(self._exchanges, key=lambda e: e.round_trip_ns)
+        allowed = (best.round_trip_ns + exchange.round_trip_ns) // 2 + 10_000_000
+        return abs(exchange.offset_ns - best.offset_ns) <= allowed
+
+
+def serve_time_sync(node: Node, clock: Callable[[], int] = time.time_ns) -> None:
+    """Serve `time_sync`; `clock` gives this end's time in ns. Answered on the network thread."""
+
+    def answer(_request: Message) -> Message:
+        received = clock()
+        return new(f"{TIME_SYNC}_Response", server_received_ns=received, server_sent_ns=clock())
+
+    node.serve("time_sync", TIME_SYNC, answer, direct=True)
+
+
+def exchange(
+    client: ServiceClient, clock: Callable[[], int] = time.time_ns, timeout: float = 1.0
+) -> Exchange:
+    """One exchange with a server of TimeSync. Raises LinkError."""
+    sent = clock()
+    response = client.call(new(f"{TIME_SYNC}_Request", client_sent_ns=sent), timeout)
+    return Exchange(sent, int(response.server_received_ns), int(response.server_sent_ns), clock())
