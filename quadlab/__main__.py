@@ -61,9 +61,10 @@ def _one_line(boxed: str) -> str:
             sections.append([])
         elif line:
             sections[-1].append(line)
-    said = " ".join(sections[0])
-    for section in sections[1:]:
-        if section and section[0].startswith(("Perhaps you meant", "Available subcommands")):
+    first, *others = [section for section in sections if section]
+    said = " ".join(first)
+    for section in others:
+        if section[0].startswith(("Perhaps you meant", "Available subcommands")):
             said += "; " + " ".join(section[:2])
     return said.rstrip(".") + "; --help lists what is allowed"
 

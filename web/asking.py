@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import Depends, Request
+from fastapi import Depends, HTTPException, Request
 
-from quadrotor.errors import RefusedError
 from web.door import Role, Session
 
 
@@ -20,10 +19,10 @@ Asker = Annotated[Session, Depends(session_of)]
 
 
 def operator_of(session: Asker) -> Session:
-    """Raises RefusedError for a viewer."""
+    """Answers 403 to a viewer."""
     if session.role is not Role.OPERATOR:
-        raise RefusedError(
-            f"{session.label} may watch but not command; ask an operator for an invitation"
+        raise HTTPException(
+            403, f"{session.label} may watch but not command; ask an operator for an invitation"
         )
     return session
 
