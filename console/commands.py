@@ -1,17 +1,20 @@
 """The station's services: commands for the vehicle are passed on, the rest is answered here.
 
-The requester's name travels along, so that vehicle, log and catalogue know who asked. A request
-id that comes again gets the first answer.
+The requester's name travels along, so that vehicle, log and catalogue know who asked, and so does
+the request id, so that a repeated request has one effect. Each service has a thread of its own
+(vehicle_link.node): an emergency never waits behind another command.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
 from quadrotor.errors import LinkError, ParameterError, StorageError
-from vehicle_link.idempotent import IdempotentCache
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import from_parameters, to_parameters
@@ -27,43 +30,44 @@ class CommandGateway:
     """Serves `/<vehicle>/station/{arm, …, change_parameters, record}`.
 
     Args:
+        link_state: of the link to the vehicle, now.
         record: (start, requester) → run id; raises StorageError with the reason.
-        on_accepted: told (command, requester) of each command the vehicle accepted.
+        on_asked: told (command, requester) before a command is passed on.
     """
 
     def __init__(
         self,
         node: Node,
         store: StationStore,
+        link_state: Callable[[], LinkState],
         record: Callable[[bool, str], str],
-        on_accepted: Callable[[str, str], None],
+        on_asked: Callable[[str, str], None],
     ) -> None:
         self._store = store
+        self._link_state = link_state
         self._record = record
-        self._on_accepted = on_accepted
+        self._on_asked = on_asked
         self._clients = {
             name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
         }
-        self._answers = IdempotentCache()
         for name in FORWARDED:
-            self._serve(node, name, lambda request, name=name: self._forward(name, request))
-        self._serve(node, "change_parameters", self._change_parameters)
-        self._serve(node, "record", self._start_or_stop)
-
-    def _serve(self, node: Node, name: str, handle: Callable[[Any], Any]) -> None:
-        def once(request: Any) -> Any:
-            return self._answers.answer(request.request_id, lambda: handle(request))
-
-        node.serve(f"station/{name}", SERVICES[name], once)
+            node.serve(f"station/{name}", SERVICES[name], partial(self._forward, name))
+        for name, handler in (
+            ("change_parameters", self._change_parameters),
+            # Only here: a repeated command must reach the vehicle when the first one did not.
+            ("record", Idempotent(self._start_or_stop)),
+        ):
+            node.serve(f"station/{name}", SERVICES[name], handler)
 
     def _forward(self, name: str, request: Any) -> Any:
+        # Requests queue up behind one that waits in vain; executed late they would surprise.
+        if name != "emergency" and self._link_state() is LinkState.LOST:
+            return _refused(name, "the link to the vehicle is lost; nothing was sent")
+        self._on_asked(name, request.requester)
         try:
-            response = self._clients[name].call(request, timeout=CALL_TIMEOUT)
+            return self._clients[name].call(request, timeout=CALL_TIMEOUT)
         except LinkError as error:
             return _refused(name, f"the vehicle did not answer: {error}")
-        if response.accepted:
-            self._on_accepted(name, request.requester)
-        return response
 
     def _change_parameters(self, request: Any) -> Any:
         """Names of the station here, all others at the vehicle; all or nothing."""

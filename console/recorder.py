@@ -10,11 +10,12 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from console.disk import check_folder, free_bytes
+from console.run import RecorderStatus, Run, RunEnd
 from quadrotor.errors import StorageError
 from vehicle_link.log import LogWriter
 
@@ -31,43 +32,6 @@ Message = tuple[str, str, bytes, int, int]
 """Topic, type name, CDR payload, log_ns, publish_ns."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """One recording; `attachments` is asked in the recorder's thread, for it may wait."""
-
-    run_id: str
-    path: Path
-    metadata: Mapping[str, str]
-    attachments: Callable[[], Mapping[str, bytes]] = dict
-    keep_free: int = 500_000_000  # bytes
-
-
-@dataclass(frozen=True)
-class RunEnd:
-    """How a run ended."""
-
-    run: Run
-    duration: float  # s
-    bytes: int
-    messages: int
-    dropped: int
-    closed: bool  # the file has its index
-    problem: str  # why it ended other than as asked
-
-
-@dataclass(frozen=True)
-class RecorderStatus:
-    """For the page."""
-
-    recording: bool
-    run_id: str
-    duration: float  # s
-    bytes: int
-    free_bytes: int
-    dropped: int
-    alarms: tuple[str, ...]
-
-
 @dataclass
 class _Open:
     """The run being written; owned by the thread."""
@@ -75,7 +39,7 @@ class _Open:
     run: Run
     writer: LogWriter
     since: float
-    synced: float = field(default=0.0)
+    synced: float = 0.0
 
 
 class Recorder:
@@ -250,7 +214,8 @@ class Recorder:
         done, self._open = self._open, None
         closed = False
         try:
-            closed = done.writer.close()
+            in_place = done.writer.is_in_place()
+            closed = done.writer.close() and in_place
         except StorageError as error:
             problem = problem or str(error)
             self._alarms["run"] = str(error)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import threading
 import time
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
 
 from console.catalogue import SUFFIX, Catalogue, RunEntry, run_name
 from console.parameter_store import StationStore
-from console.recorder import Recorder, Run, RunEnd
+from console.recorder import Recorder
 from console.recording import Decision, RecordingPolicy
+from console.run import Run, RunEnd
 from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import StorageError
 from vehicle_link.log.provenance import provenance
@@ -58,10 +60,8 @@ class RunKeeper:
         if decision is Decision.START and not self.recorder.run_id:
             requester, at = self._asked
             named = requester and time.monotonic() - at < ASKED_KEEP
-            try:
+            with suppress(StorageError):  # shown and said as an alarm until a run starts
                 self.start(requester if named else self._operator)
-            except StorageError:
-                pass  # shown and said as an alarm until a run starts
 
     def tick(self) -> None:
         """Some times a second."""

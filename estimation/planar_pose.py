@@ -4,7 +4,8 @@ With plane coordinates (alpha, beta) of a beacon at c + alpha e1 + beta e2, its 
 G (alpha, beta, 1), G = [R_bw e1, R_bw e2, R_bw (c - r)] up to scale: the four-point algorithm
 without the plane's distance from the world origin, by which print divides (0 is a normal case).
 The scale is that of the two projected columns, the sign that which puts the beacons along their
-bearings and not against them. Gauss-Newton steps on the bearings (two, as a rule) make the estimate efficient.
+bearings and not against them. Gauss-Newton steps on the bearings, two as a rule, make the
+estimate efficient.
 
 Bearings may point anywhere on the sphere. Small numpy calls: about 0.4 ms a pose.
 """
@@ -30,6 +31,8 @@ MAX_MOVE = 0.5
 """Largest Gauss-Newton step, as a share of the mean distance to the beacons."""
 MAX_TURN = 0.5
 """Largest Gauss-Newton step, rad."""
+IMPLAUSIBLE = 4.0
+"""A fit whose rms residual on a tangent axis is larger than this many sigma is no pose."""
 FLATNESS = 1e-3
 """How far the beacons may leave their plane, as a share of their extent."""
 _EYE = np.eye(3)
@@ -44,7 +47,8 @@ class PlanarPose:
         quaternion_wb: (4,) unit, w >= 0.
         covariance: (6, 6) of position (m, world axes), then of the attitude error as a rotation
             vector (rad, world axes), as geometry_msgs/PoseWithCovariance orders them.
-        residual: rms angle between measured and predicted bearings, rad.
+        residual: rms angle between measured and predicted bearings, rad. With four beacons two
+            degrees of freedom are left: nearly blind to a wrong one, so gate on a prediction.
     """
 
     position_w: Array
@@ -69,7 +73,7 @@ def planar_pose(
             plane the homography fails though the information is there: the refinement also
             starts from here then, and the start that explains the bearings better wins.
 
-    Raises MeasurementError when the input is malformed or the geometry degenerate.
+    Raises MeasurementError when the input is malformed, the geometry degenerate, or no pose fits.
     """
     beacons, bearings = _checked(beacons_w, bearings_b, sigma)
     center, axes, extent = _plane(beacons)
@@ -85,10 +89,15 @@ def planar_pose(
         starts.append((np.array(prediction[0], dtype=float), R_start))
     refined = [_refine(beacons, bearings, r, R) for r, R in starts]
     cost, r, R, information = min(refined, key=lambda item: item[0])
-    return PlanarPose(
-        r, quaternion_from_matrix(R), _covariance(information, sigma, extent),
-        math.sqrt(cost / len(beacons)),
-    )  # fmt: skip
+    residual, expected = math.sqrt(cost / len(beacons)), math.sqrt(2.0) * sigma
+    if not residual < IMPLAUSIBLE * expected:
+        raise MeasurementError(
+            f"no pose fits the bearings: {math.degrees(residual):.3g} deg rms remain where "
+            f"{math.degrees(expected):.3g} are expected; check the beacons' identities and "
+            "positions, or give a predicted pose to start from"
+        )
+    covariance = _covariance(information, sigma, extent)
+    return PlanarPose(r, quaternion_from_matrix(R), covariance, residual)
 
 
 def homography_pose(

@@ -65,7 +65,8 @@ class Simulator:
 
         parameters = SimulatorParameters()
         parse_settings(parameters, self.set)
-        return run(parameters, self.folder, loopback_port=self.loopback_port, name=self.name)
+        run(parameters, self.folder, self.loopback_port, vehicle=self.name)
+        return 0
 
 
 @dataclass

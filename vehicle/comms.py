@@ -1,6 +1,6 @@
 """The comms process: Zenoh and the onboard log, beside the flight process and unable to delay it.
 
-One thread drains what flight sends every 10 ms; Zenoh's threads bring what the station sends.
+One thread drains what flight sends, about every 10 ms; Zenoh's threads bring what the station sends.
 Run as `python -m vehicle.comms CONFIG` by vehicle.process, which starts it again when it dies.
 """
 
@@ -34,7 +34,7 @@ from vehicle_link.authority import ensure_certificates
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 
-DRAIN_PERIOD_S = 0.01
+SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.01
 STATION_LOST_S = 1.0
 CLOSE_PATIENCE_S = 0.5
 
@@ -66,8 +66,11 @@ class Comms:
 
     def run(self, stopping: threading.Event) -> None:
         """Until `stopping` is set; then once more, so that nothing read is lost."""
-        while not stopping.wait(DRAIN_PERIOD_S):
+        wait_s = LONGEST_WAIT_S
+        while not stopping.wait(wait_s):
             self.drain()
+            # In step with the ticks: a packet leaves as soon as its last tick is there.
+            wait_s = min(LONGEST_WAIT_S, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))
         self.drain()
 
     def drain(self) -> None:

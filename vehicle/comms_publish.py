@@ -21,6 +21,7 @@ from vehicle.onboard_log import OnboardLog
 from vehicle_link import telemetry, topics
 
 PACKETS_A_SECOND = 100
+NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
 STALE_NS = 200_000_000  # ticks older than this are for the log only
 ESTIMATOR = "complementary"
@@ -46,6 +47,8 @@ class Publisher:
         self._node = f"/{vehicle}/vehicle"
         self._pending: list[Record] = []
         self._pending_count = 0
+        self._packet_size = telemetry.SAMPLES_A_PACKET
+        self._tick_rate = NOMINAL_RATE
         self._packet = 0
         self._heartbeat = 0
         self._due_ns: dict[str, int] = {}
@@ -69,6 +72,11 @@ class Publisher:
             self._send("battery", topics.encode_batteries(last, self._vehicle)[0], newest)
         if self._due("pressure", newest):
             self._send("pressure", topics.encode_pressures(last, self._vehicle)[0], newest)
+
+    @property
+    def next_packet_s(self) -> float:
+        """Time until the ticks of the next telemetry packet are there, seen from the last read."""
+        return (self._packet_size - self._pending_count) / self._tick_rate
 
     def heartbeat(self) -> None:
         """Call often; sends at its rate, with or without ticks."""
@@ -103,7 +111,8 @@ class Publisher:
             self._pending_count = 0
         self._pending.append(ticks)
         self._pending_count += len(ticks)
-        size = samples_a_packet(float(ticks["status"]["tick_rate"][-1]))
+        self._tick_rate = float(ticks["status"]["tick_rate"][-1]) or NOMINAL_RATE
+        size = self._packet_size = samples_a_packet(self._tick_rate)
         if self._pending_count < size:
             return
         waiting = np.concatenate(self._pending)
@@ -155,8 +164,6 @@ class Publisher:
 
 def samples_a_packet(tick_rate: float) -> int:
     """As many as make 100 packets a second, as far as one datagram holds them."""
-    if tick_rate <= 0.0:
-        return telemetry.SAMPLES_A_PACKET
     return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / PACKETS_A_SECOND)))
 
 

@@ -206,10 +206,12 @@ def fly(config: FlightConfig) -> None:
     granted = become_real_time()
     if granted.refusal:
         say(granted.refusal)
-    for port in ports:
-        while port.read():  # what came during the compilation is old
-            pass
+    freeze_garbage()
+    # From here on without delay: the first samples' arrival sets the vehicle's clock.
     rings.inbox.pop_all()  # commands from before the start have been given up by who sent them
+    for port in ports:
+        while port.read():  # samples from before are old
+            pass
     loop = FlightLoop(stack, Microcontroller(ports), rings, real_time=granted.scheduled)
 
     def stop(signal_number: int, frame: object) -> None:
@@ -217,7 +219,6 @@ def fly(config: FlightConfig) -> None:
 
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
-    freeze_garbage()
     loop.run()
 
 

@@ -25,7 +25,8 @@ def add_runs(app: FastAPI, catalogue: Catalogue) -> None:
         entries = catalogue.runs(search, limit=min(max(limit, 1), 1000), offset=max(offset, 0))
         return [asdict(entry) for entry in entries]
 
-    @app.api_route("/api/runs/{run_id}/download", methods=["GET", "HEAD"])
+    @app.head("/api/runs/{run_id}/download", include_in_schema=False)
+    @app.get("/api/runs/{run_id}/download")
     def download(run_id: str) -> FileResponse:
         """The run's MCAP file; ranges work, so a broken download can be resumed."""
         path = catalogue.resolve(run_id)

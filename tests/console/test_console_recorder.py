@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from console import disk
-from console.recorder import Recorder, Run, RunEnd
+from console.recorder import Recorder
+from console.run import Run, RunEnd
 from quadrotor.errors import StorageError
 from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
 

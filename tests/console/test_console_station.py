@@ -1,0 +1,496 @@
+"""The station between a vehicle and a page, each in a Zenoh session of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.base_station import BaseStation
+from console.catalogue import Catalogue
+from quadrotor.errors import LinkError, ParameterError
+from quadrotor.parameters import ParameterDescription
+from quadrotor.records import TICK, Record
+from vehicle_link import topics
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.log import LogWriter, is_closed, read_attachments, read_log, read_metadata
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.node import Node, Received
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameter_service import ParameterClient, serve_parameters
+from vehicle_link.session import loopback_session, station_session, vehicle_session
+from vehicle_link.telemetry import pack
+from vehicle_link.time_sync import serve_time_sync
+from vehicle_link.topics import SERVICES, TOPICS
+
+LIMIT = 15.0
+AHEAD_NS = 40_000_000_000
+"""The fake vehicle's clock is 40 s ahead of the station's."""
+
+
+def vehicle_now() -> int:
+    return time.time_ns() + AHEAD_NS
+
+
+def free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def until(condition: Callable[[], Any], bound: float = LIMIT) -> Any:
+    """Polls; returns what is true, or the last answer at the end of the bound."""
+    waiting = threading.Event()
+    end = time.monotonic() + bound
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+class Inbox:
+    """Collects what a node subscribes to."""
+
+    def __init__(self, node: Node, *names: str) -> None:
+        self.got: dict[str, list[Received]] = {name: [] for name in names}
+        for name in names:
+            node.subscribe(name, TOPICS[name].type_name, self.got[name].append)
+
+    def decoded(self, name: str) -> list[Any]:
+        return [decode(r.payload, TOPICS[name].type_name) for r in list(self.got[name])]
+
+
+class FakeVehicle:
+    """The vehicle's end of the link: answers, beats, and sends what the test wants."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.requests: list[tuple[str, Any]] = []
+        self.refusal = ""
+        self.armed = False
+        self.revision = 0
+        self.sequence = 0
+        self.gains = {"position.kp_xy": 4.0}
+        self._out = {name: node.advertise(t) for name, t in TOPICS.items() if t.sender == "vehicle"}
+        for name in ("arm", "disarm", "start_behavior", "emergency"):
+            node.serve(name, SERVICES[name], lambda request, name=name: self._answer(name, request))
+        node.serve("change_parameters", SERVICES["change_parameters"], self._change)
+        serve_parameters(node, self)
+        serve_time_sync(node, vehicle_now)
+        self.inbox = Inbox(node, "tracker_pose", "bearings", "joy", "station_heartbeat")
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return tuple(
+            ParameterDescription(n, "float", v, "", "", 0.0, 20.0, None, False, ())
+            for n, v in self.gains.items()
+        )
+
+    def values(self) -> dict[str, Any]:
+        return dict(self.gains)
+
+    def change(self, values: Any, requester: str) -> Any:
+        raise ParameterError("not here")
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(5)
+
+    def put(self, name: str, payload: bytes, stamp_ns: int | None = None) -> None:
+        self._out[name].put(payload, vehicle_now() if stamp_ns is None else stamp_ns)
+
+    def send_telemetry(self, newest_ns: int | None = None) -> Record:
+        newest_ns = vehicle_now() if newest_ns is None else newest_ns
+        ticks = np.zeros(5, TICK)
+        ticks["imu"]["stamp_ns"] = newest_ns + 2_000_000 * np.arange(-4, 1)
+        ticks["state"]["quaternion_wb"][:, 0] = 1
+        ticks["state"]["position_w"][:, 0] = self.sequence
+        self.put("telemetry", pack(ticks, self.sequence), newest_ns)
+        self.sequence += 1
+        return ticks
+
+    def send_status(self) -> None:
+        status = new(
+            "quadlab_msgs/VehicleStatus", armed=self.armed, parameter_revision=self.revision
+        )
+        self.put("status", encode(status))
+
+    def _answer(self, name: str, request: Any) -> Any:
+        self.requests.append((name, request))
+        if name == "arm" and not self.refusal:
+            self.armed = True
+        if name == "disarm":
+            self.armed = False
+        self.send_status()
+        return new(f"{SERVICES[name]}_Response", accepted=not self.refusal, reason=self.refusal)
+
+    def _change(self, request: Any) -> Any:
+        self.requests.append(("change_parameters", request))
+        self.revision += 1
+        self.gains.update(from_parameters(request.parameters))
+        return new(
+            f"{SERVICES['change_parameters']}_Response",
+            accepted=True,
+            applied=request.parameters,
+            revision=self.revision,
+        )
+
+    def _run(self) -> None:
+        count = 0
+        while not self._closing.wait(0.05):
+            count += 1
+            now_ns = vehicle_now()
+            self.put("vehicle_heartbeat", topics.encode_heartbeat(count, now_ns), now_ns)
+            self.send_telemetry()
+            if count % 2 == 0:
+                self.send_status()
+
+
+class Bench:
+    """Vehicle, station and page, connected."""
+
+    def __init__(self, data: Path) -> None:
+        self.data = data
+        port, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        files = ensure_certificates(data / "certificates")
+        self.sessions = [vehicle_session(port, files, "127.0.0.1")]
+        self.vehicle = FakeVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
+        self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
+        self.catalogue = Catalogue(data)
+        self.station = BaseStation(
+            self.sessions[1],
+            self.catalogue,
+            operator="the lab",
+            settings={"station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0},
+        )
+        self.sessions.append(loopback_session(loopback))
+        self.page = Node(self.sessions[2], "/quad1", "page")
+        self.inbox = Inbox(
+            self.page, "state", "station_status", "link_status", "events", "parameter_changes"
+        )
+        self.truth = self.page.advertise(TOPICS["truth"])
+        self.stick = self.page.advertise(TOPICS["stick"])
+
+    def ready(self) -> bool:
+        known = self.station.link.clock_known
+        return bool(known and self.inbox.got["state"] and self.inbox.got["link_status"])
+
+    def close(self) -> None:
+        self.vehicle.close()
+        self.page.close()
+        self.station.close()
+        self.vehicle.node.close()
+        for session in reversed(self.sessions):
+            session.close()
+
+    def call(self, service: str, /, **fields: Any) -> Any:
+        client = self.page.client(f"station/{service}", SERVICES[service])
+        fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}
+        return client.call(new(f"{SERVICES[service]}_Request", **fields), timeout=5.0)
+
+    def recording(self) -> str:
+        return self.station.runs.recorder.run_id
+
+    def send_truth(self, position: tuple[float, float, float], stamp_ns: int) -> None:
+        state = np.zeros(1, TICK)["state"]
+        state["position_w"], state["quaternion_wb"] = position, (1, 0, 0, 0)
+        [payload] = topics.encode_odometries(np.array([stamp_ns]), state)
+        self.truth.put(payload, stamp_ns)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    data = tmp_path_factory.mktemp("data")
+    torn = data / "runs" / "torn.mcap"
+    with LogWriter(torn, {"vehicle": "quad1"}, {}) as log:
+        for i in range(50):
+            log.write("/a", "std_msgs/String", bytes(100), i * 50_000_000, i)
+    torn.write_bytes(torn.read_bytes()[: torn.stat().st_size // 2])
+    bench = Bench(data)
+    assert until(bench.ready), "vehicle, station and page did not find each other"
+    yield bench
+    bench.close()
+
+
+@pytest.fixture(autouse=True)
+def _on_the_ground(request: pytest.FixtureRequest) -> Iterator[None]:
+    yield
+    if "bench" in request.fixturenames:
+        bench = request.getfixturevalue("bench")
+        bench.vehicle.armed, bench.vehicle.refusal = False, ""
+        bench.vehicle.send_status()
+        bench.station.runs.recorder.stop()
+        assert bench.station.runs.recorder.wait_idle(LIMIT)
+
+
+def test_the_newest_sample_of_each_packet_is_published_as_state(bench: Bench) -> None:
+    before = len(bench.inbox.got["state"])
+    stamp_ns = bench.vehicle.send_telemetry()["imu"]["stamp_ns"][-1]
+    assert until(lambda: any(r.source_ns == stamp_ns for r in bench.inbox.got["state"][before:]))
+    stamps = [r.source_ns for r in bench.inbox.got["state"]]
+    assert len(stamps) == len(set(stamps))
+
+
+def test_old_telemetry_is_not_shown(bench: Bench) -> None:
+    old_ns = vehicle_now() - 1_000_000_000
+    bench.vehicle.send_telemetry(old_ns)
+    fresh_ns = bench.vehicle.send_telemetry()["imu"]["stamp_ns"][-1]
+    assert until(lambda: any(r.source_ns == fresh_ns for r in bench.inbox.got["state"]))
+    assert not any(r.source_ns == old_ns for r in bench.inbox.got["state"])
+
+
+def test_the_link_is_good_and_the_vehicles_clock_known(bench: Bench) -> None:
+    def newest_of_a_synchronised_station() -> Any:
+        newest = bench.inbox.decoded("link_status")[-1]
+        return newest.state == "good" and newest.round_trip > 0 and newest
+
+    newest = until(newest_of_a_synchronised_station)
+    assert newest.clock_offset == pytest.approx(AHEAD_NS * 1e-9, abs=0.1)
+    assert newest.round_trip < 1
+    assert newest.age < 1
+    assert newest.loss == 0
+
+
+def test_heartbeats_reach_the_vehicle_in_its_own_time(bench: Bench) -> None:
+    have = len(bench.vehicle.inbox.got["station_heartbeat"])
+    assert until(lambda: len(bench.vehicle.inbox.got["station_heartbeat"]) > have)
+    newest = bench.vehicle.inbox.got["station_heartbeat"][-1]
+    _, stamp_ns = topics.decode_heartbeat(newest.payload)
+    assert abs(stamp_ns - AHEAD_NS - newest.received_ns) < 1_000_000_000
+
+
+def test_a_command_reaches_the_vehicle_with_its_requester_and_id(bench: Bench) -> None:
+    answer = bench.call("start_behavior", name="hover", request_id="r77", requester="grace")
+    assert answer.accepted
+    name, request = bench.vehicle.requests[-1]
+    assert (name, request.name) == ("start_behavior", "hover")
+    assert (request.request_id, request.requester) == ("r77", "grace")
+
+
+def test_a_refusal_comes_back_with_the_vehicles_reason(bench: Bench) -> None:
+    bench.vehicle.refusal = "not on the ground"
+    answer = bench.call("arm")
+    assert not answer.accepted
+    assert answer.reason == "not on the ground"
+
+
+def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Bench) -> None:
+    assert until(lambda: bench.station._vehicle_parameters._values)
+    assert bench.call("arm", requester="grace").accepted
+    run_id = until(bench.recording)
+    assert run_id
+    stamps: list[int] = []
+    for _ in range(20):
+        sent = bench.vehicle.send_telemetry()["imu"]["stamp_ns"].tolist()
+        stamps += sent
+        assert until(lambda sent=sent: bench.inbox.got["state"][-1].source_ns >= sent[-1])
+    assert until(lambda: bench.inbox.decoded("station_status")[-1].recording)
+    event_ns = vehicle_now()
+    bench.vehicle.put("events", topics.encode_event(event_ns, 20, "hello", "vehicle"), event_ns)
+    assert until(lambda: any(e.msg == "hello" for e in bench.inbox.decoded("events")))
+    assert bench.call("disarm").accepted
+    assert until(lambda: not bench.recording())
+    assert bench.station.runs.recorder.wait_idle(LIMIT)
+
+    entry = bench.catalogue.get(run_id)
+    assert (entry.complete, entry.recovered, entry.operator) == (True, False, "grace")
+    path = bench.catalogue.resolve(run_id)
+    assert entry.bytes == path.stat().st_size
+    messages = list(read_log(path))
+    assert entry.messages == len(messages)
+    for topic in ("state", "reference", "imu", "actuators"):
+        recorded = [m.publish_ns for m in messages if m.topic == f"/quad1/{topic}"]
+        assert set(stamps) <= set(recorded)
+    assert {"/quad1/status", "/quad1/station_status", "/quad1/link_status"} <= {
+        m.topic for m in messages
+    }
+    assert sum(m.topic == "/quad1/events" and b"hello" in m.payload for m in messages) == 1
+    attached = json.loads(read_attachments(path)["parameters.json"])
+    assert attached["vehicle"] == bench.vehicle.gains
+    assert attached["station"]["station.tracker.rate"] == 100.0
+    run = read_metadata(path)["quadlab.run"]
+    assert run["run_id"] == run_id
+    assert run["operator"] == "grace"
+    assert "git_revision" in run
+
+
+def test_recording_by_hand_answers_with_the_run_and_refuses_a_second(bench: Bench) -> None:
+    first = bench.call("record", start=True)
+    assert first.accepted
+    assert first.run_id == bench.recording()
+    second = bench.call("record", start=True)
+    assert not second.accepted
+    assert first.run_id in second.reason
+    assert until(lambda: bench.inbox.decoded("station_status")[-1].recording)
+    assert bench.inbox.decoded("station_status")[-1].run_id == first.run_id
+    assert bench.call("record", start=False).run_id == first.run_id
+    assert not bench.call("record", start=False).accepted
+    assert bench.station.runs.recorder.wait_idle(LIMIT)
+    assert bench.catalogue.get(first.run_id).operator == "ada"
+
+
+def test_a_repeated_record_request_has_one_effect(bench: Bench) -> None:
+    first = bench.call("record", start=True, request_id="same")
+    again = bench.call("record", start=True, request_id="same")
+    assert again.accepted
+    assert again.run_id == first.run_id
+
+
+def test_station_parameters_change_here_and_are_told_to_everybody(bench: Bench) -> None:
+    have = len(bench.vehicle.requests)
+    answer = bench.call(
+        "change_parameters", parameters=to_parameters({"station.bearings.sigma": 2.5})
+    )
+    assert answer.accepted
+    assert from_parameters(answer.applied) == {"station.bearings.sigma": 2.5}
+    assert len(bench.vehicle.requests) == have
+    assert until(lambda: bench.inbox.decoded("parameter_changes"))
+    change = bench.inbox.decoded("parameter_changes")[-1]
+    assert (change.name, change.old_value, change.new_value, change.requester) == (
+        "station.bearings.sigma", "1.5", "2.5", "ada",
+    )  # fmt: skip
+
+
+def test_vehicle_parameters_go_to_the_vehicle_and_both_kinds_at_once_work(bench: Bench) -> None:
+    values = {"position.kp_xy": 5.0, "station.tracker.rate": 90.0}
+    answer = bench.call("change_parameters", parameters=to_parameters(values))
+    assert answer.accepted
+    assert from_parameters(answer.applied) == values
+    _, request = bench.vehicle.requests[-1]
+    assert from_parameters(request.parameters) == {"position.kp_xy": 5.0}
+    assert request.requester == "ada"
+
+
+def test_a_bad_station_parameter_changes_nothing_anywhere(bench: Bench) -> None:
+    have = len(bench.vehicle.requests)
+    values = {"position.kp_xy": 6.0, "station.tracker.rate": 1e9}
+    answer = bench.call("change_parameters", parameters=to_parameters(values))
+    assert not answer.accepted
+    assert "out of bounds" in answer.reason
+    assert len(bench.vehicle.requests) == have
+    unknown = bench.call("change_parameters", parameters=to_parameters({"station.foo": 1}))
+    assert "unknown parameter" in unknown.reason
+
+
+def test_the_stations_parameters_are_described_to_ros2_param(bench: Bench) -> None:
+    client = ParameterClient(bench.page, "/quad1/station")
+    described = {d.name: d for d in client.describe()}
+    assert described["station.tracker.rate"].unit == "Hz"
+    client.set({"station.tracker.drop_out": 0.0})
+    with pytest.raises(ParameterError, match="out of bounds"):
+        client.set({"station.tracker.drop_out": 2.0})
+
+
+def test_the_truth_becomes_tracker_poses_and_bearings_at_the_vehicle(bench: Bench) -> None:
+    start_ns = vehicle_now()
+    for k in range(20):
+        bench.send_truth((0.5, -0.5, 1.0), start_ns + k * 20_000_000)
+    poses, frames = bench.vehicle.inbox.got["tracker_pose"], bench.vehicle.inbox.got["bearings"]
+    assert until(lambda: poses and frames)
+    pose = topics.decode_pose(poses[0].payload)
+    np.testing.assert_allclose(pose["position_w"][0], (0.5, -0.5, 1.0), atol=0.01)
+    assert int(pose["stamp_ns"][0]) >= start_ns
+    bearings = topics.decode_bearings(frames[0].payload)
+    assert bearings.beacon_ids == (1, 2, 3, 4)
+
+
+def test_sticks_reach_the_vehicle_and_silence_drops_them(bench: Bench) -> None:
+    joys = bench.vehicle.inbox.got["joy"]
+    axes = (0.5, 0.0, 0.0, -0.5)
+    bench.stick.put(topics.encode_joy(time.time_ns(), axes, True))
+    assert until(lambda: joys)
+    first = topics.decode_joy(joys[0].payload)
+    assert (first.axes, first.enabled) == (axes, True)
+    assert abs(first.stamp_ns - AHEAD_NS - joys[0].received_ns) < 1_000_000_000
+    assert until(lambda: not topics.decode_joy(joys[-1].payload).enabled)
+    assert until(lambda: any("dead-man" in a for s in bench.inbox.decoded("station_status")
+                             for a in s.alarms))  # fmt: skip
+    bench.stick.put(topics.encode_joy(time.time_ns(), axes, False))
+    assert until(lambda: not bench.inbox.decoded("station_status")[-1].alarms)
+
+
+def test_sticks_of_a_page_that_stood_still_are_ignored(bench: Bench) -> None:
+    have = len(bench.vehicle.inbox.got["joy"])
+    old_ns = time.time_ns() - 2_000_000_000
+    bench.stick.put(topics.encode_joy(old_ns, (1, 0, 0, 0), True), old_ns)
+    bench.stick.put(topics.encode_joy(time.time_ns(), (0, 0, 0, 0), False))
+    assert until(lambda: len(bench.vehicle.inbox.got["joy"]) > have)
+    later = bench.vehicle.inbox.got["joy"][have:]
+    assert not any(topics.decode_joy(r.payload).enabled for r in later)
+
+
+def test_a_torn_run_was_recovered_at_the_start(bench: Bench) -> None:
+    def recovered() -> bool:
+        entries = {e.id: e for e in bench.catalogue.runs()}
+        return "torn" in entries and entries["torn"].recovered
+
+    assert until(recovered)
+    assert is_closed(bench.data / "runs" / "torn.mcap")
+
+
+STATION = """
+import sys
+from pathlib import Path
+from console.station import run_station
+sys.exit(run_station(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_closes_the_run_and_exits_with_zero(
+    tmp_path: Path, number: signal.Signals
+) -> None:
+    vehicle, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+    child = subprocess.Popen(
+        [sys.executable, "-c", STATION, str(tmp_path), f"127.0.0.1:{vehicle}", str(loopback)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    try:
+        assert child.stdout is not None
+        assert "serves" in child.stdout.readline()
+        session = loopback_session(loopback)
+        page = Node(session, "/quad1", "page")
+        client = page.client("station/record", SERVICES["record"])
+        request = new(f"{SERVICES['record']}_Request", request_id="1", requester="ada", start=True)
+        answer = until(lambda: _try(client, request))
+        assert answer.accepted, answer.reason
+        arm = page.client("station/arm", SERVICES["arm"])
+        refused = arm.call(new(f"{SERVICES['arm']}_Request", request_id="2"), timeout=5.0)
+        assert "link to the vehicle is lost" in refused.reason
+        page.close()
+        session.close()
+        child.send_signal(number)
+        _, errors = child.communicate(timeout=LIMIT)
+        assert child.returncode == 0, errors
+        assert "Traceback" not in errors
+    finally:
+        child.kill()
+        child.communicate()
+    path = tmp_path / "runs" / f"{answer.run_id}.mcap"
+    assert is_closed(path)
+    entry = Catalogue(tmp_path).get(answer.run_id)
+    assert (entry.complete, entry.problem) == (True, "")
+    assert json.loads(read_attachments(path)["parameters.json"])["vehicle"] is None
+
+
+def _try(client: Any, request: Any) -> Any:
+    try:
+        return client.call(request, timeout=1.0)
+    except LinkError:
+        return None

@@ -1,0 +1,268 @@
+"""A whole web process against a scripted station, served by the real server on a free port."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import httpx
+import pytest
+import uvicorn
+
+from console.catalogue import Catalogue, RunEntry
+from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.parameters import Parameters, ParameterStore, parameter
+from vehicle_link.messages import encode, header, new
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+from web.assembly import assemble
+from web.process import server
+from web.sockets import listen
+from web.station import Station
+
+RUN = "20260131T093042Z_quad1"
+LOG = bytes(range(256)) * 40
+
+
+class _Gains(Parameters):
+    kp: float = parameter(4.0, unit="1/s²", ge=0, le=20, step=0.1, description="position gain")
+    laps: int = parameter(3, ge=1, le=10, description="whole laps")
+    exact: bool = parameter(False, description="exact rates")
+    rate: str = parameter("nominal", choices=("nominal", "exact"), description="which rates")
+    fixed: float = parameter(1.0, ge=0, le=2, read_only=True, description="set at the start")
+
+
+class _Root(Parameters):
+    gains: _Gains = _Gains()
+
+
+class ScriptedStation(Station):
+    """Answers as a station with a vehicle would, without a network."""
+
+    def start(self) -> None:
+        self.store = ParameterStore(_Root().model_copy(deep=True))
+        self.requests: list[tuple[str, Any]] = []
+        self.sticks: list[tuple[tuple[float, ...], bool]] = []
+        self.refusal = ""
+        self.away = False
+        self.answering = threading.Event()
+        self.answering.set()
+
+    def stop(self) -> None:
+        self.answering.set()
+        super_callers = (self._callers, self._urgent)
+        for executor in super_callers:
+            executor.shutdown(wait=False, cancel_futures=True)
+
+    def publish_stick(self, axes: tuple[float, float, float, float], enabled: bool) -> None:
+        self.sticks.append((axes, enabled))
+
+    def put(self, topic: str, message: Any) -> None:
+        self._live.put(topic, encode(message))
+
+    def fly(self, x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
+        """One sample of everything, as of now."""
+        stamp = header(time.time_ns())
+        pose = {"pose": {"position": (x, y, z), "orientation": (0.0, 0.0, 0.6, 0.8)}}
+        twist = {"twist": {"linear": (1.0, 0.0, 0.5), "angular": (0.1, 0.2, 0.3)}}
+        self.put("state", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
+        self.put("truth", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
+        self.put("reference", new("quadlab_msgs/Reference", header=stamp, position=(x, y, 1.0)))
+        self.put(
+            "actuators",
+            new("quadlab_msgs/Actuators", header=stamp, thrust=12.8, motor_references=[127.0] * 4),
+        )
+        self.put("estimator", new("quadlab_msgs/EstimatorStatus", header=stamp, mass=1.31))
+        self.put(
+            "status",
+            new(
+                "quadlab_msgs/VehicleStatus", header=stamp, mode="armed", behavior="hover",
+                armed=True, airborne=True, flags=["not_real_time"], lateness_p99=1.4e-4,
+                parameter_revision=self.store.revision,
+            ),
+        )  # fmt: skip
+        self.put("battery", new("sensor_msgs/BatteryState", header=stamp, voltage=15.6))
+        self.put(
+            "link_status",
+            new("quadlab_msgs/LinkStatus", header=stamp, state="good", age=0.011, loss=0.02),
+        )
+        self.put(
+            "station_status",
+            new("quadlab_msgs/StationStatus", header=stamp, tracker_rate=100.0, recording=True,
+                recording_duration=12.0, recording_bytes=84_000_000),
+        )  # fmt: skip
+
+    def _read_parameters(self, remote: str) -> Any:
+        if remote != "/quad1/vehicle":
+            raise LinkError("no such node")
+        return list(self.store.descriptions()), self.store.values()
+
+    def _call_blocking(self, service: str, request: Any) -> Any:
+        self.requests.append((service, request))
+        self.answering.wait(20.0)
+        if self.away:
+            raise LinkError(f"nobody serves station/{service}; is the other end running?")
+        kind = request.__msgtype__.replace("/srv/msg/", "/srv/").replace("_Request", "_Response")
+        if self.refusal:
+            return new(kind, accepted=False, reason=self.refusal)
+        if service != "change_parameters":
+            return new(kind, accepted=True)
+        try:
+            applied = self.store.set(from_parameters(request.parameters))
+        except QuadlabError as error:
+            return new(kind, accepted=False, reason=str(error))
+        return new(
+            kind, accepted=True, applied=to_parameters(applied), revision=self.store.revision
+        )
+
+
+@dataclass
+class Site:
+    """A running web process: where it is, how to sign in, and its station."""
+
+    base: str
+    data: Path
+    station: ScriptedStation
+    links: list[str] = field(default_factory=list)
+
+    @property
+    def host(self) -> str:
+        return urlsplit(self.base).netloc
+
+    @property
+    def token(self) -> str:
+        return parse_qs(urlsplit(self.links[-1]).query)["token"][0]
+
+    def browser(self) -> httpx.Client:
+        """Not signed in."""
+        return httpx.Client(base_url=self.base, timeout=20.0)
+
+    def sign_in(self, token: str | None = None) -> httpx.Client:
+        """A signed-in browser."""
+        answer = httpx.get(f"{self.base}/", params={"token": token or self.token}, timeout=20.0)
+        assert answer.status_code == 200, answer.text
+        client = self.browser()
+        client.cookies.update(answer.cookies)
+        return client
+
+    def cookie(self, client: httpx.Client) -> str:
+        return "; ".join(f"{name}={value}" for name, value in client.cookies.items())
+
+    def websocket(self, path: str, cookie: str | None, origin: str | None = None) -> Any:
+        """An open websocket (websockets.sync), to be used with `with`."""
+        import websockets.sync.client
+
+        headers = {"Cookie": cookie} if cookie else {}
+        return websockets.sync.client.connect(
+            f"ws://{self.host}{path}",
+            additional_headers=headers,
+            origin=websockets.Origin(origin or self.base),
+            subprotocols=None,
+            compression=None,
+            proxy=None,
+        )
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    data = tmp_path_factory.mktemp("data")
+    catalogue = Catalogue(data)
+    (data / "runs" / f"{RUN}.mcap").write_bytes(LOG)
+    catalogue.add(
+        RunEntry(
+            id=RUN, vehicle="quad1", start_ns=1_769_851_842_000_000_000, duration=63.2,
+            file=f"{RUN}.mcap", bytes=len(LOG), messages=7, operator="operator 1", complete=True,
+            recovered=False, problem="", notes="",
+        )
+    )  # fmt: skip
+    catalogue.add(
+        RunEntry(
+            id="elsewhere", vehicle="quad1", start_ns=1, duration=1.0, file="../web/door.json",
+            bytes=1, messages=1, operator="", complete=True, recovered=False, problem="", notes="",
+        )
+    )  # fmt: skip
+    with serving(data, catalogue) as running:
+        yield running
+
+
+class serving:  # noqa: N801 - used as `with serving(...)`
+    """Runs the whole process in a thread; `stop` and start again keep the data folder."""
+
+    def __init__(self, data: Path, catalogue: Catalogue, token: str | None = None) -> None:
+        self._listener = listen("127.0.0.1", 0)
+        base = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        made: list[ScriptedStation] = []
+        links: list[str] = []
+
+        def connect(live: Any, hub: Any) -> ScriptedStation:
+            made.append(ScriptedStation(lambda: None, "quad1", live, hub))
+            return made[0]
+
+        def show(url: str, signed_in: str | None = None) -> None:
+            links.append(url)
+
+        app = assemble(
+            data=data, base_url=base, vehicle="quad1", token=token, connect=connect,
+            catalogue=catalogue, show_link=show,
+        )  # fmt: skip
+        self._server: uvicorn.Server = server(app)
+        self._thread = threading.Thread(
+            target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
+        )
+        self.site = Site(base, data, made[0], links)
+
+    def __enter__(self) -> Site:
+        self._thread.start()
+        wait_until(lambda: bool(self.site.links) and self._server.started)
+        return self.site
+
+    def __exit__(self, *_: object) -> None:
+        self._server.should_exit = True
+        self._thread.join(timeout=15.0)
+        self._listener.close()
+        assert not self._thread.is_alive()
+
+
+def wait_until(condition: Callable[[], bool], bound: float = 20.0) -> None:
+    """Polls until the condition holds; the bound is for a broken program only."""
+    end = time.monotonic() + bound
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        threading.Event().wait(0.01)
+
+
+@pytest.fixture
+def until() -> Callable[..., None]:
+    return wait_until
+
+
+@pytest.fixture
+def serve() -> type[serving]:
+    return serving
+
+
+@pytest.fixture
+def station(site: Site) -> Iterator[ScriptedStation]:
+    """The site's station with a clean script."""
+    site.station.requests.clear()
+    yield site.station
+    site.station.refusal = ""
+    site.station.away = False
+    site.station.answering.set()
+
+
+@pytest.fixture
+def operator(site: Site) -> Iterator[httpx.Client]:
+    with site.sign_in() as client:
+        yield client
+
+
+@pytest.fixture
+def viewer(site: Site, operator: httpx.Client) -> Iterator[httpx.Client]:
+    url = operator.post("/api/invitations", json={"role": "viewer"}).json()["url"]
+    with site.sign_in(parse_qs(urlsplit(url).query)["token"][0]) as client:
+        yield client

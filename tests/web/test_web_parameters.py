@@ -1,0 +1,245 @@
+"""The gain path: clamped, coalesced, the last value always sent, confirmed values only."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import httpx
+import pytest
+
+from quadrotor.errors import (
+    LinkError,
+    OutOfBoundsError,
+    RefusedError,
+    UnknownParameterError,
+    WrongTypeError,
+)
+from quadrotor.parameters import ParameterDescription, ParameterValue
+from web.parameters import GainPath, ParameterMirror, clamp
+
+
+def description(name: str = "gains.kp", kind: str = "float", **changes: Any) -> ParameterDescription:
+    fields: dict[str, Any] = {
+        "default": 4.0, "description": "", "unit": "", "minimum": 0.0, "maximum": 20.0,
+        "step": 0.1, "read_only": False, "choices": (),
+    }  # fmt: skip
+    return ParameterDescription(name=name, type=kind, **(fields | changes))
+
+
+@pytest.mark.parametrize(
+    ("value", "clamped"), [(5, 5.0), (1e6, 20.0), (-1e6, 0.0), (20.0, 20.0), (0.3, 0.3), (4.04, 4.04)]
+)
+def test_numbers_are_moved_into_their_bounds(value: float, clamped: float) -> None:
+    result = clamp(description(), value)
+    assert result == clamped
+    assert isinstance(result, float)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_refused(value: float) -> None:
+    with pytest.raises(OutOfBoundsError, match="not a finite number"):
+        clamp(description(), value)
+
+
+@pytest.mark.parametrize("value", ["5", True, None, [5]])
+def test_the_wrong_type_is_refused(value: object) -> None:
+    with pytest.raises(WrongTypeError):
+        clamp(description(), value)
+
+
+def test_one_sided_bounds_whole_numbers_and_choices() -> None:
+    assert clamp(description(maximum=None), 1e9) == 1e9
+    whole = clamp(description(kind="int", default=3, maximum=10.0), 99)
+    assert whole == 10
+    assert isinstance(whole, int)
+    with pytest.raises(WrongTypeError):
+        clamp(description(kind="int", default=3, maximum=10.0), 2.5)
+    with pytest.raises(OutOfBoundsError):
+        clamp(description(kind="str", default="a", choices=("a", "b")), "c")
+
+
+class SlowVehicle:
+    """Applies what it is told after being let go; counts calls under way."""
+
+    def __init__(self) -> None:
+        self.calls: list[dict[str, ParameterValue]] = []
+        self.under_way = 0
+        self.most_under_way = 0
+        self.gate = asyncio.Event()
+        self.gate.set()
+        self.error: Exception | None = None
+
+    async def change_parameters(
+        self, values: Mapping[str, ParameterValue], requester: str
+    ) -> tuple[dict[str, ParameterValue], int]:
+        self.calls.append(dict(values))
+        self.under_way += 1
+        self.most_under_way = max(self.most_under_way, self.under_way)
+        await self.gate.wait()
+        self.under_way -= 1
+        if self.error is not None:
+            raise self.error
+        return dict(values), len(self.calls)
+
+
+def path_of(vehicle: SlowVehicle, *names: str) -> tuple[GainPath, ParameterMirror, list[Any]]:
+    told: list[Any] = []
+    mirror = ParameterMirror(told.append)
+    names = names or ("gains.kp",)
+    mirror.load([description(name) for name in names], dict.fromkeys(names, 4.0), 0)
+    told.clear()
+    return GainPath(mirror, vehicle), mirror, told
+
+
+def test_a_fast_slider_is_coalesced_and_its_last_value_arrives() -> None:
+    async def scenario() -> None:
+        vehicle = SlowVehicle()
+        path, mirror, told = path_of(vehicle)
+        vehicle.gate.clear()
+        first = asyncio.create_task(path.change({"gains.kp": 1.0}, "operator 1"))
+        while not vehicle.calls:
+            await asyncio.sleep(0)
+        rest = [asyncio.create_task(path.change({"gains.kp": 0.1 * k}, "operator 1")) for k in range(100)]
+        await asyncio.sleep(0)
+        vehicle.gate.set()
+        answers = await asyncio.gather(first, *rest)
+        assert vehicle.calls == [{"gains.kp": 1.0}, {"gains.kp": pytest.approx(9.9)}]
+        assert vehicle.most_under_way == 1
+        assert answers[0] == ({"gains.kp": 1.0}, 1)
+        assert all(answer[0] == {"gains.kp": pytest.approx(9.9)} for answer in answers[1:])
+        assert mirror.value("gains.kp") == pytest.approx(9.9)
+        assert [m["value"] for m in told] == [1.0, pytest.approx(9.9)]
+
+    asyncio.run(scenario())
+
+
+def test_two_parameters_do_not_wait_for_each_other() -> None:
+    async def scenario() -> None:
+        vehicle = SlowVehicle()
+        path, _, _ = path_of(vehicle, "a", "b")
+        vehicle.gate.clear()
+        both = [asyncio.create_task(path.change({name: 1.0}, "x")) for name in ("a", "b")]
+        while len(vehicle.calls) < 2:
+            await asyncio.sleep(0)
+        assert vehicle.most_under_way == 2
+        vehicle.gate.set()
+        await asyncio.gather(*both)
+
+    asyncio.run(scenario())
+
+
+def test_several_at_once_are_one_call() -> None:
+    async def scenario() -> None:
+        vehicle = SlowVehicle()
+        path, _, _ = path_of(vehicle, "a", "b")
+        applied, _ = await path.change({"a": 1.0, "b": 99.0}, "x")
+        assert vehicle.calls == [{"a": 1.0, "b": 20.0}]
+        assert applied == {"a": 1.0, "b": 20.0}
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("error", [RefusedError("step too large"), LinkError("no answer")])
+def test_a_refusal_reaches_who_asked_and_changes_nothing(error: Exception) -> None:
+    async def scenario() -> None:
+        vehicle = SlowVehicle()
+        path, mirror, told = path_of(vehicle)
+        vehicle.error = error
+        with pytest.raises(type(error), match=str(error)):
+            await path.change({"gains.kp": 9.0}, "x")
+        assert mirror.value("gains.kp") == 4.0
+        assert told == []
+        vehicle.error = None
+        assert (await path.change({"gains.kp": 9.0}, "x"))[0] == {"gains.kp": 9.0}
+
+    asyncio.run(scenario())
+
+
+def test_unknown_names_and_an_unknown_vehicle_are_said() -> None:
+    mirror = ParameterMirror(lambda _: None)
+    with pytest.raises(LinkError, match="have not been read yet"):
+        mirror.clamp({"gains.kp": 1.0})
+    mirror.load([description()], {"gains.kp": 4.0}, 0)
+    with pytest.raises(UnknownParameterError, match=r"gains\.kq"):
+        mirror.clamp({"gains.kq": 1.0})
+
+
+def test_pages_hear_only_news() -> None:
+    told: list[Any] = []
+    mirror = ParameterMirror(told.append)
+    mirror.load([description()], {"gains.kp": 4.0}, 3)
+    mirror.apply({"gains.kp": 5.0}, "operator 1", 4)
+    mirror.apply({"gains.kp": 5.0}, "operator 1", 4)  # the same again, from parameter_changes
+    assert [m["type"] for m in told] == ["parameters", "parameter"]
+    assert told[1] == {
+        "type": "parameter", "name": "gains.kp", "value": 5.0, "requester": "operator 1",
+        "revision": 4,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def known(site: Any, station: Any, operator: httpx.Client, until: Any) -> httpx.Client:
+    """A browser of a site whose vehicle's parameters have been read."""
+    station.fly()
+
+    def read() -> bool:
+        station.fly()
+        return len(operator.get("/api/parameters").json()["parameters"]) == 5
+
+    until(read)
+    return operator
+
+
+def test_descriptions_are_the_vehicles_own(known: httpx.Client) -> None:
+    parameters = {p["name"]: p for p in known.get("/api/parameters").json()["parameters"]}
+    assert parameters["gains.kp"]["unit"] == "1/s²"
+    assert (parameters["gains.kp"]["minimum"], parameters["gains.kp"]["maximum"]) == (0.0, 20.0)
+    assert parameters["gains.rate"]["choices"] == ["nominal", "exact"]
+    assert parameters["gains.fixed"]["read_only"] is True
+
+
+def test_a_change_is_clamped_applied_and_told_with_its_requester(
+    known: httpx.Client, station: Any
+) -> None:
+    answer = known.put("/api/parameters", json={"values": {"gains.kp": 1e6}})
+    assert answer.json()["applied"] == {"gains.kp": 20.0}
+    service, request = station.requests[-1]
+    assert service == "change_parameters"
+    assert request.requester == known.get("/api/session").json()["label"]
+    values = {p["name"]: p["value"] for p in known.get("/api/parameters").json()["parameters"]}
+    assert values["gains.kp"] == 20.0
+    known.put("/api/parameters", json={"values": {"gains.kp": 4.0}})
+
+
+@pytest.mark.parametrize(
+    ("values", "status", "text"),
+    [
+        ({"gains.kq": 1.0}, 422, "unknown parameter 'gains.kq'"),
+        ({"gains.kp": "5"}, 422, "must be a number"),
+        ({"gains.exact": 1}, 422, "must be true or false"),
+        ({"gains.rate": "fast"}, 422, "not one of nominal, exact"),
+        ({"gains.fixed": 1.5}, 409, "cannot be changed while running"),
+        ({}, 422, "values"),
+    ],
+)
+def test_bad_values_are_refused_in_one_line(
+    known: httpx.Client, values: dict[str, Any], status: int, text: str
+) -> None:
+    answer = known.put("/api/parameters", json={"values": values})
+    assert answer.status_code == status
+    assert text in answer.json()["error"]
+    assert "\n" not in answer.json()["error"]
+
+
+def test_every_page_hears_of_a_change(site: Any, known: httpx.Client) -> None:
+    import json
+
+    with site.websocket("/ws/events", site.cookie(known)) as page:
+        assert json.loads(page.recv(timeout=10.0))["type"] == "hello"
+        known.put("/api/parameters", json={"values": {"gains.kp": 7.5}})
+        while (message := json.loads(page.recv(timeout=10.0)))["type"] != "parameter":
+            pass
+    assert (message["name"], message["value"]) == ("gains.kp", 7.5)

@@ -1,0 +1,188 @@
+"""The scene moves with the vehicle, follows it when asked, and stays within its bandwidth."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import websockets.sync.client
+
+from vehicle_link.messages import decode, encode, header, new
+from web.live import Live
+from web.scene import RATE, Scene, _edges
+from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
+
+BUDGET = 100_000  # bytes a second and client
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def connect(server: ViewServer, name: str) -> Any:
+    return websockets.sync.client.connect(
+        server.url,
+        subprotocols=[websockets.Subprotocol(f"viser-v{server.version}")],
+        additional_headers={SECRET_HEADER: server.secret, VIEW_HEADER: name},
+        compression=None, max_size=None, proxy=None,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def server() -> Iterator[ViewServer]:
+    made = ViewServer()
+    yield made
+    made.stop()
+
+
+def odometry(x: float, y: float, z: float) -> bytes:
+    pose = {"pose": {"position": (x, y, z), "orientation": (0.0, 0.0, 0.0, 1.0)}}
+    return encode(new("nav_msgs/Odometry", header=header(0), pose=pose))
+
+
+def fly(live: Live, t: float) -> tuple[float, float, float]:
+    """A figure eight of 8 s, everything changing at every frame."""
+    point = (math.sin(0.785 * t), 0.5 * math.sin(1.57 * t), 1.0 + 0.2 * math.sin(0.785 * t))
+    live.put("state", odometry(*point))
+    live.put("truth", odometry(point[0] + 0.01, point[1], point[2]))
+    live.put("reference", encode(new("quadlab_msgs/Reference", position=point)))
+    live.put("status", encode(new("quadlab_msgs/VehicleStatus", armed=True, airborne=True)))
+    live.put("actuators", encode(new("quadlab_msgs/Actuators", motor_references=[127.0] * 4)))
+    return point
+
+
+def test_nodes_follow_the_newest_state(server: ViewServer) -> None:
+    live = Live(decode)
+    scene = Scene(server, live, np.array([[1.0, 1.0, 0.1]]))
+    handles = server.viser.scene._handle_from_node_name
+    assert not handles["/vehicle"].visible
+    live.put("state", odometry(0.3, -0.2, 1.1))
+    live.put("truth", odometry(0.31, -0.2, 1.1))
+    scene.update(0.0)
+    np.testing.assert_allclose(handles["/vehicle"].position, (0.3, -0.2, 1.1))
+    np.testing.assert_allclose(handles["/truth"].position, (0.31, -0.2, 1.1))
+    assert handles["/vehicle"].visible
+    assert handles["/truth"].visible
+    assert "/beacon_0" in handles
+
+
+def test_the_ghost_hides_when_there_is_no_truth(server: ViewServer) -> None:
+    clock = Clock()
+    live = Live(decode, clock)
+    scene = Scene(server, live)
+    live.put("truth", odometry(0.0, 0.0, 1.0))
+    scene.update(0.0)
+    ghost = server.viser.scene._handle_from_node_name["/truth"]
+    assert ghost.visible
+    clock.now += 5.0
+    scene.update(5.0)
+    assert not ghost.visible
+
+
+def test_propellers_turn_only_when_armed(server: ViewServer) -> None:
+    live = Live(decode)
+    scene = Scene(server, live)
+    rotors = [server.viser.scene._handle_from_node_name[f"/vehicle/rotor_{i}"] for i in range(4)]
+    live.put("actuators", encode(new("quadlab_msgs/Actuators", motor_references=[127.0] * 4)))
+    live.put("status", encode(new("quadlab_msgs/VehicleStatus", armed=False)))
+    scene.update(0.0)
+    assert all(rotor.wxyz[3] == 0.0 for rotor in rotors)
+    live.put("status", encode(new("quadlab_msgs/VehicleStatus", armed=True)))
+    scene.update(0.0)
+    turns = [rotor.wxyz[3] for rotor in rotors]
+    assert all(turn != 0.0 for turn in turns)
+    assert np.sign(turns[0]) == np.sign(turns[2]) == -np.sign(turns[1]) == -np.sign(turns[3])
+
+
+def test_a_moving_scene_stays_within_its_bandwidth(server: ViewServer) -> None:
+    live = Live(decode)
+    scene = Scene(server, live)
+    scene.set_volume(((-3, 3), (-3, 3), (0, 3)))
+    received = 0
+    quiet = threading.Event()
+
+    with connect(server, "a") as socket:
+
+        def read() -> None:
+            nonlocal received
+            for frame in socket:
+                received += len(frame)
+                quiet.clear()
+
+        threading.Thread(target=read, daemon=True).start()
+        settle(quiet)
+        received, frames = 0, 90
+        for k in range(frames):
+            fly(live, k / RATE)
+            scene.update(k / RATE)
+            time.sleep(1.0 / RATE)  # viser sends windows of 1/60 s; this is the load, not a wait
+        settle(quiet)
+        rate = received * RATE / frames
+    print(f"scene: {rate / 1e3:.1f} kB/s")
+    assert 3_000 < rate < BUDGET
+
+
+def settle(quiet: threading.Event) -> None:
+    """Until nothing came for 0.2 s."""
+    for _ in range(100):
+        quiet.set()
+        time.sleep(0.2)
+        if quiet.is_set():
+            return
+    pytest.fail("the scene never came to rest")
+
+
+def test_a_resting_scene_sends_nothing(server: ViewServer) -> None:
+    live = Live(decode)
+    scene = Scene(server, live)
+    live.put("state", odometry(0.0, 0.0, 1.0))
+    scene.update(0.0)
+    buffer = server.viser._websock_server._broadcast_buffer
+    before = buffer.message_counter
+    for k in range(30):
+        scene.update(k / RATE)
+    assert buffer.message_counter == before
+
+
+def test_the_camera_follows_only_the_page_that_asked(server: ViewServer, until: Any) -> None:
+    import msgspec
+
+    live = Live(decode)
+    scene = Scene(server, live)
+    camera = {
+        "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [-2.0, 0.0, 2.0],
+        "fov": 1.0, "near": 0.01, "far": 100.0, "image_height": 400, "image_width": 640,
+        "look_at": [0.0, 0.0, 1.0], "up_direction": [0.0, 0.0, 1.0],
+    }  # fmt: skip
+    with connect(server, "mine") as mine, connect(server, "other") as other:
+        for socket in (mine, other):
+            socket.send(msgspec.msgpack.encode(camera))
+        until(lambda: len(server.clients_of({"mine", "other"})) == 2)
+        scene.follow("mine", True)
+        live.put("state", odometry(1.0, 0.5, 1.5))
+        scene.update(0.0)
+        clients = server.clients_of({"mine", "other"})
+        np.testing.assert_allclose(clients["mine"].camera.look_at, (1.0, 0.5, 1.5))
+        np.testing.assert_allclose(clients["mine"].camera.position, (-1.0, 0.5, 2.5))
+        np.testing.assert_allclose(clients["other"].camera.look_at, (0.0, 0.0, 1.0))
+        scene.follow("mine", False)
+        live.put("state", odometry(2.0, 0.5, 1.5))
+        scene.update(0.1)
+        np.testing.assert_allclose(clients["mine"].camera.look_at, (1.0, 0.5, 1.5))
+
+
+def test_a_box_has_twelve_edges_along_the_axes() -> None:
+    edges = _edges(((-1.0, 2.0), (0.0, 1.0), (3.0, 7.0)))
+    assert edges.shape == (12, 2, 3)
+    lengths = sorted(float(np.abs(b - a).sum()) for a, b in edges)
+    assert lengths == [1.0] * 4 + [3.0] * 4 + [4.0] * 4
+    assert len({tuple(map(tuple, edge)) for edge in edges}) == 12
