@@ -5,7 +5,7 @@ The page and the station share it; names from outside become paths only through 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -169,11 +169,13 @@ class Catalogue:
             raise _storage_error(error) from error
 
 
-def run_name(now: datetime, vehicle: str, folder: Path) -> str:
-    """`20260131T093042Z_quad1`, with `_2`, `_3`, … where that file exists already."""
+def run_name(
+    now: datetime, vehicle: str, folder: Path, taken: Collection[str] = frozenset()
+) -> str:
+    """`20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its file exists."""
     name = stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{vehicle}"
     number = 1
-    while (folder / f"{name}{SUFFIX}").exists():
+    while name in taken or (folder / f"{name}{SUFFIX}").exists():
         number += 1
         name = f"{stem}_{number}"
     return name

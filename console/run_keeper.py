@@ -45,6 +45,7 @@ class RunKeeper:
         self._asked = (operator, float("-inf"))
         self._policy = RecordingPolicy()
         self._lock = threading.Lock()
+        self._names: set[str] = set()  # given by this process; their files come a little later
         self._provenance = provenance()
         self.recorder = Recorder(catalogue.folder, self._started, self._ended)
 
@@ -84,7 +85,7 @@ class RunKeeper:
     def start(self, operator: str) -> str:
         """Begin a run; its id. Raises StorageError."""
         now = datetime.now(UTC)
-        run_id = run_name(now, self._vehicle, self._catalogue.folder)
+        run_id = run_name(now, self._vehicle, self._catalogue.folder, self._names)
         run = Run(
             run_id=run_id,
             path=self._catalogue.folder / f"{run_id}{SUFFIX}",
@@ -101,6 +102,7 @@ class RunKeeper:
             keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
         )
         self.recorder.start(run)
+        self._names.add(run_id)
         return run_id
 
     def close(self) -> None:

@@ -113,7 +113,7 @@ def step_one(
 
     # u_1 = f_d . z_B. Departs from print: not below zero. Upside down it would be negative, no
     # rotor can give that, and the common scaling would take the torques that turn it upright.
-    wrench[0] = max(0.0, thrust)
+    wrench[0] = 0.0 if thrust < 0.0 else thrust  # keeps a NaN, which max() would hide
     w_b = state.angular_velocity_b
     attitude_torque(
         R_wb, w_b, R_wd, w_d, w_dot_d, memory.attitude_integral_b, gains, J, e_R, wrench

@@ -34,15 +34,19 @@ class Vehicle:
     """start with this parameter value"""
 
     def run(self) -> int:
-        from vehicle.parameters import new_parameters
         from vehicle.process import run_vehicle
 
+        settings = {}
+        if self.set:
+            from vehicle.parameters import new_parameters
+
+            settings = parse_settings(new_parameters(), self.set)
         return run_vehicle(
             [str(port) for port in self.serial],
             data=open_data_folder(self.data),
             link_port=self.link_port,
             name=self.name,
-            settings=parse_settings(new_parameters(), self.set),
+            settings=settings,
         )
 
 
@@ -109,10 +113,11 @@ class Web:
     def run(self) -> int:
         from web.process import run_web
 
-        return run_web(
+        run_web(
             open_data_folder(self.data),
             port=self.port,
             loopback_port=self.loopback_port,
             token=os.environ.get(SIGN_IN_TOKEN),
             vehicle=self.name,
         )
+        return 0

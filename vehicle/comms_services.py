@@ -13,7 +13,7 @@ from vehicle import mailbox
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle_link.idempotent import Idempotent
-from vehicle_link.messages import Message, new
+from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.parameter_service import serve_parameters
@@ -28,13 +28,20 @@ def serve(
 ) -> None:
     """Declare all services on the node; they answer on threads of their own."""
     commands = _Commands(flight, parameters)
-    for service in ("arm", "disarm", "start_behavior", "emergency", "change_parameters"):
+    for service in ("emergency", "disarm", "arm", "start_behavior", "change_parameters"):
+        _prepare(SERVICES[service])
         handler = _refusing(SERVICES[service], getattr(commands, service))
         node.serve(service, SERVICES[service], Idempotent(handler))
     whoami = new(f"{SERVICES['whoami']}_Response", name=name, role=ROLE)
     node.serve("whoami", SERVICES["whoami"], lambda request: whoami)
     serve_time_sync(node, clock.now_ns)
     serve_parameters(node, parameters)
+
+
+def _prepare(srv_type: str) -> None:
+    """Make the serialisers now: rosbags writes them on first use, which takes up to 0.1 s."""
+    encode(new(f"{srv_type}_Response"))
+    decode(encode(new(f"{srv_type}_Request")), f"{srv_type}_Request")
 
 
 def _refusing(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import numpy as np
 
-from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside, read_arguments
+from control.behaviors.behavior import (
+    Context,
+    Point,
+    TrajectoryBehavior,
+    check_inside,
+    read_arguments,
+)
 from control.behaviors.table import BehaviorName
 from control.trajectories.line import Line
-from control.trajectories.polynomial import motion_of, to_rest
+from control.trajectories.polynomial import motion_of
+from control.trajectories.retarget import Retarget
 from control.trajectories.trajectory import Trajectory, sample_many
-from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 
@@ -37,7 +42,7 @@ class FlyToArguments(Parameters):
 
 
 class FlyTo(TrajectoryBehavior):
-    """A straight line from rest; from a moving reference a polynomial that bends into rest."""
+    """A straight line from rest; from a moving reference a bend that ends at rest."""
 
     name: ClassVar[BehaviorName] = BehaviorName.FLY_TO
     arguments: ClassVar[type[Parameters]] = FlyToArguments
@@ -57,7 +62,7 @@ class FlyTo(TrajectoryBehavior):
         super().__init__(_path(context, (a.x, a.y, a.z, a.yaw), a.speed))
 
 
-def _path(context: Context, end: tuple[float, float, float, float], speed: float) -> Trajectory:
+def _path(context: Context, end: Point, speed: float) -> Trajectory:
     p = context.parameters
     limits = {
         "speed": speed,
@@ -65,31 +70,15 @@ def _path(context: Context, end: tuple[float, float, float, float], speed: float
         "yaw_rate": p.yaw_rate_max,
         "yaw_acceleration": p.yaw_acceleration_max,
     }
-    line = Line(context.point, end, **limits)
-    motion = motion_of(context.reference)
-    if not motion[:, 1:].any():
-        return line
-    # The shortest duration that respects the limits, or what the start itself exceeds them by.
-    present = np.linalg.norm(motion[:3, 1:3], axis=0)
-    fastest = 1.05 * max(speed, float(present[0]))
-    hardest = 1.05 * max(1.5 * p.acceleration_max, float(present[1]))
-    duration = max(line.duration, 1.5 * float(present[0]) / p.acceleration_max, 0.8)
-    for _ in range(12):
-        path = to_rest(context.reference, end, duration)
-        samples = sample_many(path, np.linspace(0.0, duration, 40))
-        velocity = np.linalg.norm(samples["velocity_w"], axis=1).max()
-        acceleration = np.linalg.norm(samples["acceleration_w"], axis=1).max()
-        if velocity <= fastest and acceleration <= hardest:
-            check_inside(
-                BehaviorName.FLY_TO,
-                "from this speed the path's",
-                samples["position_w"],
-                p,
-                start_w=context.point[:3],
-            )
-            return path
-        duration *= 1.2
-    raise RefusedError(
-        f"fly_to refused: no path from {math.hypot(*motion[:3, 1]):.2f} m/s within "
-        f"{fastest:.2f} m/s and {hardest:.2f} m/s²; request brake first"
+    if not motion_of(context.reference)[:, 1:].any():
+        return Line(context.point, end, **limits)
+    path = Retarget(context.reference, end, **limits)
+    samples = sample_many(path, np.linspace(0.0, path.duration, 40))
+    check_inside(
+        BehaviorName.FLY_TO,
+        "from this speed (brake first) the path's",
+        samples["position_w"],
+        p,
+        start_w=context.point[:3],
     )
+    return path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
@@ -42,8 +43,10 @@ def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> b
     d.time += dt
     change = 0.0
     for i in range(3):
-        change = max(change, abs(s.velocity_w[i] - d.velocity_w[i]))
-    if thrust > d.thrust_max or not change <= d.velocity_change_max:
+        difference = s.velocity_w[i] - d.velocity_w[i]
+        change += difference * difference
+    # Written so that a NaN counts as a change.
+    if thrust > d.thrust_max or not math.sqrt(change) <= d.velocity_change_max:
         d.time = 0.0
         for i in range(3):
             d.velocity_w[i] = s.velocity_w[i]

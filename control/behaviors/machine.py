@@ -26,7 +26,7 @@ from control.behaviors.table import BehaviorName, behavior_of, check_transition
 from control.behaviors.take_off import TakeOff
 from control.behaviors.velocity import Velocity
 from control.trajectories.figure_eight import FigureEight
-from control.trajectories.polynomial import to_rest
+from control.trajectories.retarget import stop
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from quadrotor.records import REFERENCE, Record, new_reference, new_state
@@ -166,4 +166,4 @@ def _compile(parameters: BehaviorParameters) -> None:
     for behavior in (Brake.start(context, {}), Land.start(context, {}), Hover.start(context, {})):
         behavior.step(0, 0.0, state, None, 0.0, reference)
     FigureEight((0.0, 0.0, 0.0)).sample(0.0, reference)
-    to_rest(reference, (0.0, 0.0, 0.0, 0.0), 1.0).sample(0.0, reference)
+    stop(reference, 1.0)[0].sample(0.0, reference)

@@ -126,6 +126,8 @@ def test_run_names_are_utc_stamps_and_never_taken_twice(tmp_path: Path) -> None:
     assert run_name(now, "quad1", tmp_path) == "20260131T093042Z_quad1"
     (tmp_path / "20260131T093042Z_quad1.mcap").write_text("")
     assert run_name(now, "quad1", tmp_path) == "20260131T093042Z_quad1_2"
+    taken = {"20260131T093042Z_quad1_2"}
+    assert run_name(now, "quad1", tmp_path, taken) == "20260131T093042Z_quad1_3"
 
 
 def test_torn_files_are_recovered_and_marked(tmp_path: Path, catalogue: Catalogue) -> None:

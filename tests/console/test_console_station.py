@@ -334,8 +334,8 @@ def test_recording_by_hand_answers_with_the_run_and_refuses_a_second(bench: Benc
     second = bench.call("record", start=True)
     assert not second.accepted
     assert first.run_id in second.reason
-    assert until(lambda: bench.inbox.decoded("station_status")[-1].recording)
-    assert bench.inbox.decoded("station_status")[-1].run_id == first.run_id
+    assert until(lambda: bench.inbox.decoded("station_status")[-1].run_id == first.run_id)
+    assert bench.inbox.decoded("station_status")[-1].recording
     assert bench.call("record", start=False).run_id == first.run_id
     assert not bench.call("record", start=False).accepted
     assert bench.station.runs.recorder.wait_idle(LIMIT)

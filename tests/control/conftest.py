@@ -59,9 +59,7 @@ class Flight:
         steps = max(1, round(dt / SUBSTEP))
         for _ in range(steps):
             motor_step(self.speeds, references, m.motor_time_constant, dt / steps)
-            wrench = rotor_wrench(
-                self.speeds, m.motor_slope, m.motor_offset, m.arm, m.torque_ratio
-            )
+            wrench = rotor_wrench(self.speeds, m.motor_slope, m.motor_offset, m.arm, m.torque_ratio)
             contact = force
             if self.ground and self.x[2] < 0.0:
                 contact = force + np.array(

@@ -56,8 +56,9 @@ def test_thrusts_are_feasible_and_the_scaling_is_the_largest(rng):
         assert 0.0 <= scaling <= 1.0
         if scaling < 1.0:
             scaled += 1
-            f_g, f_r = np.linalg.solve(M, gravity(MODEL)), np.linalg.solve(
-                M, wrench - gravity(MODEL)
+            f_g, f_r = (
+                np.linalg.solve(M, gravity(MODEL)),
+                np.linalg.solve(M, wrench - gravity(MODEL)),
             )
             more = f_g + (scaling + 1e-6) * f_r
             assert more.min() < LOW or more.max() > HIGH

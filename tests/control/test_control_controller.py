@@ -205,5 +205,5 @@ def test_two_parameter_sets_share_nothing():
 
 def test_the_geometric_controller_is_a_controller(controller):
     plugin: Controller = controller
-    assert CONTROL_MEMORY == controller.memory.dtype
+    assert controller.memory.dtype == CONTROL_MEMORY
     assert plugin.tilt_limited is False

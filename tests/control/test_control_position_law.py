@@ -100,9 +100,7 @@ def test_exact_rates_are_the_derivatives_of_the_force_along_the_model(rng):
                 + d["jerk_w"] * t**2 / 2
                 + d["snap_w"] * t**3 / 6
             )
-            r["acceleration_w"] = (
-                d["acceleration_w"] + d["jerk_w"] * t + d["snap_w"] * t**2 / 2
-            )
+            r["acceleration_w"] = d["acceleration_w"] + d["jerk_w"] * t + d["snap_w"] * t**2 / 2
             s["position_w"], s["velocity_w"] = p, v
             out = np.empty(3)
             desired_force(s[0], r[0], total, gains[0], MASS, out)

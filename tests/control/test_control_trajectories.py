@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from control.trajectories.hover import Hover
 from control.trajectories.line import Line
 from control.trajectories.polynomial import motion_of, through, to_rest
 from control.trajectories.ramped_phase import ramped_phase
+from control.trajectories.retarget import Retarget
 from control.trajectories.trajectory import sample_many
 from quadrotor.records import new_reference
 
@@ -31,6 +34,7 @@ def moving():
 def trajectories():
     points = np.array([[0, 0, 1, 0], [1, 0, 1.2, 0.5], [1, 1, 1, 1.0], [0, 1, 1, 0.0]])
     limits = {"speed": 0.8, "acceleration": 1.5}
+    yaw_limits = {"yaw_rate": 1.0, "yaw_acceleration": 2.0}
     return {
         "hover": Hover((1.0, 2.0, 3.0), 0.5),
         "line": Line((0, 0, 1, 0), (2, -1, 1.5, 1.0), **limits),
@@ -38,6 +42,7 @@ def trajectories():
         "turn": Line((0, 0, 1, 0), (0, 0, 1, 2.0), **limits),
         "eight": FigureEight((1.0, 2.0, 1.5), 0.4, laps=1, ramp=3.0),
         "to rest": to_rest(moving(), (1.0, 1.0, 1.5, -3.0), 3.0),
+        "retarget": Retarget(moving(), (-1.0, 1.0, 1.5, -3.0), **limits, **yaw_limits),
         "through": through(points, np.array([0.0, 2.0, 3.5, 6.0])),
     }
 
@@ -50,7 +55,7 @@ def test_every_derivative_is_that_of_the_one_before(name):
     h = 1e-5
     before, here, after = (sample_many(trajectory, times + d) for d in (-h, 0.0, h))
     for chain in (CHAIN, YAW_CHAIN):
-        for low, high in zip(chain, chain[1:], strict=False):
+        for low, high in pairwise(chain):
             finite = (after[low] - before[low]) / (2 * h)
             size = 1.0 + np.abs(here[high]).max()
             np.testing.assert_allclose(here[high], finite, atol=2e-3 * size, err_msg=high)
@@ -139,6 +144,25 @@ def test_a_polynomial_meets_both_ends_and_turns_the_short_way():
         np.testing.assert_allclose(ends["position_w"][k], [1.0, 1.0, 1.5], atol=1e-9)
         assert ends["yaw"][k] == pytest.approx(2 * np.pi - 3.0)
         np.testing.assert_allclose(ends["snap_w"][k], 0.0, atol=1e-7)
+
+
+def test_a_retarget_meets_the_motion_and_the_goal_within_its_limits(rng):
+    for k in range(40):
+        start, end = new_reference(), (*rng.uniform(-2, 2, size=3), rng.uniform(-3, 3))
+        start["position_w"] = rng.normal(size=3)
+        v = rng.normal(size=3)
+        start["velocity_w"] = 0.8 * v / np.linalg.norm(v)
+        start["yaw"], start["yaw_rate"] = rng.uniform(-3, 3), 0.5
+        if k % 2:  # straight ahead
+            end = (*(start["position_w"][0] + 4.0 * start["velocity_w"][0]), 0.0)
+        path = Retarget(start, end, speed=0.8, acceleration=1.5, yaw_rate=1.0, yaw_acceleration=2.0)
+        s = sample_many(path, np.linspace(0, path.duration, 300))
+        np.testing.assert_allclose(motion_of(s[:1]), motion_of(start), atol=1e-9)
+        np.testing.assert_allclose(s["position_w"][-1], end[:3], atol=1e-9)
+        assert np.cos(s["yaw"][-1] - end[3]) == pytest.approx(1.0)
+        assert np.linalg.norm(s["velocity_w"], axis=1).max() < (0.82 if k % 2 else 1.13)
+        assert np.linalg.norm(s["acceleration_w"], axis=1).max() < 1.51
+        assert path.duration < 12.0
 
 
 def test_way_points_are_passed_at_their_times():

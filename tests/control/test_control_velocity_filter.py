@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -45,18 +47,16 @@ def test_the_acceleration_never_exceeds_its_limit(rng):
 def test_each_derivative_integrates_to_the_one_before(rng):
     reference = moving()
     f = new_velocity_filter(reference, 2.0, 2.5)
-    for k in range(1500):
+    for k in range(800):
         if k % 200 == 0:
             f["command"] = rng.normal(size=4)
         before = reference.copy()
         advance(f, DT, reference)
-        for low, high in zip(CHAIN, CHAIN[1:], strict=False):
+        for low, high in pairwise(CHAIN):
             mean = 0.5 * (before[high] + reference[high]) if high != "snap_w" else reference[high]
-            np.testing.assert_allclose(
-                reference[low] - before[low], DT * mean, atol=1e-5, err_msg=low
-            )
+            assert np.abs(reference[low] - before[low] - DT * mean).max() < 1e-5, low
         mean = 0.5 * (before["yaw_rate"] + reference["yaw_rate"])
-        np.testing.assert_allclose(reference["yaw"] - before["yaw"], DT * mean, atol=1e-5)
+        assert np.abs(reference["yaw"] - before["yaw"] - DT * mean).max() < 1e-5
 
 
 def test_from_any_motion_it_comes_to_rest_and_says_so():
@@ -81,8 +81,8 @@ def test_walls_are_not_crossed_and_can_be_left(rng):
     reference["position_w"] = (0.0, 0.0, 1.0)
     f = new_velocity_filter(reference, 2.0, 2.0)
     f["low_w"], f["high_w"] = (-1.0, -1.0, 0.2), (1.0, 1.0, 2.0)
-    for k in range(15000):
-        if k % 1000 == 0:
+    for k in range(6000):
+        if k % 600 == 0:
             f["command"] = rng.choice([-1.0, 1.0], size=4)
         advance(f, DT, reference)
         p = reference["position_w"][0]

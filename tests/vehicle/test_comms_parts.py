@@ -256,9 +256,7 @@ def test_telemetry_holds_every_tick_once_in_order(sender: Sender, batch: int) ->
     assert len(positions) >= 700 - batch - 5
 
 
-@pytest.mark.parametrize(
-    ("rate", "samples"), [(60, 1), (100, 1), (260, 3), (500, 5), (650, 5)]
-)
+@pytest.mark.parametrize(("rate", "samples"), [(60, 1), (100, 1), (260, 3), (500, 5), (650, 5)])
 def test_samples_a_packet_make_about_100_packets_a_second(rate: float, samples: int) -> None:
     assert samples_a_packet(rate) == samples
 

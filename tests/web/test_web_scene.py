@@ -98,9 +98,10 @@ def test_propellers_turn_only_when_armed(server: ViewServer) -> None:
     assert all(rotor.wxyz[3] == 0.0 for rotor in rotors)
     live.put("status", encode(new("quadlab_msgs/VehicleStatus", armed=True)))
     scene.update(0.0)
-    turns = [rotor.wxyz[3] for rotor in rotors]
-    assert all(turn != 0.0 for turn in turns)
-    assert np.sign(turns[0]) == np.sign(turns[2]) == -np.sign(turns[1]) == -np.sign(turns[3])
+    turns = [rotor.wxyz[0] * rotor.wxyz[3] for rotor in rotors]  # half the sine of the angle
+    assert turns[0] < 0.0, "the front one turns clockwise: its torque on the body is +c f"
+    assert np.sign(turns[0]) == np.sign(turns[2]) == -np.sign(turns[1])
+    assert np.sign(turns[1]) == np.sign(turns[3])
 
 
 def test_a_moving_scene_stays_within_its_bandwidth(server: ViewServer) -> None:

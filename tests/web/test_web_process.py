@@ -1,0 +1,97 @@
+"""Starting: ports, imports, and the page's own tables against the code they describe."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from control.behaviors import machine
+from quadrotor.errors import LinkError, UsageError
+from quadrotor.parameters import ParameterStore
+from web import app
+from web.follow_parameters import flight_volume
+from web.process import print_link
+from web.sockets import listen
+
+STATIC = Path(app.__file__).parent / "static"
+
+
+def test_a_taken_port_is_one_clear_line() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with pytest.raises(LinkError, match=rf"port {port} is taken.*--port {port + 1}") as caught:
+            listen("127.0.0.1", port)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_what_is_no_port_is_a_usage_error(port: int) -> None:
+    with pytest.raises(UsageError, match=f"port {port}"):
+        listen("127.0.0.1", port)
+
+
+def test_the_link_is_printed_as_jupyter_does(capsys: pytest.CaptureFixture[str]) -> None:
+    print_link("http://127.0.0.1:8080/?token=abc")
+    print_link("http://127.0.0.1:8080/?token=def", "operator 1")
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.endswith("http://127.0.0.1:8080/?token=abc")
+    assert second.startswith("operator 1 signed in")
+    assert second.endswith("?token=def")
+
+
+def test_the_slow_libraries_are_not_imported() -> None:
+    code = "import web.process, sys; print([m for m in ('numba', 'scipy', 'cv2') if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        cwd=Path(app.__file__).parent.parent,
+    )  # fmt: skip
+    assert done.stdout.strip() == "[]"
+
+
+def test_the_page_loads_nothing_from_elsewhere() -> None:
+    for path in STATIC.iterdir():
+        text = path.read_text().replace("http://www.w3.org/2000/svg", "")
+        assert "//cdn" not in text
+        assert "https://" not in text.replace('"https:"', ""), path.name
+
+
+def test_the_pages_behaviors_are_the_vehicles() -> None:
+    """static/behaviors.json repeats names and bounds of control.behaviors: they must agree."""
+    kinds = {kind.name.name.lower(): kind for kind in machine.BEHAVIORS.values()}
+    for behavior in json.loads((STATIC / "behaviors.json").read_text()):
+        kind = kinds[behavior["name"]]
+        store = ParameterStore(kind.arguments())
+        assert set(behavior.get("fixed", {})) <= set(store.names)
+        for name, value in behavior.get("fixed", {}).items():
+            store.check(name, value)
+        for argument in behavior["arguments"]:
+            description = store.description(argument["name"])
+            scale = argument.get("scale", 1.0)
+            assert description.minimum is not None
+            assert description.maximum is not None
+            assert argument["min"] * scale >= description.minimum
+            assert argument["max"] * scale <= description.maximum
+            if "value" in argument:
+                store.check(argument["name"], argument["value"] * scale)
+            if scale == 1.0 and argument["unit"]:
+                assert argument["unit"] == description.unit
+
+
+def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:
+    from control.behaviors.parameters import BehaviorParameters
+    from quadrotor.parameters import Parameters
+
+    class Root(Parameters):
+        behavior: BehaviorParameters = BehaviorParameters()
+
+    values = ParameterStore(Root()).values()
+    box = flight_volume(values.get)
+    assert box is not None
+    assert all(low < high and math.isfinite(low + high) for low, high in box)
+    assert flight_volume({}.get) is None

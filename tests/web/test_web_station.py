@@ -1,0 +1,204 @@
+"""The web process's node against a real Zenoh router: messages, services, coming and going."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from quadrotor.errors import LinkError, RefusedError
+from quadrotor.parameters import Parameters, ParameterStore, parameter
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameter_service import serve_parameters
+from vehicle_link.session import loopback_session, station_session
+from vehicle_link.topics.table import SERVICES, TOPICS
+from web.events import EventHub
+from web.live import Live
+from web.station import Station
+from web.sockets import listen
+
+
+class _Gains(Parameters):
+    kp: float = parameter(4.0, unit="1/s²", ge=0, le=20, step=0.1, description="position gain")
+
+
+class _Root(Parameters):
+    gains: _Gains = _Gains()
+
+
+class Backend:
+    """The vehicle's parameters behind its six services."""
+
+    def __init__(self) -> None:
+        self.store = ParameterStore(_Root().model_copy(deep=True))
+        self.descriptions = self.store.descriptions
+        self.values = self.store.values
+
+    def change(self, values: Any, requester: str) -> Any:
+        return self.store.set(values), self.store.revision
+
+
+class Router:
+    """A station's session with the services of a station and the parameters of a vehicle."""
+
+    def __init__(self, tmp_path: Path) -> None:
+        with listen("127.0.0.1", 0) as free:
+            self.port = free.getsockname()[1]
+        self._tls = ensure_certificates(tmp_path, ["127.0.0.1"])
+        self.requests: list[Any] = []
+        self.backend = Backend()
+        self.refusal = ""
+        self.start()
+
+    def start(self) -> None:
+        self.session = station_session("127.0.0.1:9", self.port, self._tls)
+        self.node = Node(self.session, "/quad1", "station")
+        self.vehicle = Node(self.session, "/quad1", "vehicle")
+        for name in ("arm", "emergency", "start_behavior", "change_parameters", "record"):
+            self.node.serve(f"station/{name}", SERVICES[name], self._answer(name))
+        serve_parameters(self.vehicle, self.backend)
+        self.state = self.node.advertise(TOPICS["state"])
+        self.events = self.node.advertise(TOPICS["events"])
+        self.changes = self.node.advertise(TOPICS["parameter_changes"])
+
+    def stop(self) -> None:
+        self.session.close()
+
+    def _answer(self, name: str) -> Any:
+        def answer(request: Any) -> Any:
+            self.requests.append((name, request))
+            fields: dict[str, Any] = {}
+            if name == "change_parameters":
+                applied = self.backend.store.set(from_parameters(request.parameters))
+                fields = {"applied": to_parameters(applied), "revision": 7}
+            return new(
+                f"{SERVICES[name]}_Response",
+                accepted=not self.refusal, reason=self.refusal, **fields,
+            )  # fmt: skip
+
+        return answer
+
+    def publish_state(self) -> None:
+        self.state.put(encode(new("nav_msgs/Odometry", pose={"pose": {"position": (1, 2, 3)}})))
+
+
+@pytest.fixture
+def router(tmp_path: Path) -> Iterator[Router]:
+    made = Router(tmp_path)
+    yield made
+    made.stop()
+
+
+class Client:
+    """A Station with an event loop in a thread, as uvicorn's."""
+
+    def __init__(self, port: int) -> None:
+        self.live, self.hub = Live(decode), EventHub()
+        self.loop = asyncio.new_event_loop()
+        threading.Thread(target=self.loop.run_forever, daemon=True).start()
+        self.hub.attach(self.loop)
+        self.station = Station(lambda: loopback_session(port), "quad1", self.live, self.hub)
+        self.station.start()
+
+    def run(self, call: Any) -> Any:
+        return asyncio.run_coroutine_threadsafe(call, self.loop).result(30.0)
+
+    def ready(self) -> bool:
+        return self.station._node is not None
+
+
+@pytest.fixture
+def client(router: Router, until: Any) -> Iterator[Client]:
+    made = Client(router.port)
+    until(made.ready)
+    yield made
+    made.station.stop()
+    made.loop.call_soon_threadsafe(made.loop.stop)
+
+
+def test_messages_arrive_with_an_age(router: Router, client: Client, until: Any) -> None:
+    assert client.live.age("state") == float("inf")
+
+    def arrived() -> bool:
+        router.publish_state()
+        return client.live.newest("state") is not None
+
+    until(arrived)
+    assert client.live.newest("state").pose.pose.position.y == 2.0
+    assert client.live.age("state") < 30.0
+
+
+def test_commands_carry_requester_and_id_and_bring_the_reason_back(
+    router: Router, client: Client
+) -> None:
+    client.run(client.station.command("arm", "operator 1"))
+    client.run(client.station.start_behavior("operator 2", "take_off", {"height": 1.5}))
+    (_, arm), (_, take_off) = router.requests
+    assert arm.requester == "operator 1"
+    assert arm.request_id
+    assert from_parameters(take_off.arguments) == {"height": 1.5}
+    router.refusal = "the motors are off; arm the vehicle first"
+    with pytest.raises(RefusedError, match="^the motors are off; arm the vehicle first$"):
+        client.run(client.station.command("emergency", "operator 1", action="land"))
+
+
+def test_parameters_are_read_and_changed(router: Router, client: Client) -> None:
+    descriptions, values = client.run(client.station.read_parameters("/quad1/vehicle"))
+    assert [d.name for d in descriptions] == ["gains.kp"]
+    assert descriptions[0].unit == "1/s²"
+    assert values == {"gains.kp": 4.0}
+    changed = client.run(client.station.change_parameters({"gains.kp": 5.5}, "operator 1"))
+    assert changed == ({"gains.kp": 5.5}, 7)
+    assert router.requests[-1][1].requester == "operator 1"
+
+
+def test_events_and_parameter_changes_reach_the_page(
+    router: Router, client: Client, until: Any
+) -> None:
+    changes: list[Any] = []
+    client.station.on_change = lambda *change: changes.append(change)
+
+    def both() -> bool:
+        router.events.put(encode(new("rcl_interfaces/Log", level=30, msg="battery low", name="q")))
+        change = new(
+            "quadlab_msgs/ParameterChange", name="gains.kp", new_value="5.5",
+            requester="ros2 param", revision=3,
+        )  # fmt: skip
+        router.changes.put(encode(change))
+        return bool(client.hub.lines) and bool(changes)
+
+    until(both)
+    line = client.hub.lines[0]
+    assert (line["level"], line["text"], line["source"]) == ("warn", "battery low", "q")
+    assert changes[0] == ("gains.kp", "5.5", "ros2 param", 3)
+
+
+def test_an_absent_station_is_one_line_and_its_return_is_noticed(
+    router: Router, client: Client, until: Any
+) -> None:
+    client.run(client.station.command("arm", "operator 1"))
+    router.stop()
+    with pytest.raises(LinkError) as caught:
+        client.run(client.station.command("arm", "operator 1"))
+    assert "\n" not in str(caught.value)
+    router.start()
+
+    def back() -> bool:
+        router.publish_state()
+        return client.live.age("state") < 5.0
+
+    until(back)
+    client.run(client.station.command("arm", "operator 1"))
+
+
+def test_before_the_first_session_commands_say_so() -> None:
+    station = Station(lambda: None, "quad1", Live(decode), EventHub())
+    with pytest.raises(LinkError, match="is `quadlab station` running"):
+        asyncio.run(station.command("arm", "operator 1"))

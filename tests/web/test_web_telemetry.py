@@ -1,0 +1,162 @@
+"""Signals mean what they say, gaps are gaps, and a page costs at most 5 kB/s."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from vehicle_link.messages import decode, encode, new
+from web.live import STALE, Live
+from web.signals import INDEX, SIGNALS, describe, snapshot
+from web.telemetry import MOST_SIGNALS, NEVER, RATE, frame, parse
+
+QUARTER = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # x, y, z, w: 90 degrees of yaw
+
+
+class Clock:
+    now = 10.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def values(live: Live) -> dict[str, float]:
+    return dict(zip(INDEX, snapshot(live), strict=True))
+
+
+def odometry(position: Any, orientation: Any = (0, 0, 0, 1), linear: Any = (0, 0, 0)) -> bytes:
+    pose = {"pose": {"position": position, "orientation": orientation}}
+    return encode(new("nav_msgs/Odometry", pose=pose, twist={"twist": {"linear": linear}}))
+
+
+def test_names_are_unique_and_every_topic_has_an_age() -> None:
+    assert len(INDEX) == len(SIGNALS)
+    assert {signal.topic for signal in SIGNALS} <= STALE.keys()
+    assert describe()["topics"] == list(STALE)
+
+
+def test_velocity_is_turned_from_body_to_world_axes() -> None:
+    live = Live(decode)
+    live.put("state", odometry((1.0, 2.0, 3.0), QUARTER, (2.0, 0.5, 0.25)))
+    now = values(live)
+    assert [now[f"state.position.{a}"] for a in "xyz"] == [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(
+        [now[f"state.velocity.{a}"] for a in "xyz"], [-0.5, 2.0, 0.25], atol=1e-12
+    )
+    assert now["state.yaw"] == pytest.approx(90.0)
+
+
+def test_angles_are_those_of_known_rotations() -> None:
+    from web.angles import roll_pitch_yaw
+
+    half = math.radians(10.0)
+    for axis, index in (("x", 0), ("y", 1), ("z", 2)):
+        q = new("geometry_msgs/Quaternion", w=math.cos(half), **{axis: math.sin(half)})
+        expected = [0.0, 0.0, 0.0]
+        expected[index] = math.radians(20.0)
+        np.testing.assert_allclose(roll_pitch_yaw(q), expected, atol=1e-12)
+
+
+def test_the_tracking_error_is_state_minus_reference() -> None:
+    live = Live(decode)
+    live.put("state", odometry((1.0, 2.0, 3.0), QUARTER))
+    reference = new("quadlab_msgs/Reference", position=(0.9, 2.2, 3.0), yaw=math.pi)
+    live.put("reference", encode(reference))
+    now = values(live)
+    np.testing.assert_allclose(
+        [now[f"error.position.{a}"] for a in "xyz"], [0.1, -0.2, 0.0], atol=1e-12
+    )
+    assert now["error.distance"] == pytest.approx(math.hypot(0.1, 0.2))
+    assert now["error.yaw"] == pytest.approx(-90.0)
+
+
+def test_what_is_absent_or_stale_is_no_number() -> None:
+    clock = Clock()
+    live = Live(decode, clock)
+    assert all(math.isnan(value) for value in snapshot(live))
+    live.put("state", odometry((1.0, 2.0, 3.0)))
+    assert values(live)["state.position.x"] == 1.0
+    assert math.isnan(values(live)["error.position.x"]), "there is no reference"
+    clock.now += STALE["state"] + 0.01
+    assert math.isnan(values(live)["state.position.x"])
+    assert live.age("state") == pytest.approx(STALE["state"] + 0.01)
+    assert live.newest("state") is not None, "the last one can still be shown, grey"
+
+
+def test_a_frame_can_be_read_back() -> None:
+    raw = frame(7, 1234.5, [0.010, math.inf, 0.2], [1.5, math.nan])
+    identity, count, stamp, *rest = struct.unpack("<HHd3H2f", raw)
+    assert (identity, count, stamp) == (7, 2, 1234.5)
+    assert rest[:3] == [10, NEVER, 200]
+    assert rest[3] == 1.5
+    assert math.isnan(rest[4])
+
+
+def test_a_page_costs_at_most_five_kilobytes_a_second() -> None:
+    largest = frame(0, 0.0, [0.0] * len(STALE), [0.0] * MOST_SIGNALS)
+    websocket_head = 4
+    assert (len(largest) + websocket_head) * RATE <= 5400
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "{", "[]", '{"id": 1}', '{"id": 1, "signals": ["no.such"]}',
+        '{"id": -1, "signals": []}', '{"id": 70000, "signals": []}', '{"id": 1, "signals": [3]}',
+        json.dumps({"id": 1, "signals": ["thrust"] * (MOST_SIGNALS + 1)}),
+    ],
+)  # fmt: skip
+def test_a_bad_subscription_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"."):
+        parse(text)
+
+
+def test_frames_follow_the_subscription(site: Any, operator: httpx.Client, station: Any) -> None:
+    names = ["state.position.x", "mass", "thrust"]
+    with site.websocket("/ws/telemetry", site.cookie(operator)) as page:
+        page.send(json.dumps({"id": 9, "signals": names}))
+        while True:
+            station.fly(x=1.25)
+            raw = page.recv(timeout=10.0)
+            identity, count = struct.unpack_from("<HH", raw)
+            if identity == 9:
+                break
+        assert count == 3
+        start = 12 + 2 * len(STALE)
+        np.testing.assert_allclose(struct.unpack_from("<3f", raw, start), (1.25, 1.31, 12.8))
+        page.send(json.dumps({"id": 10, "signals": ["no.such"]}))
+        with pytest.raises(Exception, match="unknown signal 'no.such'"):
+            while True:
+                page.recv(timeout=10.0)
+
+
+def test_the_summary_tells_status_and_ages(
+    site: Any, operator: httpx.Client, station: Any
+) -> None:
+    station.fly()
+    summary = operator.get("/api/summary").json()
+    assert summary["status"]["mode"] == "armed"
+    assert summary["status"]["flags"] == ["not_real_time"]
+    assert summary["status"]["lateness_p99"] == pytest.approx(1.4e-4)
+    assert summary["link"]["loss"] == pytest.approx(0.02)
+    assert summary["battery"]["voltage"] == pytest.approx(15.6, abs=0.01)
+    assert summary["age"]["state"] < 5.0
+
+
+def test_a_new_page_gets_the_lines_before_it(site: Any, operator: httpx.Client) -> None:
+    site.station._hub.publish_from_thread(
+        {"type": "event", "level": "warn", "text": "battery low", "source": "quad1", "stamp": 1.0}
+    )
+    while not operator.get("/api/events").json():
+        pass
+    with site.websocket("/ws/events", site.cookie(operator)) as page:
+        hello = json.loads(page.recv(timeout=10.0))
+    assert hello["type"] == "hello"
+    assert hello["vehicle"] == "quad1"
+    assert "battery low" in [line["text"] for line in hello["events"]]
