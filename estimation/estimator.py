@@ -30,6 +30,10 @@ class Estimator(Protocol):
         """Take new gains; the state is kept."""
         ...
 
+    def reset(self) -> None:
+        """Forget everything, biases included: after the gyroscope was calibrated anew."""
+        ...
+
     def initialize(self, pose: Record) -> None:
         """Start anew at a POSE_SAMPLE, at rest. Raises MeasurementError."""
         ...

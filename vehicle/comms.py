@@ -13,6 +13,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
@@ -37,6 +38,7 @@ from vehicle_link.session import vehicle_session
 
 SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.01
 STATION_LOST_S = 1.0
+FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
 
 
@@ -48,8 +50,8 @@ class Comms:
         self._clock = VehicleClock()
         self._flight = FlightMailbox(rings.inbox)
         self._mirror = ParameterMirror(self._flight, config.parameters)
-        self._events: list[mailbox.Event] = []
-        self._bearing_poses: list[tuple[bytes, int]] = []
+        self._events: deque[mailbox.Event] = deque()
+        self._bearing_poses: deque[tuple[bytes, int]] = deque()
         self._radio = LinkRadio(node)
         self._log = OnboardLog(Path(config.data), config.name, self._parameters_json, self._say)
         self._publisher = Publisher(self._radio, self._log, self._clock, config.name)
@@ -61,6 +63,7 @@ class Comms:
             self._log_received,
         )
         self._dropped = 0
+        self._fetch_due_ns = 0
         serve(node, self._flight, self._mirror, self._clock, config.name)
         for topic in self._inbound.handlers:
             node.subscribe(topic, topics.TOPICS[topic].type_name, self._receiver(topic))
@@ -79,7 +82,8 @@ class Comms:
         read_ns = time.monotonic_ns()
         ticks = self._rings.ticks.pop_all()
         if len(ticks):
-            if not self._clock.started:
+            if not self._mirror.complete and read_ns >= self._fetch_due_ns:
+                self._fetch_due_ns = read_ns + FETCH_PERIOD_NS
                 self._mirror.fetch()
             self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
             self._log.ticks(ticks, self._clock.at_ns(read_ns))
@@ -87,9 +91,9 @@ class Comms:
         for message in self._rings.outbox.pop_all():
             self._dispatch(mailbox.decode_outbound(message))
         while self._bearing_poses:
-            self._publisher.bearing_pose(*self._bearing_poses.pop(0))
+            self._publisher.bearing_pose(*self._bearing_poses.popleft())
         while self._events:
-            self._publisher.event(self._events.pop(0))
+            self._publisher.event(self._events.popleft())
         self._publisher.station_lost = self._inbound.station_silence > STATION_LOST_S
         self._publisher.heartbeat()
         self._watch_drops()
@@ -103,6 +107,8 @@ class Comms:
         if isinstance(message, mailbox.Reply):
             self._flight.deliver(message)
             self._mirror.deliver(message)
+            if self._mirror.complete:
+                self._log.start()  # not before: its files begin with the parameters
         elif isinstance(message, mailbox.Event):
             self._publisher.event(message)
         else:
@@ -114,7 +120,7 @@ class Comms:
         if dropped > self._dropped:
             self._say(
                 mailbox.ERROR,
-                f"{dropped - self._dropped} ticks or replies of flight were lost: comms was away",
+                f"{dropped} ticks or replies of flight lost since the start: comms was too slow",
             )
             self._dropped = dropped
 

@@ -84,6 +84,7 @@ class ParameterMirror:
         self._store.preset(preset)
         self._values = self._store.values()
         self.revision = 0
+        self.complete = False  # holds flight's values, not only those of the start
         self._fetch_id = f"{os.getpid()}-all"
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
@@ -117,6 +118,7 @@ class ParameterMirror:
         if reply.request_id == self._fetch_id:
             self._values.update(reply.applied)
             self.revision = reply.revision
+            self.complete = True
 
     def changed(self, change: mailbox.ParameterChange) -> None:
         """The flight process applied this."""

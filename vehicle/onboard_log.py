@@ -79,13 +79,20 @@ class OnboardLog:
         self._lost = 0
         self._lock = threading.Lock()
         self._wake = threading.Event()
+        self._started = False
         self._closing = False
         self._writer: LogWriter | None = None
         self._stopped = False  # by an error or a full disk, until the next arming
         self._disarmed_ns = 0
         self._checked_ns = 0
         self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
-        self._thread.start()
+
+    def start(self) -> None:
+        """Write from now on, what was buffered until now as well; calls after the first do
+        nothing. Wait with it until `parameters` knows what flight's are."""
+        if not self._started:
+            self._started = True
+            self._thread.start()
 
     def ticks(self, ticks: Record, log_ns: int) -> None:
         """All ticks, in order, shape (N,), as read at this time of the vehicle's clock."""
@@ -100,6 +107,7 @@ class OnboardLog:
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is buffered and close the file."""
+        self.start()
         self._closing = True
         self._wake.set()
         self._thread.join(timeout_s)

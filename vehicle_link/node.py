@@ -2,7 +2,7 @@
 
 Threads: every subscription and service has a thread of its own, on which Zenoh calls back; a slow
 callback delays only its own topic. With `direct=True` the callback runs on Zenoh's network thread
-instead: 50 µs sooner, but it must return at once. `put` may take 1 ms (50 ms for large messages),
+instead, but it must return at once. `put` may take 1 ms (50 ms for large messages),
 so it does not belong into a control thread.
 
 There is no latching: a topic whose last value a newcomer needs is sent again periodically.

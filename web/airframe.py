@@ -37,21 +37,32 @@ class Airframe:
         if ghost:
             return
         scene.add_frame(
-            f"{name}/axes", axes_length=0.18, axes_radius=0.005, origin_radius=0.0,
+            f"{name}/axes",
+            axes_length=0.18,
+            axes_radius=0.005,
+            origin_radius=0.0,
             position=(0.0, 0.0, 0.035),
         )
         for index, (x, y) in enumerate(ROTORS):
             rotor = f"{name}/rotor_{index}"
             self._propellers.append(
                 scene.add_mesh_simple(
-                    rotor, *_blades(_ROTOR_RADIUS, clockwise=index % 2 == 0),
-                    color=_BLADE, side="double", position=(arm * x, arm * y, 0.055),
+                    rotor,
+                    *_blades(_ROTOR_RADIUS, clockwise=index % 2 == 0),
+                    color=_BLADE,
+                    side="double",
+                    position=(arm * x, arm * y, 0.055),
                 )
             )
             scene.add_cylinder(
-                f"{name}/disc_{index}", radius=_ROTOR_RADIUS, height=0.001,
-                color=_FRONT if index == 0 else _LIGHT, opacity=0.1, cast_shadow=False,
-                receive_shadow=False, position=(arm * x, arm * y, 0.055),
+                f"{name}/disc_{index}",
+                radius=_ROTOR_RADIUS,
+                height=0.001,
+                color=_FRONT if index == 0 else _LIGHT,
+                opacity=0.1,
+                cast_shadow=False,
+                receive_shadow=False,
+                position=(arm * x, arm * y, 0.055),
             )
 
     def pose(self, position: Any, quaternion: Any) -> None:
@@ -77,19 +88,28 @@ def _add_body(scene: Any, name: str, arm: float, ghost: bool) -> None:
     scene.add_box(f"{name}/hub", color=color, dimensions=(0.13, 0.13, 0.045), **look)
     if not ghost:
         scene.add_box(
-            f"{name}/board", color=_LIGHT, dimensions=(0.075, 0.075, 0.018),
-            position=(0.0, 0.0, 0.03), **look,
+            f"{name}/board",
+            color=_LIGHT,
+            dimensions=(0.075, 0.075, 0.018),
+            position=(0.0, 0.0, 0.03),
+            **look,
         )
     for index, (x, y) in enumerate(ROTORS):
         is_front = index == 0 and not ghost
         scene.add_box(
-            f"{name}/arm_{index}", color=_FRONT if is_front else color,
+            f"{name}/arm_{index}",
+            color=_FRONT if is_front else color,
             dimensions=(arm, 0.018, 0.014) if x else (0.018, arm, 0.014),
-            position=(0.5 * arm * x, 0.5 * arm * y, 0.0), **look,
+            position=(0.5 * arm * x, 0.5 * arm * y, 0.0),
+            **look,
         )
         scene.add_cylinder(
-            f"{name}/motor_{index}", radius=0.017, height=0.045, color=color,
-            position=(arm * x, arm * y, 0.026), **look,
+            f"{name}/motor_{index}",
+            radius=0.017,
+            height=0.045,
+            color=color,
+            position=(arm * x, arm * y, 0.026),
+            **look,
         )
 
 

@@ -43,15 +43,18 @@ def assemble(
     connect: Callable[[Live, EventHub], Station],
     catalogue: Catalogue,
     show_link: ShowLink,
+    view_server: ViewServer,
 ) -> ASGIApp:
-    """The whole application behind its gate; `connect` makes the station's client.
+    """The whole application behind its gate; stops `view_server` at its end.
+
+    Args:
+        connect: makes the station's client.
 
     Raises StorageError.
     """
     door = Door(data / "web", token)
     live, hub = Live(decode), EventHub()
     mirror = ParameterMirror(hub.publish)
-    view_server = ViewServer()
     scene = Scene(view_server, live, PAPER_BEACONS.positions_w)
     station = connect(live, hub)
     follower = ParameterFollower(mirror, station, live, scene, f"/{vehicle}")

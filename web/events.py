@@ -84,7 +84,10 @@ def event(level: str, text: str, source: str, stamp: float) -> Message:
 
 
 async def serve(
-    socket: WebSocket, hub: EventHub, session: Session, hello: Callable[[], Message],
+    socket: WebSocket,
+    hub: EventHub,
+    session: Session,
+    hello: Callable[[], Message],
     summary: Callable[[], Message],
 ) -> None:
     """One page's socket until it closes; parts of the summary that did not change are left out."""

@@ -34,7 +34,8 @@ class ParameterFollower:
         self._scene = scene
         self._namespace = namespace
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._read_revision: int | None = None
+        self._is_first = True
+        self._is_lower = False
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -45,23 +46,24 @@ class ParameterFollower:
             return
         with contextlib.suppress(ValueError, SyntaxError):  # not ours: the next read tells
             value = ast.literal_eval(text)
-            self._loop.call_soon_threadsafe(
-                self._mirror.apply, {name: value}, requester, revision
-            )
+            self._loop.call_soon_threadsafe(self._mirror.apply, {name: value}, requester, revision)
 
     async def run(self) -> None:
         while True:
             await asyncio.sleep(PERIOD)
             status = self._live.current("status")
             if status is None:
-                self._read_revision = None  # another vehicle may come back
+                self._is_first = True  # another vehicle may come back
             elif self._is_news(int(status.parameter_revision)):
                 await self._read(int(status.parameter_revision))
             if (box := flight_volume(self._mirror.value)) is not None:
                 self._scene.set_volume(box)
 
     def _is_news(self, revision: int) -> bool:
-        return self._read_revision is None or revision > self._mirror.revision
+        """A lower one twice: the vehicle restarted; once: its status is behind its answers."""
+        was_lower, self._is_lower = self._is_lower, revision < self._mirror.revision
+        is_lower = was_lower and self._is_lower
+        return self._is_first or is_lower or revision > self._mirror.revision
 
     async def _read(self, revision: int) -> None:
         """Vehicle and station; one that does not answer is asked again in the next period."""
@@ -77,7 +79,7 @@ class ParameterFollower:
             descriptions += described
             values |= read
         self._mirror.load(descriptions, values, revision)
-        self._read_revision = revision
+        self._is_first = self._is_lower = False
 
 
 def flight_volume(value: Any) -> Box | None:

@@ -19,6 +19,8 @@ from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
 
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
 
+STATION_PREFIX = "station."
+
 Message = dict[str, Any]
 
 
@@ -46,7 +48,7 @@ def clamp(description: ParameterDescription, value: object) -> ParameterValue:
 
 
 class ParameterMirror:
-    """What the vehicle (and the station) last said of their parameters."""
+    """What vehicle and station last said of their parameters; `revision` is the vehicle's."""
 
     def __init__(self, publish: Callable[[Message], None]) -> None:
         self._publish = publish
@@ -70,7 +72,8 @@ class ParameterMirror:
         """Takes over confirmed values and tells every page of those that are news."""
         news = {n: v for n, v in values.items() if self._values.get(n) != v}
         self._values.update(news)
-        self.revision = max(self.revision, revision)
+        if not all(name.startswith(STATION_PREFIX) for name in values):  # it counts its own
+            self.revision = max(self.revision, revision)
         for name, value in news.items():
             self._publish({
                 "type": "parameter", "name": name, "value": value,
@@ -135,7 +138,7 @@ class GainPath:
         clamped = self._mirror.clamp(values)
         if len(clamped) != 1:
             return await self._call(clamped, requester)
-        (name, value), = clamped.items()
+        ((name, value),) = clamped.items()
         slot = self._slots.setdefault(name, _Slot())
         future = asyncio.get_running_loop().create_future()
         slot.value, slot.requester = value, requester

@@ -75,8 +75,9 @@ class TrailRing:
         if last is None:
             self._last, self._last_time = position, now
             return changed
-        step = float(np.hypot(np.hypot(position[0] - last[0], position[1] - last[1]),
-                              position[2] - last[2]))
+        step = float(
+            np.hypot(np.hypot(position[0] - last[0], position[1] - last[1]), position[2] - last[2])
+        )
         is_gap = step > LARGEST_STEP or now - self._last_time > LONGEST_GAP
         self._last_time = now
         if step < SMALLEST_STEP and not is_gap:

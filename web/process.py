@@ -12,6 +12,7 @@ from starlette.types import ASGIApp
 from web.assembly import assemble
 from web.sockets import LiveWebSocket, listen
 from web.station import Station
+from web.view_server import ViewServer
 
 CLOSING_TIME = 2  # s given to open downloads and sockets at the end
 
@@ -51,6 +52,7 @@ def run_web(
             connect=lambda live, hub: Station(open_session, vehicle, live, hub),
             catalogue=Catalogue(data),
             show_link=print_link,
+            view_server=ViewServer(),
         )
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
         server(app).run(sockets=[listener])
@@ -80,5 +82,3 @@ def print_link(url: str, signed_in: str | None = None) -> None:
         print(f"quadlab is at  {url}", flush=True)
     else:
         print(f"{signed_in} signed in; for another browser:  {url}", flush=True)
-
-

@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 from functools import cache
 from importlib.metadata import distribution
+from pathlib import Path
 
 import msgspec
 import websockets.asyncio.client
@@ -69,7 +70,7 @@ def passes(frame: bytes, role: Role) -> bool:
 def client_html() -> bytes:
     """viser's single-file client with our injection, about 0.8 MB."""
     path = distribution("viser").locate_file("viser/client/build/index.html")
-    html = open(str(path), encoding="utf-8").read()
+    html = Path(str(path)).read_text(encoding="utf-8")
     return html.replace("</head>", _INJECTION + "</head>", 1).encode()
 
 

@@ -44,8 +44,12 @@ class Scene:
             "/target", radius=0.025, color=GREEN, visible=False, cast_shadow=False
         )
         self._drop = api.add_line_segments(
-            "/drop", np.array([[[0, 0, 0], [0, 0, 1]]], np.float32), (90, 102, 114),
-            thickness=1.0, thickness_units="screen", visible=False,
+            "/drop",
+            np.array([[[0, 0, 0], [0, 0, 1]]], np.float32),
+            (90, 102, 114),
+            thickness=1.0,
+            thickness_units="screen",
+            visible=False,
         )
         for index, position in enumerate(beacons):
             _add_beacon(api, index, position)
@@ -127,37 +131,62 @@ def _carry(camera: Any, point: Sequence[float]) -> None:
 
 def _add_room(api: Any) -> None:
     api.add_grid(
-        "/ground", width=12.0, height=12.0, cell_size=0.5, section_size=1.0,
-        cell_color=(38, 46, 54), section_color=(60, 71, 82), cell_thickness=0.8,
-        section_thickness=1.0, plane_color=(17, 22, 27), plane_opacity=0.0, shadow_opacity=0.35,
-        fade_distance=18.0, fade_strength=1.5,
+        "/ground",
+        width=12.0,
+        height=12.0,
+        cell_size=0.5,
+        section_size=1.0,
+        cell_color=(38, 46, 54),
+        section_color=(60, 71, 82),
+        cell_thickness=0.8,
+        section_thickness=1.0,
+        plane_color=(17, 22, 27),
+        plane_opacity=0.0,
+        shadow_opacity=0.35,
+        fade_distance=18.0,
+        fade_strength=1.5,
     )
     origin = np.zeros((3, 2, 3), np.float32)
     origin[:, 1] = 0.5 * np.eye(3)
     rgb = np.array([(224, 82, 82), (84, 186, 110), (88, 140, 232)], np.uint8)
     api.add_line_segments(
-        "/origin", origin, np.repeat(rgb[:, None, :], 2, axis=1), thickness=2.0,
-        thickness_units="screen", position=(0.0, 0.0, 0.002),
+        "/origin",
+        origin,
+        np.repeat(rgb[:, None, :], 2, axis=1),
+        thickness=2.0,
+        thickness_units="screen",
+        position=(0.0, 0.0, 0.002),
     )
 
 
 def _add_beacon(api: Any, index: int, position: Sequence[float]) -> None:
     x, y, z = (float(v) for v in position)
     api.add_icosphere(
-        f"/beacon_{index}", radius=0.045, color=(224, 196, 110), position=(x, y, z),
+        f"/beacon_{index}",
+        radius=0.045,
+        color=(224, 196, 110),
+        position=(x, y, z),
         cast_shadow=False,
     )
     api.add_cylinder(
-        f"/beacon_{index}_post", radius=0.008, height=max(z, 0.01), color=(90, 102, 114),
-        position=(x, y, 0.5 * z), cast_shadow=False,
+        f"/beacon_{index}_post",
+        radius=0.008,
+        height=max(z, 0.01),
+        color=(90, 102, 114),
+        position=(x, y, 0.5 * z),
+        cast_shadow=False,
     )
 
 
 def _edges(box: Box) -> Any:
     """The 12 edges of a box, shape (12, 2, 3)."""
     corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
-    edges = [corners.swapaxes(1, axis + 1)[:, :, i, j].T for axis in range(3)
-             for i in (0, 1) for j in (0, 1)]
+    edges = [
+        corners.swapaxes(1, axis + 1)[:, :, i, j].T
+        for axis in range(3)
+        for i in (0, 1)
+        for j in (0, 1)
+    ]
     return np.stack(edges)
 
 

@@ -123,9 +123,7 @@ class Station:
         """Forward, left, up, yaw in -1..1; the station stamps, watches and forwards them."""
         if self._stick is not None:
             now = time.time_ns()
-            message = new(
-                "sensor_msgs/Joy", header=header(now), axes=axes, buttons=[int(enabled)]
-            )
+            message = new("sensor_msgs/Joy", header=header(now), axes=axes, buttons=[int(enabled)])
             self._stick.put(encode(message), now)
 
     async def _call(self, service: str, requester: str, **fields: Any) -> Any:
@@ -199,8 +197,6 @@ class Station:
     def _on_change(self, received: Received) -> None:
         change = decode(received.payload, "quadlab_msgs/ParameterChange")
         self.on_change(change.name, change.new_value, change.requester, int(change.revision))
-
-
 
 
 def _close(node: Node) -> None:

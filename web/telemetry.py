@@ -50,9 +50,7 @@ def parse(text: str) -> Subscription:
 
 def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[float]) -> bytes:
     """One frame; `stamp` and `ages` in s."""
-    milliseconds = [
-        min(NEVER, round(1e3 * age)) if math.isfinite(age) else NEVER for age in ages
-    ]
+    milliseconds = [min(NEVER, round(1e3 * age)) if math.isfinite(age) else NEVER for age in ages]
     return struct.pack(
         f"<HHd{len(ages)}H{len(values)}f", identity, len(values), stamp, *milliseconds, *values
     )

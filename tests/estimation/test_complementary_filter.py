@@ -208,6 +208,25 @@ def test_many_measurements_on_their_way_do_not_make_it_swing(laboratory: Any) ->
     assert np.abs(flown.position[1000:]).max() < 0.01
 
 
+def test_a_late_correction_ends_where_one_in_time_would_have(rng: np.random.Generator) -> None:
+    """Exact while the attitude does not turn: position, velocity and bias, several on the way."""
+    prompt, late = Still(BRISK), Still(BRISK)
+    for still in (prompt, late):
+        still.correct()
+    offset = 0.02 * rng.normal(size=(30, 3))  # small enough to stay off the bias limit
+    for i in range(1, 40):
+        for still, delay in ((prompt, 0), (late, 3)):
+            still.tick(25)
+            if 1 <= i - delay <= len(offset):
+                seen = offset[i - delay - 1]
+                still.correct(ago_ns=delay * 25 * PERIOD_NS, position=seen)
+    assert not late.estimator.ignored
+    for name in ("pose", "velocity_w", "accelerometer_bias_b"):
+        wanted = prompt.estimator.memory[name]
+        assert np.abs(wanted).max() > 1e-3
+        np.testing.assert_allclose(late.estimator.memory[name], wanted, atol=1e-9)
+
+
 def test_a_pose_between_two_samples_meets_the_interpolated_estimate() -> None:
     still = Still()
     still.correct()

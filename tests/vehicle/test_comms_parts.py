@@ -176,7 +176,9 @@ def test_a_new_mirror_learns_what_changed_before_it_lived() -> None:
     (request,) = flight.received()
     assert request.values == {}
     mirror.deliver(mailbox.Reply("another", True, "", {"model.mass": 2.0}, 3))
+    assert not mirror.complete
     mirror.deliver(mailbox.Reply(request.request_id, True, "", {"model.mass": 1.1}, 9))
+    assert mirror.complete
     assert (mirror.values()["model.mass"], mirror.revision) == (1.1, 9)
 
 

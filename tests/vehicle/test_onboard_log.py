@@ -43,6 +43,7 @@ class Harness:
             lambda level, text: self.said.append((level, text)),
             lambda path: self.free,
         )
+        self.log.start()
 
     def feed(self, *batches: Record) -> None:
         for batch in batches:
@@ -145,6 +146,7 @@ def test_the_next_arming_tries_again(tmp_path: Path) -> None:
     log = OnboardLog(
         tmp_path, "quad1", lambda: b"{}", lambda _, text: said.append(text), lambda _: next(answers)
     )
+    log.start()
     for first, armed in ((0, True), (10, False), (20, True)):
         batch = ticks(first, 10, armed=armed)
         log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
@@ -159,6 +161,7 @@ def test_a_disk_that_fills_in_flight_leaves_a_closed_file(tmp_path: Path) -> Non
     log = OnboardLog(
         tmp_path, "quad1", lambda: b"{}", lambda _, text: said.append(text), lambda _: next(answers)
     )
+    log.start()
     for second in range(3):
         batch = ticks(500 * second, 500, armed=True)
         log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
@@ -176,6 +179,23 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     harness.log.close()
     assert [level for level, _ in harness.said] == [40]
     assert "onboard log stopped: cannot use" in harness.said[0][1]
+
+
+def test_what_came_before_the_start_is_written_with_the_parameters_of_the_start(
+    tmp_path: Path,
+) -> None:
+    parameters = {"json": b"too early"}
+    log = OnboardLog(
+        tmp_path, "quad1", lambda: parameters["json"], lambda *_: None, lambda _: 2 * FREE_BYTES_MIN
+    )
+    log.ticks(ticks(0, 10, armed=True), START_NS)
+    parameters["json"] = b"right"
+    log.start()
+    log.start()
+    log.close()
+    (path,) = (tmp_path / "onboard").iterdir()
+    assert read_attachments(path) == {"parameters.json": b"right"}
+    assert len(list(read_log(path, ["/quad1/imu"]))) == 10
 
 
 def test_what_the_buffer_cannot_hold_is_counted(

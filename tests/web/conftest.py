@@ -23,6 +23,7 @@ from web.assembly import assemble
 from web.process import server
 from web.sockets import listen
 from web.station import Station
+from web.view_server import ViewServer
 
 RUN = "20260131T093042Z_quad1"
 LOG = bytes(range(256)) * 40
@@ -127,6 +128,7 @@ class Site:
     base: str
     data: Path
     station: ScriptedStation
+    view_server: ViewServer
     links: list[str] = field(default_factory=list)
 
     @property
@@ -192,8 +194,10 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
 class serving:  # noqa: N801 - used as `with serving(...)`
     """Runs the whole process in a thread; `stop` and start again keep the data folder."""
 
-    def __init__(self, data: Path, catalogue: Catalogue, token: str | None = None) -> None:
-        self._listener = listen("127.0.0.1", 0)
+    def __init__(
+        self, data: Path, catalogue: Catalogue, token: str | None = None, port: int = 0
+    ) -> None:
+        self._listener = listen("127.0.0.1", port)
         base = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
         made: list[ScriptedStation] = []
         links: list[str] = []
@@ -205,15 +209,16 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         def show(url: str, signed_in: str | None = None) -> None:
             links.append(url)
 
+        view_server = ViewServer()
         app = assemble(
             data=data, base_url=base, vehicle="quad1", token=token, connect=connect,
-            catalogue=catalogue, show_link=show,
+            catalogue=catalogue, show_link=show, view_server=view_server,
         )  # fmt: skip
         self._server: uvicorn.Server = server(app)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
         )
-        self.site = Site(base, data, made[0], links)
+        self.site = Site(base, data, made[0], view_server, links)
 
     def __enter__(self) -> Site:
         self._thread.start()

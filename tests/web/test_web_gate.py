@@ -45,7 +45,9 @@ def test_reading_needs_a_session(site: Any, signed_in: httpx.Client, path: str) 
 
 
 @pytest.mark.parametrize(("method", "path", "body"), WRITE)
-def test_writing_needs_a_session(site: Any, station: Any, method: str, path: str, body: Any) -> None:
+def test_writing_needs_a_session(
+    site: Any, station: Any, method: str, path: str, body: Any
+) -> None:
     with site.browser() as stranger:
         answer = stranger.request(method, path, json=body)
     assert answer.status_code == 401
@@ -88,9 +90,7 @@ def test_a_websocket_needs_a_session(site: Any, path: str) -> None:
 
 
 @pytest.mark.parametrize("path", SOCKETS)
-def test_a_foreign_origin_gets_no_websocket(
-    site: Any, signed_in: httpx.Client, path: str
-) -> None:
+def test_a_foreign_origin_gets_no_websocket(site: Any, signed_in: httpx.Client, path: str) -> None:
     with pytest.raises(websockets.exceptions.InvalidStatus) as caught:
         site.websocket(path, site.cookie(signed_in), "http://evil.example")
     assert caught.value.response.status_code == 403
@@ -175,14 +175,14 @@ def test_a_restart_keeps_sessions_and_the_unused_link(tmp_path: Path, serve: Any
     with serve(tmp_path, catalogue) as before:
         client = before.sign_in()
         label = client.get("/api/session").json()["label"]
-        (name, value), = client.cookies.items()
+        ((name, value),) = client.cookies.items()
         client.close()
         unused = before.token
     with serve(tmp_path, catalogue) as after:
         assert after.token == unused
         # Another port here, and with it another cookie name; a restart keeps its port.
         cookie = f"quadlab_{after.host.split(':')[1]}={value}"
-        assert name != cookie.split("=")[0]
+        assert name != cookie.split("=", maxsplit=1)[0]
         answer = httpx.get(f"{after.base}/api/session", headers={"Cookie": cookie})
         assert answer.json()["label"] == label
         after.sign_in(unused).close()

@@ -21,7 +21,9 @@ from quadrotor.parameters import ParameterDescription, ParameterValue
 from web.parameters import GainPath, ParameterMirror, clamp
 
 
-def description(name: str = "gains.kp", kind: str = "float", **changes: Any) -> ParameterDescription:
+def description(
+    name: str = "gains.kp", kind: str = "float", **changes: Any
+) -> ParameterDescription:
     fields: dict[str, Any] = {
         "default": 4.0, "description": "", "unit": "", "minimum": 0.0, "maximum": 20.0,
         "step": 0.1, "read_only": False, "choices": (),
@@ -30,7 +32,8 @@ def description(name: str = "gains.kp", kind: str = "float", **changes: Any) -> 
 
 
 @pytest.mark.parametrize(
-    ("value", "clamped"), [(5, 5.0), (1e6, 20.0), (-1e6, 0.0), (20.0, 20.0), (0.3, 0.3), (4.04, 4.04)]
+    ("value", "clamped"),
+    [(5, 5.0), (1e6, 20.0), (-1e6, 0.0), (20.0, 20.0), (0.3, 0.3), (4.04, 4.04)],
 )
 def test_numbers_are_moved_into_their_bounds(value: float, clamped: float) -> None:
     result = clamp(description(), value)
@@ -102,7 +105,8 @@ def test_a_fast_slider_is_coalesced_and_its_last_value_arrives() -> None:
         first = asyncio.create_task(path.change({"gains.kp": 1.0}, "operator 1"))
         while not vehicle.calls:
             await asyncio.sleep(0)
-        rest = [asyncio.create_task(path.change({"gains.kp": 0.1 * k}, "operator 1")) for k in range(100)]
+        wishes = [{"gains.kp": 0.1 * k} for k in range(100)]
+        rest = [asyncio.create_task(path.change(wish, "operator 1")) for wish in wishes]
         await asyncio.sleep(0)
         vehicle.gate.set()
         answers = await asyncio.gather(first, *rest)
@@ -243,3 +247,26 @@ def test_every_page_hears_of_a_change(site: Any, known: httpx.Client) -> None:
         while (message := json.loads(page.recv(timeout=10.0)))["type"] != "parameter":
             pass
     assert (message["name"], message["value"]) == ("gains.kp", 7.5)
+
+
+def test_the_stations_own_revision_does_not_hide_the_vehicles() -> None:
+    mirror = ParameterMirror(lambda _: None)
+    mirror.load([description(), description("station.delay")], {"gains.kp": 4.0}, 3)
+    mirror.apply({"station.delay": 0.1}, "operator 1", 99)
+    assert mirror.revision == 3
+    mirror.apply({"gains.kp": 5.0}, "operator 1", 4)
+    assert mirror.revision == 4
+
+
+def test_a_restarted_vehicle_is_read_again(site: Any, known: httpx.Client, until: Any) -> None:
+    """Its revision starts from 0; its values are the defaults again."""
+    known.put("/api/parameters", json={"values": {"gains.kp": 9.0}})
+    site.station.store.preset({"gains.kp": 4.0})
+    site.station.store.revision = 0
+
+    def value() -> Any:
+        site.station.fly()
+        parameters = known.get("/api/parameters").json()["parameters"]
+        return next(p["value"] for p in parameters if p["name"] == "gains.kp")
+
+    until(lambda: value() == 4.0)

@@ -46,7 +46,10 @@ def test_the_link_is_printed_as_jupyter_does(capsys: pytest.CaptureFixture[str])
 
 
 def test_the_slow_libraries_are_not_imported() -> None:
-    code = "import web.process, sys; print([m for m in ('numba', 'scipy', 'cv2') if m in sys.modules])"
+    code = (
+        "import web.process, sys; "
+        "print([m for m in ('numba', 'scipy', 'cv2', 'IPython') if m in sys.modules])"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True,
         cwd=Path(app.__file__).parent.parent,

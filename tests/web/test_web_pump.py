@@ -58,7 +58,8 @@ def test_nothing_else_passes(message: dict[str, Any], role: Role) -> None:
 
 
 @pytest.mark.parametrize(
-    "frame", [b"", b"\xc1", b"text", encode(3), encode({"type": 1}), encode({**CAMERA, "x": "y" * 5000})]
+    "frame",
+    [b"", b"\xc1", b"text", encode(3), encode({"type": 1}), encode({**CAMERA, "x": "y" * 5000})],
 )
 def test_what_is_no_message_does_not_pass(frame: bytes) -> None:
     assert not pump.passes(frame, Role.OPERATOR)
@@ -88,8 +89,6 @@ def test_viser_answers_nobody_without_the_secret(server: ViewServer) -> None:
 
 
 def test_viser_listens_on_loopback_only(server: ViewServer) -> None:
-    (socket,) = [s for s in server.viser._websock_server._live_connections.values()] or [None]
-    assert socket is None
     assert server.viser.get_host() == "127.0.0.1"
     assert server.port not in (0, 8080)
 

@@ -56,9 +56,7 @@ def test_a_range_beyond_the_end_is_refused(operator: httpx.Client) -> None:
         "..%5cweb%5cdoor.json", f"{RUN}.mcap", "elsewhere",
     ],
 )  # fmt: skip
-def test_no_name_leads_out_of_the_runs_folder(
-    site: Any, operator: httpx.Client, name: str
-) -> None:
+def test_no_name_leads_out_of_the_runs_folder(site: Any, operator: httpx.Client, name: str) -> None:
     """`elsewhere` is in the catalogue, with a path that leads out of the folder."""
     answer = operator.get(f"/api/runs/{name}/download")
     assert answer.status_code == 404

@@ -21,8 +21,8 @@ from vehicle_link.session import loopback_session, station_session
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.events import EventHub
 from web.live import Live
-from web.station import Station
 from web.sockets import listen
+from web.station import Station
 
 
 class _Gains(Parameters):
@@ -145,7 +145,7 @@ def test_commands_carry_requester_and_id_and_bring_the_reason_back(
     assert arm.request_id
     assert from_parameters(take_off.arguments) == {"height": 1.5}
     router.refusal = "the motors are off; arm the vehicle first"
-    with pytest.raises(RefusedError, match="^the motors are off; arm the vehicle first$"):
+    with pytest.raises(RefusedError, match=r"^the motors are off; arm the vehicle first$"):
         client.run(client.station.command("emergency", "operator 1", action="land"))
 
 

@@ -64,6 +64,9 @@ export class Sticks {
     const enabled = held && !this.latched && !document.hidden && document.hasFocus();
     if (enabled) this.connect();
     if (this.socket?.connected && (enabled || this.sent)) {
+      // The server wants to see a release after each silence. We saw one (or would be latched);
+      // a page that stood still with the button held did not, and so stays without sticks.
+      if (!this.sent) this.socket.send(new Float32Array(5));
       this.socket.send(new Float32Array([...(enabled ? axes : [0, 0, 0, 0]), enabled ? 1 : 0]));
       this.sent = enabled;
     }
@@ -74,7 +77,7 @@ export class Sticks {
     if (this.socket) return;
     this.socket = new Socket("/ws/stick");
     this.socket.addEventListener("message", ({ data }) => { this.answer = JSON.parse(data); });
-    this.socket.addEventListener("close", () => { this.latched = true; this.answer = undefined; });
+    this.socket.addEventListener("close", () => { this.latched = true; this.sent = false; this.answer = undefined; });
   }
 
   draw(axes, enabled) {

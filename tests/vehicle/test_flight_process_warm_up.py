@@ -1,0 +1,86 @@
+"""After the warm-up nothing is left to compile or to load from the compiler's cache."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# In a process of its own: here other tests would have compiled everything already.
+PROGRAM = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from vehicle import mailbox
+from vehicle.flight_warm_up import warm_up
+from vehicle.microcontroller import Microcontroller
+from vehicle.modes import Mode
+from vehicle.parameters import new_parameters
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.stack import FlightStack
+
+simulated = SimulatedVehicle(SimulatorParameters())
+simulated.step()
+simulated.step()
+assert warm_up() == [], "a behavior of the warm-up was refused"
+laws = [o for o in gc.get_objects() if isinstance(o, Dispatcher)]
+ready = {law: len(law.overloads) for law in laws}
+assert sum(ready.values()) > 10
+
+parameters = new_parameters()
+parameters.safety.gyro_samples = 50
+stack, mcu, motor_state = FlightStack(parameters), Microcontroller(simulated.ports, 0), None
+
+def fly(seconds):
+    global motor_state
+    for k in range(int(seconds * 500)):
+        simulated.step()
+        now = simulated.stamp_ns
+        stack.measure(mailbox.Heartbeat(now))
+        stack.measure(mailbox.Joy(now, (0.2, 0.1, 0.0, -0.1), k % 1000 < 500))
+        if k % 5 == 0:
+            position = tuple(simulated.truth["position_w"][0].tolist())
+            quaternion = tuple(simulated.truth["quaternion_wb"][0].tolist())
+            stack.measure(mailbox.Pose(now, position, quaternion))
+        for sample in mcu.receive():
+            motors = stack.tick(sample)
+            if stack.motor_state_wanted is not motor_state:
+                motor_state = stack.motor_state_wanted
+                mcu.set_motor_state(motor_state)
+            if motors is not None:
+                mcu.command(motors)
+        mcu.service(now * 1e-9)
+
+def ask(command):
+    reply = stack.handle(command)
+    assert reply.accepted, reply.reason
+
+fly(1.0)
+ask(mailbox.Arm("", "test"))
+fly(0.5)
+for name, arguments, seconds in (
+    ("take_off", {"height": 1.0}, 5.0),
+    ("fly_to", {"x": 0.5, "y": 0.3, "z": 1.2, "yaw": 0.5}, 4.0),
+    ("follow_trajectory", {}, 3.0),
+    ("brake", {}, 3.0),
+    ("velocity", {}, 2.0),
+    ("hover", {}, 2.0),
+    ("land", {}, 8.0),
+):
+    ask(mailbox.StartBehavior("", "test", name, arguments))
+    fly(seconds)
+assert stack.mode is Mode.READY, stack.mode
+late = [law.py_func.__qualname__ for law in laws if len(law.overloads) > ready[law]]
+late += [o.py_func.__qualname__ for o in gc.get_objects() if isinstance(o, Dispatcher)
+         and o not in ready and o.overloads]
+assert not late, f"compiled or loaded in flight: {late}"
+"""
+
+
+def test_nothing_compiles_in_flight() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr.splitlines()[-1]
