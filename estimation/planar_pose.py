@@ -33,6 +33,8 @@ MAX_TURN = 0.5
 """Largest Gauss-Newton step, rad."""
 IMPLAUSIBLE = 4.0
 """A fit whose rms residual on a tangent axis is larger than this many sigma is no pose."""
+PLAUSIBLE = 2.0
+"""A fit found from a prediction is taken up to this many sigma; beyond, others are tried too."""
 FLATNESS = 1e-3
 """How far the beacons may leave their plane, as a share of their extent."""
 _EYE = np.eye(3)
@@ -70,24 +72,26 @@ def planar_pose(
         bearings_b: (N, 3) unit vectors in body axes, same order.
         sigma: rad on each of two tangent axes.
         prediction: position_w (3,) and quaternion_wb (4,) of a filter. Near the beacons' own
-            plane the homography fails though the information is there: the refinement also
-            starts from here then, and the start that explains the bearings better wins.
+            plane the homography fails though the information is there: the refinement starts
+            from here, and from the homography too when what it finds explains the bearings badly.
 
     Raises MeasurementError when the input is malformed, the geometry degenerate, or no pose fits.
     """
     beacons, bearings = _checked(beacons_w, bearings_b, sigma)
     center, axes, extent = _plane(beacons)
-    starts: list[tuple[Array, Array]] = []
-    try:
-        starts.append(homography_pose(beacons, bearings, center, axes, extent))
-    except MeasurementError:
-        if prediction is None:
-            raise
+    refined = []
     if prediction is not None:
         q = np.asarray(prediction[1], dtype=float)
         R_start = quaternion_to_matrix(q / math.sqrt(float(q @ q)))
-        starts.append((np.array(prediction[0], dtype=float), R_start))
-    refined = [_refine(beacons, bearings, r, R) for r, R in starts]
+        start = np.array(prediction[0], dtype=float)
+        refined.append(_refine(beacons, bearings, start, R_start))
+    if not (refined and refined[0][0] < 2.0 * len(beacons) * (PLAUSIBLE * sigma) ** 2):
+        try:
+            r, R = homography_pose(beacons, bearings, center, axes, extent)
+            refined.append(_refine(beacons, bearings, r, R))
+        except MeasurementError:
+            if prediction is None:
+                raise
     cost, r, R, information = min(refined, key=lambda item: item[0])
     residual, expected = math.sqrt(cost / len(beacons)), math.sqrt(2.0) * sigma
     if not residual < IMPLAUSIBLE * expected:

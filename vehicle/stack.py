@@ -229,6 +229,7 @@ class FlightStack:
             return
         if bias is not None:
             self.imu_calibrator.set_gyroscope_bias(bias)
+            self.estimator.reset()  # it saw the uncalibrated gyroscope and learnt from it
             degrees = ", ".join(f"{math.degrees(b):.2f}" for b in bias)
             self._gyro = None
             self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
