@@ -22,6 +22,7 @@ from estimation.mass_estimator import MassEstimator
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import ACTUATORS, POSE_SAMPLE, Record, new_tick
+from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.commands import CommandHandler
 from vehicle.gyro_calibration import GyroCalibration
@@ -168,6 +169,7 @@ class FlightStack:
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
         self.mass.configure(p.mass)
+        self.behaviors.hover_thrust = p.model.mass * GRAVITY
 
     # ------------------------------------------------------------------ mode changes
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:

@@ -61,7 +61,7 @@ class Supervisor:
         """
         p = self._parameters
         self.flags = Flag.NONE
-        battery = self._battery(stamp_ns, voltage)
+        battery_due = self._battery_due(stamp_ns, voltage)
         link_age = self.link_age(stamp_ns)
         if link_age > p.link_timeout:
             self.flags |= Flag.LINK_LOST
@@ -74,8 +74,8 @@ class Supervisor:
             return None
         if tilt > p.tilt_cut * _DEGREE:
             return self._once("tilt", Reaction.CUT, f"turned over: tilt {tilt / _DEGREE:.0f} deg")
-        if battery is not None:
-            return battery
+        if battery_due and "battery" not in self._said:
+            return self._once("battery", Reaction.LAND, f"battery at {voltage:.1f} V")
         if pose_age > p.pose_land_after and link_age <= p.link_timeout:
             return self._once("pose", Reaction.LAND, f"no pose measurement for {pose_age:.1f} s")
         if link_age > p.link_timeout:
@@ -92,19 +92,18 @@ class Supervisor:
             )
         return None
 
-    def _battery(self, stamp_ns: int, voltage: float) -> Verdict | None:
+    def _battery_due(self, stamp_ns: int, voltage: float) -> bool:
+        """Flags a low battery; whether it has been low enough to land for long enough."""
         p = self._parameters
         if voltage >= p.battery_warning:
             self._low_since_ns = None
-            return None
+            return False
         if self._low_since_ns is None:
             self._low_since_ns = stamp_ns
         if (stamp_ns - self._low_since_ns) * 1e-9 < p.battery_delay:
-            return None
+            return False
         self.flags |= Flag.BATTERY_LOW
-        if voltage < p.battery_land:
-            return self._once("battery", Reaction.LAND, f"battery at {voltage:.1f} V")
-        return None
+        return voltage < p.battery_land
 
     def _once(self, cause: str, reaction: Reaction, reason: str) -> Verdict | None:
         if cause in self._said:

@@ -89,6 +89,12 @@ def test_a_battery_between_warning_and_landing_is_only_flagged() -> None:
     assert flight.supervisor.flags & Flag.BATTERY_LOW
 
 
+def test_a_battery_found_empty_on_the_ground_still_lands_the_flight_that_follows() -> None:
+    flight = Flight(battery_land=13.1, battery_delay=1.0)
+    assert flight.fly(3.0, airborne=False, voltage=13.0) == []
+    assert [v.reaction for _, v in flight.fly(1.0, voltage=13.0)] == [Reaction.LAND]
+
+
 def test_a_vehicle_that_turned_over_stops_its_motors() -> None:
     reactions = Flight(tilt_cut=100.0).fly(1.0, tilt=math.radians(101.0))
     assert [v.reaction for _, v in reactions] == [Reaction.CUT]

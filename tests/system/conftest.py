@@ -1,0 +1,205 @@
+"""The whole laboratory for tests: `quadlab up` with real processes on free loopback ports."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
+
+import httpx
+import pytest
+
+T = TypeVar("T")
+PATIENCE = 60.0
+
+
+def free_ports(count: int) -> list[int]:
+    """Ports that are free for TCP and UDP on loopback right now."""
+    found: list[int] = []
+    while len(found) < count:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
+        ):
+            tcp.bind(("127.0.0.1", 0))
+            port = tcp.getsockname()[1]
+            try:
+                udp.bind(("127.0.0.1", port))
+            except OSError:
+                continue
+            found.append(port)
+    return found
+
+
+def until(what: str, look: Callable[[], T | None | bool], patience: float = PATIENCE) -> T:
+    """The first true answer of `look`, asked again and again; fails after `patience` seconds."""
+    waited = threading.Event()
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        found = look()
+        if found:
+            return found  # type: ignore[return-value]
+        waited.wait(0.05)
+    raise AssertionError(f"waited {patience:.0f} s for {what} in vain")
+
+
+class Laboratory:
+    """One `quadlab up` and a signed-in browser without a screen."""
+
+    def __init__(self, data: Path) -> None:
+        self.data = data
+        self.port, self.link_port = free_ports(2)
+        self.lines: list[str] = []
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", str(data),
+             "--port", str(self.port), "--link-port", str(self.link_port)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.browser = httpx.Client(base_url=self.url, headers={"origin": self.url}, timeout=10)
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.lines.append(line.rstrip())
+
+    @property
+    def output(self) -> str:
+        return "\n".join(self.lines)
+
+    def sign_in_url(self) -> str:
+        """The newest printed link."""
+        links = re.findall(r"http://\S+token=\S+", self.output)
+        return links[-1] if links else ""
+
+    def sign_in(self) -> Laboratory:
+        until("the sign-in link", self.sign_in_url)
+        answer = self.browser.get(self.sign_in_url(), follow_redirects=True)
+        assert answer.status_code == 200, answer.text
+        return self
+
+    # ------------------------------------------------------------------ the page's API
+    def get(self, path: str) -> Any:
+        answer = self.browser.get(path)
+        assert answer.status_code == 200, f"{path}: {answer.status_code} {answer.text}"
+        return answer.json()
+
+    def summary(self) -> dict[str, Any]:
+        try:
+            answer = self.browser.get("/api/summary")
+        except httpx.TransportError:
+            return {}
+        return answer.json() if answer.status_code == 200 else {}
+
+    def status(self) -> dict[str, Any]:
+        return self.summary().get("status") or {}
+
+    def command(self, command: str, /, **body: Any) -> httpx.Response:
+        return self.browser.post(f"/api/commands/{command}", json=body)
+
+    def do(self, command: str, /, **body: Any) -> None:
+        answer = self.command(command, **body)
+        assert answer.status_code == 200, f"{command}: {answer.text}"
+
+    def start(self, behavior: str, **arguments: Any) -> None:
+        self.do("start_behavior", name=behavior, arguments=arguments)
+
+    def reach(self, patience: float = PATIENCE, **wanted: Any) -> None:
+        """Wait until the status shows these values."""
+        try:
+            until(str(wanted), lambda: wanted.items() <= self.status().items(), patience)
+        except AssertionError as error:
+            raise AssertionError(f"{error}; status {self.status()}\n{self.output}") from None
+
+    def hover(self, height: float = 1.0) -> None:
+        """Arm and take off."""
+        self.reach(mode="ready")
+        until("arming", lambda: self.command("arm").status_code == 200, 20)
+        self.reach(mode="armed")
+        until("take-off", lambda: self.command(
+            "start_behavior", name="take_off", arguments={"height": height}
+        ).status_code == 200, 20)  # fmt: skip
+        self.reach(behavior="hover")
+
+    # ------------------------------------------------------------------ processes
+    def pid(self, command: str) -> int | None:
+        """Of the child that runs `quadlab <command>`."""
+        for pid, words in self.processes().items():
+            if len(words) > 3 and words[1:4] == ["-m", "quadlab", command]:
+                return pid
+        return None
+
+    def processes(self) -> dict[int, list[str]]:
+        """Command lines of this laboratory's processes, the parent apart."""
+        found = {}
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                words = (folder / "cmdline").read_bytes().decode().split("\0")
+            except (OSError, UnicodeDecodeError):
+                continue
+            if int(folder.name) != self._process.pid and str(self.data) in " ".join(words):
+                found[int(folder.name)] = words
+        return found
+
+    def kill(self, command: str) -> int:
+        """kill -9; returns the dead process id."""
+        pid = until(f"the {command} process", lambda: self.pid(command), 10)
+        os.kill(pid, signal.SIGKILL)
+        return pid
+
+    @contextlib.contextmanager
+    def nothing_restarted(self) -> Iterator[None]:
+        """Stop the supervising process meanwhile: what is killed stays dead."""
+        self._process.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._process.send_signal(signal.SIGCONT)
+
+    def restarted(self, command: str, dead: int) -> None:
+        until(f"a new {command}", lambda: self.pid(command) not in (None, dead), 30)
+
+    def runs(self) -> list[dict[str, Any]]:
+        runs: list[dict[str, Any]] = self.get("/api/runs")
+        return runs
+
+    def stop(self, patience: float = PATIENCE) -> int:
+        """Ctrl-C; the exit status."""
+        self._process.send_signal(signal.SIGINT)
+        try:
+            return self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            raise AssertionError(f"up did not end within {patience:.0f} s\n{self.output}") from None
+
+    def close(self) -> None:
+        self.browser.close()
+        if self._process.poll() is None:
+            self.stop()
+
+
+@pytest.fixture
+def start_laboratory(tmp_path: Path) -> Iterator[Callable[[], Laboratory]]:
+    """Starts `quadlab up` on this test's own data folder; stopped at the end."""
+    started: list[Laboratory] = []
+
+    def start() -> Laboratory:
+        laboratory = Laboratory(tmp_path / "data")
+        started.append(laboratory)
+        return laboratory
+
+    yield start
+    for laboratory in started:
+        laboratory.close()

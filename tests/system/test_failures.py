@@ -1,0 +1,79 @@
+"""Processes that die in flight: what must go on goes on, and nothing is lost."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vehicle_link.log import is_closed, read_log
+from vehicle_link.messages import decode
+from vehicle_link.topics import decode_odometry
+
+
+pytestmark = pytest.mark.timeout(240)
+Lab = Any
+
+
+def until(what: str, look: Callable[[], bool], patience: float) -> None:
+    waited, end = threading.Event(), time.monotonic() + patience
+    while not look():
+        assert time.monotonic() < end, f"waited {patience:.0f} s for {what} in vain"
+        waited.wait(0.05)
+
+
+def stamps(path: Path, topic: str) -> np.ndarray:
+    return np.array([m.publish_ns for m in read_log(path, {f"/quad1/{topic}"})]) * 1e-9
+
+
+def test_a_killed_web_touches_neither_flight_nor_log(
+    start_laboratory: Callable[[], Lab],
+) -> None:
+    lab = start_laboratory().sign_in()
+    lab.hover()
+    flown = lab.summary()["station"]["recording_duration"]
+    dead = lab.kill("web")
+    lab.restarted("web", dead)
+    lab.reach(mode="armed", behavior="hover")  # the same cookie is good for the new process
+    assert lab.summary()["station"]["recording_duration"] > flown
+    lab.start("land")
+    lab.reach(armed=False)
+    run = next(r for r in lab.runs())
+    path = lab.data / "runs" / f"{run['id']}.mcap"
+    times = stamps(path, "state")
+    assert np.diff(times).max() < 0.2, "the log has a hole"
+    heights = [decode_odometry(m.payload)[1]["position_w"][0, 2]
+               for m in read_log(path, {"/quad1/truth"})]  # fmt: skip
+    assert max(heights) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recovered(
+    start_laboratory: Callable[[], Lab],
+) -> None:
+    lab = start_laboratory().sign_in()
+    lab.hover()
+    torn = next((lab.data / "runs").glob("*.mcap"))
+    onboard = next((lab.data / "onboard").glob("*.mcap"))
+    with lab.nothing_restarted():
+        killed = time.time()
+        lab.kill("station")
+        until("the vehicle to land and close its log", lambda: is_closed(onboard), 40)
+
+    events = [(m.publish_ns * 1e-9 - killed, decode(m.payload, "rcl_interfaces/Log").msg)
+              for m in read_log(onboard, {"/quad1/events"})]  # fmt: skip
+    braked = next(t for t, text in events if text.startswith("braking"))
+    landing = next(t for t, text in events if text.startswith("emergency land"))
+    assert 0.0 < braked < 0.5, events
+    assert landing - braked == pytest.approx(2.0, abs=0.1), events
+    assert any(text == "touched down" for _, text in events), events
+
+    lab.reach(mode="ready")  # the station is back, and the page with it
+    assert is_closed(torn), "the torn file was not recovered"
+    run = next(r for r in lab.runs() if r["id"] == torn.stem)
+    assert "recovered" in str(run), run
+    assert len(stamps(torn, "state")) > 500
