@@ -203,10 +203,15 @@ class Recorder:
     def _begin(self, run: Run) -> None:
         try:
             writer = LogWriter(run.path, run.metadata, run.attachments())
-            self._open = _Open(run, writer, time.monotonic())
-            self._on_start(run)
         except StorageError as error:
             self._fail(run, error)
+            return
+        self._open = _Open(run, writer, time.monotonic())
+        try:
+            self._on_start(run)
+            self._alarms.pop("catalogue", None)
+        except StorageError as error:  # the file matters more than its line in the catalogue
+            self._alarms["catalogue"] = str(error)
 
     def _end(self, problem: str) -> None:
         if self._open is None:

@@ -14,6 +14,7 @@ class Run:
     run_id: str
     path: Path
     metadata: Mapping[str, str]
+    start_ns: int = 0  # epoch, station clock
     attachments: Callable[[], Mapping[str, bytes]] = dict
     keep_free: int = 500_000_000  # bytes
 

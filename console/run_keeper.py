@@ -6,6 +6,7 @@ import json
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -98,6 +99,7 @@ class RunKeeper:
                 "seed": str(self._store.parameters.tracker.seed),
                 **self._provenance,
             },
+            start_ns=time.time_ns(),
             attachments=self._attachments,
             keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
         )
@@ -127,20 +129,21 @@ class RunKeeper:
         problem = end.problem
         if end.dropped:
             problem = f"{end.dropped} messages were dropped. {problem}".strip()
-        self._catalogue.update(
-            end.run.run_id,
+        entry = replace(
+            self._entry(end.run),
             duration=end.duration,
             bytes=end.bytes,
             messages=end.messages,
             complete=end.closed,
             problem=problem,
         )
+        self._catalogue.add(entry)
 
     def _entry(self, run: Run) -> RunEntry:
         return RunEntry(
             id=run.run_id,
             vehicle=self._vehicle,
-            start_ns=time.time_ns(),
+            start_ns=run.start_ns,
             duration=0.0,
             file=run.path.name,
             bytes=0,

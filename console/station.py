@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +14,8 @@ from console.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.session import parse_endpoint, station_session
+
+SWITCH_INTERVAL = 0.0005
 
 
 def run_station(
@@ -35,6 +38,9 @@ def run_station(
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
+    # Recovering an old log computes for seconds beside the link's threads, which need the
+    # interpreter for some 10 µs at a time and must not wait 5 ms for each turn.
+    sys.setswitchinterval(SWITCH_INTERVAL)
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())

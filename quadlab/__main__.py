@@ -12,12 +12,14 @@ import sys
 from collections.abc import Sequence
 
 from quadlab.commands import COMMANDS
+from quadlab.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command named by `arguments` (default: sys.argv); returns the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    follow_parent()
     try:
         command = parse(words)
         return command.run()

@@ -68,7 +68,7 @@ class Fly:
         finally:
             log.close()
         wall, processor = time.perf_counter() - began, time.process_time() - processor
-        flown = flight.view().time
+        flown, rate = flight.view().time, parameters.simulator.imu_rate
         result = experiment.evaluate(path)
 
         if not self.json:
@@ -79,8 +79,8 @@ class Fly:
             print(f"  {name:18} {value:10.5g}{bound}")
         print(f"  flown {flown:.1f} s in {wall:.2f} s: {flown / wall:.1f} times real time")
         for stage, seconds in sorted(flight.clock.seconds.items(), key=lambda s: -s[1]):
-            share = seconds / wall
-            print(f"    {stage:16} {seconds:7.2f} s {share:6.1%} {seconds / flown * 2000:7.1f} µs a tick")
+            a_tick = seconds / flown / rate * 1e6
+            print(f"    {stage:16} {seconds:7.2f} s {seconds / wall:6.1%} {a_tick:7.1f} µs a tick")
         print(f"  log {path}")
         if self.json:
             report = {

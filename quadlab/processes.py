@@ -12,7 +12,9 @@ import tyro
 from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
 
-Settings = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")]
+Settings = Annotated[
+    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")
+]
 Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""

@@ -18,7 +18,7 @@ def parse_settings(parameters: Parameters, words: Sequence[str]) -> dict[str, Pa
     for word in words:
         name, equals, text = word.partition("=")
         if not equals:
-            raise UsageError(f"--set {word}: write it as name=value, for instance {store.names[0]}=1")
+            raise UsageError(f"--set {word}: write it as name=value, like {store.names[0]}=1")
         try:
             values[name] = parse_text(store.description(name), text)
         except ParameterError as error:

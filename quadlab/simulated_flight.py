@@ -11,24 +11,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bearing_sim.beacons import PAPER_BEACONS
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
 from estimation.estimator import Estimator
-from estimation.planar_pose import planar_pose
 from quadlab.flight_log import FlightLog
 from quadlab.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
+from vehicle.bearing_pose import BearingPose
 from vehicle.microcontroller import Microcontroller
 from vehicle.modes import Mode
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.stack import FlightStack
-from vehicle_link import topics
 from vehicle_link.serial.ids import MotorState
 
 HEARTBEAT_NS = 50_000_000
@@ -73,6 +71,7 @@ class SimulatedFlight:
         self._mcu = Microcontroller(simulated.ports, epoch_ns=0)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
+        self._bearing_pose = BearingPose()
         self._log = log
         self._motor_state = MotorState.OFF
         self._requests = 0
@@ -167,15 +166,14 @@ class SimulatedFlight:
         self.clock.lap("station")
 
     def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:
-        seen = np.isin(PAPER_BEACONS.ids, frame.beacon_ids)
         try:
-            pose = planar_pose(PAPER_BEACONS.positions_w[seen], frame.bearings_b, frame.sigma)
+            payload = self._bearing_pose.solve(
+                frame.stamp_ns, frame.beacon_ids.tolist(), frame.bearings_b, frame.sigma,
+                self.stack.state,
+            )  # fmt: skip
         except MeasurementError as error:
             self.stack.say(f"bearings: {error}", mailbox.WARN)
             return
-        payload = topics.encode_bearing_pose(
-            frame.stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
-        )
         self._log.bearing_pose(frame.stamp_ns, payload, now_ns)
 
     def _drain_outbox(self) -> None:
@@ -219,4 +217,3 @@ class TrueState:
 
     def report(self, estimate: np.ndarray) -> None:  # type: ignore[type-arg]
         estimate["measurement_age"] = 0.0
-

@@ -1,12 +1,11 @@
 """Child processes: started, watched, restarted, and none left behind.
 
-Every child asks the kernel to kill it when this process dies, so even `kill -9` of the parent
-leaves nothing running.
+Every child asks the kernel to end it when this process dies (see `follow_parent`), so even
+`kill -9` of the parent leaves nothing running.
 """
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import subprocess
@@ -16,15 +15,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from quadrotor.errors import QuadlabError
+from vehicle.realtime import die_with_parent
 
-_PR_SET_PDEATHSIG = 1
+PARENT = "QUADLAB_PARENT"
+"""Environment variable that tells a child whose life it shares."""
 RESTARTS_ALLOWED = 5
 RESTART_WINDOW = 30.0
 """More than RESTARTS_ALLOWED deaths within this many seconds, and the process is given up."""
 
 
-def _die_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+def follow_parent() -> None:
+    """In a child of `Child`: end by SIGTERM when the parent ends, however it ends."""
+    parent = os.environ.pop(PARENT, "")
+    if parent:
+        die_with_parent(int(parent))
 
 
 @dataclass
@@ -48,9 +52,8 @@ class Child:
         # A session of its own: Ctrl-C in the terminal reaches only the parent, which lands first.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "quadlab", *self.words],
-            env={**os.environ, **self.environment},
+            env={**os.environ, **self.environment, PARENT: str(os.getpid())},
             start_new_session=True,
-            preexec_fn=_die_with_parent,
             stdin=subprocess.DEVNULL,
         )
 

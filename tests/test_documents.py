@@ -32,7 +32,7 @@ def test_every_row_of_the_paper_map_names_a_function_and_its_test(function: str,
 
 
 @pytest.mark.parametrize(
-    "document", sorted((ROOT / "docs").rglob("*.md")) + [ROOT / "README.md"], ids=lambda p: p.name
+    "document", [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md"], ids=lambda p: p.name
 )
 def test_every_relative_link_of_a_document_leads_somewhere(document: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text()):

@@ -11,12 +11,10 @@ import threading
 import time
 from collections.abc import Callable
 
-import numpy as np
-
-from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from estimation.planar_pose import planar_pose
 from quadrotor.errors import LinkError, MeasurementError
+from quadrotor.records import Record
 from vehicle import mailbox
+from vehicle.bearing_pose import BearingPose
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox
 from vehicle_link import topics
@@ -54,6 +52,10 @@ class Inbound:
     Args:
         bearing_pose: takes (payload, stamp in ns) of a one-frame pose.
         log: takes (topic, payload, stamp in ns) of everything that was not ignored.
+
+    Attributes:
+        newest_state: STATE of the newest tick, shape (1,), which starts the search for a
+            one-frame pose; replaced by the comms thread, None before the first tick.
     """
 
     def __init__(
@@ -63,15 +65,15 @@ class Inbound:
         say: Say,
         bearing_pose: Callable[[bytes, int], None],
         log: Callable[[str, bytes, int], None],
-        beacons: Beacons = PAPER_BEACONS,
     ) -> None:
         self._flight = flight
         self._clock = clock
         self._complain = SaidOnceASecond(say, clock)
         self._bearing_pose = bearing_pose
         self._log = log
-        self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
+        self._solver = BearingPose()
         self._heard_ns: int | None = None
+        self.newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
             "tracker_pose": self._tracker_pose,
             "bearings": self._bearings,
@@ -119,16 +121,8 @@ class Inbound:
             return
         self._send(mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma))
         self._log("bearings", payload, seen.stamp_ns)
-        known = [k for k, one in enumerate(seen.beacon_ids) if one in self._places]
-        if not known:
-            raise MeasurementError(
-                f"no known beacon among {seen.beacon_ids}; known are {sorted(self._places)}"
-            )
-        places = np.array([self._places[seen.beacon_ids[k]] for k in known])
-        bearings = np.array([seen.bearings_b[k] for k in known])
-        pose = planar_pose(places, bearings, seen.sigma)
-        encoded = topics.encode_bearing_pose(
-            seen.stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
+        encoded = self._solver.solve(
+            seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma, self.newest_state
         )
         self._bearing_pose(encoded, seen.stamp_ns)
 

@@ -8,7 +8,6 @@ So the exchange with the smallest round trip of the last few says the offset bes
 from __future__ import annotations
 
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -47,10 +46,15 @@ class Exchange:
 
 
 class ClockOffset:
-    """The offset of the server's clock over a sliding window of exchanges."""
+    """The offset of the server's clock over a sliding window of exchanges.
+
+    One thread adds, any thread asks: the window is a tuple that is replaced, never changed.
+    """
 
     def __init__(self, window: int = WINDOW) -> None:
-        self._exchanges: deque[Exchange] = deque(maxlen=window)
+        self._window = window
+        self._exchanges: tuple[Exchange, ...] = ()
+        self._offset_ns = 0
 
     @property
     def known(self) -> bool:
@@ -59,14 +63,13 @@ class ClockOffset:
     @property
     def offset_ns(self) -> int:
         """Server's clock minus client's; 0 before the first exchange."""
-        if not self._exchanges:
-            return 0
-        return min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
+        return self._offset_ns
 
     @property
     def round_trip_ns(self) -> int:
         """Of the newest exchange; 0 before the first."""
-        return self._exchanges[-1].round_trip_ns if self._exchanges else 0
+        exchanges = self._exchanges
+        return exchanges[-1].round_trip_ns if exchanges else 0
 
     @property
     def jitter_ns(self) -> int:
@@ -76,9 +79,9 @@ class ClockOffset:
 
     def add(self, exchange: Exchange) -> None:
         """A server whose clock was set anew (it restarted) empties the window."""
-        if self._exchanges and not self._agrees(exchange):
-            self._exchanges.clear()
-        self._exchanges.append(exchange)
+        kept = self._exchanges if self._exchanges and self._agrees(exchange) else ()
+        self._exchanges = (*kept, exchange)[-self._window :]
+        self._offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
 
     def to_server(self, client_ns: int) -> int:
         """A time of the client's clock in the server's."""
@@ -88,7 +91,7 @@ class ClockOffset:
         return server_ns - self.offset_ns
 
     def clear(self) -> None:
-        self._exchanges.clear()
+        self._exchanges, self._offset_ns = (), 0
 
     def _agrees(self, exchange: Exchange) -> bool:
         """Both offsets are right to half their round trip, and a little drift."""

@@ -56,8 +56,8 @@ def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> Tracki
     common = sorted(truth.keys() & reference.keys())
     if not common:
         raise LogFormatError(
-            f"{log.name} has no truth and reference at common stamps between {start:.1f} s and "
-            f"{end:.1f} s ({len(truth)} truth, {len(reference)} reference); was it flown to the end?"
+            f"{log.name} has {len(truth)} truth and {len(reference)} reference messages between "
+            f"{start:.1f} s and {end:.1f} s, none at common stamps; was it flown to the end?"
         )
     position = np.array([truth[s][0] - reference[s][0] for s in common])
     yaw_error = np.array([truth[s][1] - reference[s][1] for s in common])

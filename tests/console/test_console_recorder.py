@@ -174,10 +174,10 @@ def test_a_missing_folder_is_an_alarm_also_while_nothing_is_recorded(tmp_path: P
 
 
 def test_a_catalogue_that_fails_is_an_alarm_and_the_file_is_whole(tmp_path: Path) -> None:
-    def broken(end: RunEnd) -> None:
+    def broken(run: object) -> None:
         raise StorageError("the catalogue is locked")
 
-    recorder = Recorder(tmp_path, on_end=broken)
+    recorder = Recorder(tmp_path, on_start=broken, on_end=broken)
     recorder.start(run_in(tmp_path))
     put(recorder, 3)
     recorder.stop()

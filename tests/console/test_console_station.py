@@ -441,6 +441,19 @@ def test_a_torn_run_was_recovered_at_the_start(bench: Bench) -> None:
     assert is_closed(bench.data / "runs" / "torn.mcap")
 
 
+def test_the_station_does_not_wait_for_a_compiler() -> None:
+    """Numba, scipy and OpenCV cost seconds at the start and nothing here needs them."""
+    code = "import console.station, sys; print({'numba', 'scipy', 'cv2'} & set(sys.modules))"
+    found = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert found.stdout.strip() == "set()"
+
+
 STATION = """
 import sys
 from pathlib import Path

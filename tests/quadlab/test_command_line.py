@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from quadlab.__main__ import main
+from quadlab.commands import COMMANDS
 
 
 def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int) -> str:
@@ -49,7 +50,7 @@ def test_wrong_words_are_answered_in_one_line(
     assert said in complaint(capsys, words, 2)
 
 
-@pytest.mark.parametrize("command", ["", "up", "fly", "log", "vehicle", "simulator", "station", "web"])
+@pytest.mark.parametrize("command", ["", *COMMANDS])
 def test_every_command_has_help(capsys: pytest.CaptureFixture[str], command: str) -> None:
     with pytest.raises(SystemExit) as stop:
         main([command, "--help"] if command else ["--help"])

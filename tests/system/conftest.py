@@ -40,7 +40,7 @@ def free_ports(count: int) -> list[int]:
     return found
 
 
-def until(what: str, look: Callable[[], T | None | bool], patience: float = PATIENCE) -> T:
+def until(what: str, look: Callable[[], T | bool | None], patience: float = PATIENCE) -> T:
     """The first true answer of `look`, asked again and again; fails after `patience` seconds."""
     waited = threading.Event()
     end = time.monotonic() + patience

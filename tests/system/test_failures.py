@@ -15,7 +15,6 @@ from vehicle_link.log import is_closed, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry
 
-
 pytestmark = pytest.mark.timeout(240)
 Lab = Any
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
+from quadrotor.errors import RefusedError
 from vehicle.modes import LEGAL_MOVES, Flag, Mode, check_move
 from vehicle.parameters import SafetyParameters
 from vehicle.supervisor import Reaction, Supervisor, Verdict
-from quadrotor.errors import RefusedError
 
 STEP_NS = 2_000_000
 WELL = {"voltage": 15.0, "pose_age": 0.0, "tilt": 0.0}

@@ -21,7 +21,7 @@ def provenance() -> dict[str, str]:
         "git_revision": revision or "unknown",
         "git_dirty": ("true" if _git("status", "--porcelain") else "false") if revision else "",
         "versions": json.dumps({"python": platform.python_version(), **_versions()}),
-        "frames": "world: z up; quad1/body: x forward, y left, z up; quaternions body to world",
+        "frames": "world: z up; <vehicle>/body: x forward, y left, z up; quaternions body to world",
     }
 
 

@@ -1,0 +1,57 @@
+"""One-frame poses from bearings to known beacons (Sec. 6.2), as the vehicle publishes them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from estimation.planar_pose import planar_pose
+from quadrotor.errors import MeasurementError
+from quadrotor.records import Record
+from vehicle_link import topics
+
+
+class BearingPose:
+    """Knows where the beacons are.
+
+    Args:
+        beacons: ids and positions; default the paper's four.
+    """
+
+    def __init__(self, beacons: Beacons = PAPER_BEACONS) -> None:
+        self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
+
+    def solve(
+        self,
+        stamp_ns: int,
+        beacon_ids: Sequence[int],
+        bearings_b: npt.ArrayLike,
+        sigma: float,
+        state: Record | None,
+    ) -> bytes:
+        """The encoded `bearing_pose` of one frame.
+
+        Args:
+            bearings_b: (N, 3) unit vectors in body axes. sigma: rad on each tangent axis.
+            state: STATE of shape (1,) to start the search from, which is what makes poses near
+                the beacons' own plane possible; None when there is none.
+
+        Raises MeasurementError.
+        """
+        bearings = np.asarray(bearings_b, dtype=float)
+        known = [k for k, one in enumerate(beacon_ids) if one in self._places]
+        if not known:
+            raise MeasurementError(
+                f"no known beacon among {list(beacon_ids)}; known are {sorted(self._places)}"
+            )
+        places = np.array([self._places[beacon_ids[k]] for k in known])
+        start = None
+        if state is not None:
+            start = (state["position_w"][0], state["quaternion_wb"][0])
+        pose = planar_pose(places, bearings[known], sigma, start)
+        return topics.encode_bearing_pose(
+            stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
+        )
