@@ -38,3 +38,10 @@ def test_every_relative_link_of_a_document_leads_somewhere(document: Path) -> No
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text()):
         if "://" not in target:
             assert (document.parent / target).exists(), f"{document.name} links to {target}"
+
+
+def test_the_parameters_page_is_what_the_models_say() -> None:
+    from quadlab.parameters_page import page
+
+    text = (ROOT / "docs/parameters.md").read_text()
+    assert text == page(), "run scripts/parameters_page"

@@ -1,0 +1,40 @@
+"""docs/parameters.md from the models: every parameter with unit, bounds and meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    from bearing_sim.emulator import BearingParameters
+    from bearing_sim.tracker import TrackerParameters
+    from vehicle.parameters import new_parameters
+    from vehicle.simulator.parameters import SimulatorParameters
+
+    trees: list[tuple[str, str, Parameters]] = [
+        ("Vehicle", "", new_parameters()),
+        ("Simulator", "simulator.", SimulatorParameters()),
+        ("Tracker", "tracker.", TrackerParameters()),
+        ("Bearings", "bearings.", BearingParameters()),
+    ]
+    parts = [
+        "# Parameters\n\nWritten by `scripts/parameters_page` from the models in the code; do not edit.\n"
+        "Set one with `--set NAME=VALUE`, on the Gains tab, or with `ros2 param set`.\n"
+    ]
+    for title, prefix, tree in trees:
+        parts.append(f"\n## {title}\n\n| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n")
+        parts.extend(_rows(prefix, ParameterStore(tree).descriptions()))
+    return "".join(parts)
+
+
+def _rows(prefix: str, descriptions: Iterable[ParameterDescription]) -> Iterable[str]:
+    for d in descriptions:
+        allowed = ", ".join(d.choices)
+        if d.minimum is not None and d.maximum is not None:
+            allowed = f"{d.minimum:g} … {d.maximum:g}"
+        default = f"{d.default:g}" if isinstance(d.default, float) else str(d.default)
+        fixed = " (at start only)" if d.read_only else ""
+        yield f"| `{prefix}{d.name}` | {default} | {allowed} | {d.unit} | {d.description}{fixed} |\n"
