@@ -82,7 +82,7 @@ class BearingEmulator:
         noise = np.radians(p.sigma) * self._random.standard_normal((count, 2))
         kept = self._random.random(count) >= p.drop_out
         swapped = self._random.random() < p.swap
-        exchanged = self._random.choice(count, size=2, replace=False) if count > 1 else [0, 0]
+        exchanged = self._random.permutation(count)[:2]
 
         offsets_b = (self.beacons.positions_w - position_w) @ matrix_of(quaternion_wb)
         distances = np.sqrt(np.sum(offsets_b**2, axis=1))
@@ -113,12 +113,16 @@ class BearingEmulator:
 
 def perturbed(bearings: Array, angles: Array) -> Array:
     """Unit vectors (N, 3) moved on the sphere by `angles` (N, 2), rad, along two tangent axes."""
-    # The axis least aligned with the bearing makes a well conditioned first tangent.
-    helpers = np.eye(3)[np.argmin(np.abs(bearings), axis=1)]
-    first = np.cross(bearings, helpers)
-    first /= np.sqrt(np.sum(first**2, axis=1))[:, None]
-    second = np.cross(bearings, first)
-    angle = np.sqrt(np.sum(angles**2, axis=1))[:, None]
-    step = angles[:, :1] * first + angles[:, 1:] * second
-    moved = np.cos(angle) * bearings + np.sinc(angle / np.pi) * step
-    return np.asarray(moved / np.sqrt(np.sum(moved**2, axis=1))[:, None])
+    x, y, z = bearings.T
+    # Two tangents without a square root, well conditioned everywhere (Duff et al., JCGT 2017).
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    along, across = angles[:, 0], angles[:, 1]
+    step = np.empty_like(bearings)
+    step[:, 0] = along * (1.0 + sign * x * x * a) + across * b
+    step[:, 1] = along * sign * b + across * (sign + y * y * a)
+    step[:, 2] = -along * sign * x - across * y
+    angle = np.sqrt(along * along + across * across)
+    share = np.sin(angle) / np.maximum(angle, 1e-300)
+    return np.asarray(np.cos(angle)[:, None] * bearings + share[:, None] * step)

@@ -7,7 +7,7 @@ The scale is that of the two projected columns, the sign that which puts the bea
 bearings and not against them. Gauss-Newton steps on the bearings, two as a rule, make the
 estimate efficient.
 
-Bearings may point anywhere on the sphere. Small numpy calls: about 0.4 ms a pose.
+Bearings may point anywhere on the sphere. The refinement is compiled; the rest are a few small numpy calls.
 """
 
 from __future__ import annotations
@@ -18,26 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from estimation.bearing_refinement import refine
 from quadrotor.errors import MeasurementError
-from quadrotor.rotations import cross, quaternion_from_matrix, quaternion_to_matrix, rotation_exp
+from quadrotor.rotations import cross, quaternion_from_matrix, quaternion_to_matrix
 
 Array = npt.NDArray[np.float64]
 
-MAX_STEPS = 12
-"""Gauss-Newton steps; two do, except low above a beacon (1 in 3000 of the envelope)."""
-SETTLED = 0.02
-"""Share of the cost a step must take off to be followed by another."""
-MAX_MOVE = 0.5
-"""Largest Gauss-Newton step, as a share of the mean distance to the beacons."""
-MAX_TURN = 0.5
-"""Largest Gauss-Newton step, rad."""
 IMPLAUSIBLE = 4.0
 """A fit whose rms residual on a tangent axis is larger than this many sigma is no pose."""
 PLAUSIBLE = 2.0
 """A fit found from a prediction is taken up to this many sigma; beyond, others are tried too."""
 FLATNESS = 1e-3
 """How far the beacons may leave their plane, as a share of their extent."""
-_EYE = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,52 +141,11 @@ def homography_pose(
 def _refine(
     beacons: Array, bearings: Array, r: Array, R: Array
 ) -> tuple[float, Array, Array, Array]:
-    """Cost (rad^2), r, R and information (for sigma 1) after clamped Gauss-Newton steps.
-
-    In world axes, with x = R_wb bearing, d the unit vector from r to the beacon and rho their
-    distance, the residual of a beacon is x - d, a chord: monotone over the whole sphere. A
-    rotation R <- exp(phi) R changes it by -[x] phi, a move by (I - d d^T) / rho.
-    A step that does not lower the cost is halved, at most three times.
-    """
-    cost, gradient, information, distance = _linearize(beacons, bearings, r, R)
-    for _ in range(MAX_STEPS):
-        before = cost
-        try:
-            step: Array = -np.asarray(np.linalg.solve(information, gradient), np.float64)
-        except np.linalg.LinAlgError:
-            break  # _covariance refuses it
-        move, turn = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
-        step /= max(1.0, move / (MAX_MOVE * distance), turn / MAX_TURN)
-        for _ in range(4):
-            trial_r, trial_R = r + step[:3], rotation_exp(step[3:]) @ R
-            trial = _linearize(beacons, bearings, trial_r, trial_R)
-            if trial[0] < cost:
-                r, R = trial_r, trial_R
-                cost, gradient, information, distance = trial
-                break
-            step *= 0.5
-        if before - cost <= SETTLED * before:
-            break
-    return cost, r, R, information
-
-
-def _linearize(
-    beacons: Array, bearings: Array, r: Array, R: Array
-) -> tuple[float, Array, Array, float]:
-    """Sum of squared residuals, gradient (6,), J^T J (6, 6) and mean distance (m)."""
-    to_beacons = beacons - r
-    rho = np.maximum(np.sqrt((to_beacons * to_beacons).sum(1)), 1e-9)
-    d = to_beacons / rho[:, None]
-    x = bearings @ R.T
-    residual = x - d
-    J = np.zeros((len(d), 3, 6))
-    J[:, :, :3] = (_EYE - d[:, :, None] * d[:, None, :]) / rho[:, None, None]
-    J[:, 0, 4], J[:, 0, 5] = x[:, 2], -x[:, 1]
-    J[:, 1, 3], J[:, 1, 5] = -x[:, 2], x[:, 0]
-    J[:, 2, 3], J[:, 2, 4] = x[:, 1], -x[:, 0]
-    flat = J.reshape(-1, 6)
-    e = residual.reshape(-1)
-    return float(e @ e), flat.T @ e, flat.T @ flat, float(rho.mean())
+    """Cost (rad^2), r, R and information (for sigma 1) of the best pose near (r, R)."""
+    position, rotation = np.array(r, dtype=float), np.array(R, dtype=float)
+    information = np.empty((6, 6))
+    cost = refine(beacons, bearings, position, rotation, information)
+    return cost, position, rotation, information
 
 
 def _covariance(information: Array, sigma: float, extent: float) -> Array:

@@ -17,6 +17,8 @@ from vehicle_link import topics
 from vehicle_link.log import LogWriter
 from vehicle_link.log.provenance import provenance
 
+Array = npt.NDArray[np.float64]
+
 BATCH = 50
 """Ticks encoded at once: vectorised, a message costs a fraction of a microsecond."""
 GROUP = 5
@@ -46,9 +48,13 @@ class FlightLog:
         self._count = 0
         self._grouped = 0
         self._others: list[tuple[int, str, str, bytes, int]] = []
+        self._truths: list[Record] = []
+        self._truth_stamps: list[int] = []
+        self._poses: list[tuple[int, Array, Array]] = []
+        self._pose_arrivals: list[int] = []
         self._now_ns = 0
         # The publisher of the comms process decides which slow topic is due; nothing is sent.
-        self._publisher = Publisher(_NoRadio(), self, self, vehicle)  # type: ignore[arg-type]
+        self._publisher = Publisher(None, self, self, vehicle)  # type: ignore[arg-type]
 
     def now_ns(self) -> int:
         """Simulated time, for the publisher."""
@@ -79,21 +85,19 @@ class FlightLog:
 
     def truth(self, stamp_ns: int, state: Record) -> None:
         """The simulator's STATE, shape (1,)."""
-        payload = topics.encode_odometries(np.array([stamp_ns]), state, self._vehicle)[0]
-        self._put("truth", payload, stamp_ns, stamp_ns)
+        self._truth_stamps.append(stamp_ns)
+        self._truths.append(state.copy())
 
     def pose(
         self,
         stamp_ns: int,
-        position_w: npt.NDArray[np.float64],
-        quaternion_wb: npt.NDArray[np.float64],
+        position_w: Array,
+        quaternion_wb: Array,
         log_ns: int,
     ) -> None:
         """A tracker pose that arrived at `log_ns`."""
-        sample = np.zeros(1, POSE_SAMPLE)
-        sample["stamp_ns"] = stamp_ns
-        sample["position_w"], sample["quaternion_wb"] = position_w, quaternion_wb
-        self._put("tracker_pose", topics.encode_poses(sample)[0], stamp_ns, log_ns)
+        self._poses.append((stamp_ns, position_w, quaternion_wb))
+        self._pose_arrivals.append(log_ns)
 
     def bearings(self, frame: BearingMeasurement, log_ns: int) -> None:
         """A frame of emulated bearings that arrived at `log_ns`."""
@@ -114,7 +118,26 @@ class FlightLog:
     def _put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
         self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
+    def _encode_batches(self) -> None:
+        """Truth and tracker poses, kept as records until now: encoding many at once is cheap."""
+        if self._truths:
+            stamps = np.array(self._truth_stamps)
+            payloads = topics.encode_odometries(stamps, np.concatenate(self._truths), self._vehicle)
+            for stamp_ns, payload in zip(self._truth_stamps, payloads, strict=True):
+                self._put("truth", payload, stamp_ns, stamp_ns)
+        if self._poses:
+            samples = np.array(self._poses, POSE_SAMPLE)
+            payloads = topics.encode_poses(samples)
+            for pose, payload, log_ns in zip(
+                self._poses, payloads, self._pose_arrivals, strict=True
+            ):
+                self._put("tracker_pose", payload, pose[0], log_ns)
+        for batch in (self._truths, self._truth_stamps, self._poses, self._pose_arrivals):
+            batch.clear()
+        self._others.sort(key=_log_time)
+
     def _flush(self) -> None:
+        self._encode_batches()
         ticks = self._ticks[: self._count]
         rows = zip(
             ticks["imu"]["stamp_ns"].tolist(),
@@ -145,7 +168,5 @@ class FlightLog:
         self._writer.write(f"/{self._vehicle}/{topic}", type_name, payload, log_ns, source_ns)
 
 
-class _NoRadio:
-    """Nobody listens in simulated time."""
-
-    def put(self, topic: str, payload: bytes, source_ns: int) -> None: ...
+def _log_time(other: tuple[int, str, str, bytes, int]) -> int:
+    return other[0]

@@ -37,9 +37,15 @@ class Radio(Protocol):
 
 
 class Publisher:
-    """Owned by the comms thread; `event`, `parameter_change` and `bearing_pose` as well."""
+    """Owned by the comms thread; `event`, `parameter_change` and `bearing_pose` as well.
 
-    def __init__(self, radio: Radio, log: OnboardLog, clock: VehicleClock, vehicle: str) -> None:
+    Args:
+        radio: None in simulated time, where nobody listens: only the log is served.
+    """
+
+    def __init__(
+        self, radio: Radio | None, log: OnboardLog, clock: VehicleClock, vehicle: str
+    ) -> None:
         self._radio = radio
         self._log = log
         self._clock = clock
@@ -60,7 +66,8 @@ class Publisher:
         """The ticks read just now, shape (N,), N ≥ 1, oldest first."""
         stamps = ticks["imu"]["stamp_ns"]
         newest = int(stamps[-1])
-        self._telemetry(ticks[stamps >= newest - STALE_NS])
+        if self._radio is not None:
+            self._telemetry(self._radio, ticks[stamps >= newest - STALE_NS])
         last = ticks[-1:]
         key = _status_key(last)
         if self._due("status", newest) or key != self._status_key:
@@ -81,7 +88,7 @@ class Publisher:
     def heartbeat(self) -> None:
         """Call often; sends at its rate, with or without ticks."""
         now_ns = self._clock.now_ns()
-        if self._due("vehicle_heartbeat", now_ns):
+        if self._radio is not None and self._due("vehicle_heartbeat", now_ns):
             self._heartbeat += 1
             payload = topics.encode_heartbeat(self._heartbeat, now_ns)
             self._radio.put("vehicle_heartbeat", payload, now_ns)
@@ -105,7 +112,7 @@ class Publisher:
     def bearing_pose(self, payload: bytes, stamp_ns: int) -> None:
         self._send("bearing_pose", payload, stamp_ns)
 
-    def _telemetry(self, ticks: Record) -> None:
+    def _telemetry(self, radio: Radio, ticks: Record) -> None:
         if self._pending and _too_old(self._pending[0], ticks):
             self._pending.clear()
             self._pending_count = 0
@@ -120,7 +127,7 @@ class Publisher:
             group = waiting[start : start + size]
             stamp_ns = int(group["imu"]["stamp_ns"][-1])
             if self._may_send("telemetry", stamp_ns):
-                self._radio.put("telemetry", telemetry.pack(group, self._packet), stamp_ns)
+                radio.put("telemetry", telemetry.pack(group, self._packet), stamp_ns)
                 self._packet += 1
         rest = waiting[len(waiting) // size * size :]
         self._pending = [rest] if len(rest) else []
@@ -156,7 +163,7 @@ class Publisher:
         return True
 
     def _send(self, topic: str, payload: bytes, stamp_ns: int, *, always: bool = False) -> None:
-        if always or self._may_send(topic, stamp_ns):
+        if self._radio is not None and (always or self._may_send(topic, stamp_ns)):
             self._radio.put(topic, payload, stamp_ns)
         type_name = topics.TOPICS[topic].type_name
         self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())

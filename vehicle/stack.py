@@ -28,8 +28,10 @@ from vehicle.commands import CommandHandler
 from vehicle.gyro_calibration import GyroCalibration
 from vehicle.imu_calibration import ImuCalibrator
 from vehicle.microcontroller import RawSample
-from vehicle.modes import Flag, Mode, check_move
+from vehicle.modes import Mode, check_move
 from vehicle.parameters import VehicleParameters
+from vehicle.reference_rounding import ReferenceRounding
+from vehicle.status_writer import StatusWriter
 from vehicle.supervisor import Reaction, Supervisor, Verdict
 from vehicle_link.serial.ids import MotorState
 
@@ -37,7 +39,6 @@ LONGEST_STEP = 0.05
 """s: after a longer gap between samples the filters are stepped by this much only."""
 NOMINAL_STEP = 0.002
 MOTOR_START_GRACE_NS = 1_500_000_000
-MOTOR_REFERENCE_MAX = 255
 
 
 class FlightStack:
@@ -75,12 +76,18 @@ class FlightStack:
         self.airborne = False
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self.motor_state_wanted = MotorState.OFF
-        self.real_time = True
         self._gyro: GyroCalibration | None = None
         self._pose = np.zeros(1, POSE_SAMPLE)
         self._off = np.zeros(1, ACTUATORS)
         self._off["scaling"] = 1.0
-        self._rounding = [0.0, 0.0, 0.0, 0.0]
+        self._rounding = ReferenceRounding()
+        self._status_writer = StatusWriter(self.status)
+        # Views made once: looking a field up by name in each tick costs as much as the laws.
+        self._wanted_references = self.actuators["motor_references"][0]
+        self._wrench = self.actuators["wrench"][0]
+        self._scaling = self.actuators["scaling"]
+        self._quaternion_wb = self.state["quaternion_wb"][0]
+        self._sequence = self.record["sequence"]
         self._poses: list[mailbox.Pose] = []
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._stamp_ns = 0
@@ -122,7 +129,7 @@ class FlightStack:
                 self.state,
                 self._joy,
                 self.airborne,
-                float(self.actuators["wrench"][0, 0]),
+                float(self._wrench[0]),
                 self.reference,
             )
             self.controller.step(self.state, self.reference, self.airborne, dt, self.actuators)
@@ -154,11 +161,8 @@ class FlightStack:
         self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
     ) -> None:
         """What the loop measured of itself over the last second (Hz, s, s, s, share 0..1)."""
-        status = self.status
-        status["tick_rate"], status["missed_share"] = rate, missed
-        status["lateness_p50"], status["lateness_p99"] = p50, p99
-        status["lateness_max"] = longest
-        self.real_time = real_time
+        self._status_writer.loop(rate, p50, p99, longest, missed)
+        self._status_writer.real_time = real_time
 
     def configure(self) -> None:
         """Hand the present parameters to every part; called at a tick boundary."""
@@ -214,7 +218,7 @@ class FlightStack:
         if dt <= 0.0:
             return 0.0
         self._stamp_ns = stamp_ns
-        self.record["sequence"] += 1
+        self._sequence[0] += 1
         return min(dt, LONGEST_STEP)
 
     def _calibrate_gyroscope(self) -> None:
@@ -284,7 +288,7 @@ class FlightStack:
 
     def _idle(self) -> None:
         """Armed on the ground: motors turn slowly, the reference follows the state."""
-        self._hold_reference()
+        stand(self.state, self.reference)
         self.controller.idle(self.actuators)
         if self._landed_ns is not None:
             waited = (self._stamp_ns - self._landed_ns) * 1e-9
@@ -292,11 +296,8 @@ class FlightStack:
                 self.move(Mode.READY, "landed")
 
     def _rest(self) -> None:
-        self._hold_reference()
-        self.actuators[...] = self._off
-
-    def _hold_reference(self) -> None:
         stand(self.state, self.reference)
+        self.actuators[...] = self._off
 
     def _motor_references(
         self, sample: RawSample, flying: bool
@@ -308,39 +309,21 @@ class FlightStack:
             state = MotorState(sample.motor_state).name.lower()
             self.move(Mode.CUT, f"microcontroller reports motors {state}", mailbox.ERROR)
             return None
-        return self._round_references()
-
-    def _round_references(self) -> tuple[int, int, int, int]:
-        # What rounding takes away is given back at the next tick: a count is 0.7 rad/s² of roll,
-        # and without this the vehicle wanders in a limit cycle of some millimetres.
-        wanted, carry = self.actuators["motor_references"][0], self._rounding
-        counts = []
-        for i in range(4):
-            exact = float(wanted[i]) + carry[i]
-            count = min(MOTOR_REFERENCE_MAX, max(0, round(exact)))
-            carry[i] = max(-0.5, min(0.5, exact - count))
-            wanted[i] = count
-            counts.append(count)
-        return counts[0], counts[1], counts[2], counts[3]
+        return self._rounding.round(self._wanted_references)
 
     def _write_status(self, sample: RawSample) -> None:
-        flags = self.supervisor.flags
-        if self.mode is Mode.STARTING:
-            flags |= Flag.GYRO_UNCALIBRATED
-        if not self.has_pose:
-            flags |= Flag.NO_POSE
-        if self.actuators["scaling"][0] < 1.0:
-            flags |= Flag.SATURATED
-        if self.airborne and self.controller.tilt_limited:
-            flags |= Flag.TILT_LIMITED
-        if not self.real_time:
-            flags |= Flag.NOT_REAL_TIME
-        status = self.status
-        status["mode"], status["behavior"] = self.mode, self.behaviors.name
-        status["armed"] = self.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
-        status["airborne"], status["flags"] = self.airborne, flags
-        status["battery_voltage"], status["pressure"] = sample.battery_voltage, sample.pressure
+        self._status_writer.write(
+            mode=self.mode,
+            behavior=self.behaviors.name,
+            airborne=self.airborne,
+            supervisor_flags=self.supervisor.flags,
+            stale_pose=self.estimator.stale,
+            saturated=bool(self._scaling[0] < 1.0),
+            tilt_limited=self.controller.tilt_limited,
+            voltage=sample.battery_voltage,
+            pressure=sample.pressure,
+        )
 
     def _tilt(self) -> float:
-        q = self.state["quaternion_wb"][0]
-        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]))))
+        _, x, y, _ = self._quaternion_wb.tolist()
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

@@ -36,7 +36,7 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
     (ParameterError, 422),
     (LinkError, 503),
-    (StorageError, 404),
+    (StorageError, 503),
 )
 
 
@@ -217,8 +217,10 @@ def _add_error_handlers(app: FastAPI) -> None:
     def line(status: int, text: str, headers: Any = None) -> Response:
         return JSONResponse({"error": " ".join(text.split())}, status, headers=headers)
 
-    async def user_error(_: Request, error: Exception) -> Response:
+    async def user_error(request: Request, error: Exception) -> Response:
         status = next((s for kind, s in STATUS_OF if isinstance(error, kind)), 400)
+        if isinstance(error, StorageError) and "run_id" in request.path_params:
+            status = 404
         return line(status, str(error))
 
     async def http_error(request: Request, error: Exception) -> Response:

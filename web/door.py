@@ -24,6 +24,7 @@ from quadrotor.errors import StorageError
 
 COOKIE_AGE = 30 * 24 * 3600  # s
 REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot bring one back
+OPEN_AT_ONCE = 20  # unused tokens kept; each start of `quadlab up` leaves one
 
 
 class Role(StrEnum):
@@ -58,6 +59,8 @@ class Door:
         if given is not None and not used and given not in self._state["tokens"]:
             self._state["tokens"][given] = Role.OPERATOR.value
         self._ensure_one()
+        tokens = self._state["tokens"]
+        self._state["tokens"] = dict(list(tokens.items())[-OPEN_AT_ONCE:])
         self._save()
 
     @property

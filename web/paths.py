@@ -114,8 +114,14 @@ class TrailRing:
         return changed
 
 
+def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
+    """An sRGB colour for viser's lines, which take their colours as linear light."""
+    red, green, blue = (round(255.0 * (c / 255.0) ** 2.2) for c in color)
+    return (red, green, blue)
+
+
 class Trail:
-    """Draws a TrailRing with reused line nodes; `color` is RGB 0 to 255."""
+    """Draws a TrailRing with reused line nodes; `color` is sRGB, 0 to 255."""
 
     def __init__(
         self, scene: Any, name: str, color: tuple[int, int, int], thickness: float
@@ -126,7 +132,7 @@ class Trail:
             self._nodes[index] = scene.add_line_segments(
                 f"{name}/{'head' if index < 0 else index}",
                 piece.segments,
-                color,
+                line_color(color),
                 thickness=thickness,
                 thickness_units="screen",
                 visible=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import webbrowser
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ def run_web(
     token: str | None = None,
     vehicle: str = "quad1",
     host: str = "127.0.0.1",
+    open_browser: bool = False,
 ) -> None:
     """Serves the page until interrupted.
 
@@ -32,6 +34,8 @@ def run_web(
         port: 0 takes any free one.
         loopback_port: of the station's router.
         token: a first sign-in token chosen by the caller; one is made if None.
+        open_browser: open the page in a browser, unless `token` was used before: then this is
+            a restart, and the page is open already.
 
     Raises LinkError (port taken), UsageError (no such port) or StorageError (data folder).
     """
@@ -40,6 +44,12 @@ def run_web(
 
     def open_session() -> Any:
         return loopback_session(loopback_port)
+
+    def show_link(url: str, signed_in: str | None = None) -> None:
+        print_link(url, signed_in)
+        is_restart = token is not None and not url.endswith(token)
+        if open_browser and signed_in is None and not is_restart:
+            webbrowser.open(url)
 
     listener = listen(host, port)
     base_url = f"http://{host}:{listener.getsockname()[1]}"
@@ -51,7 +61,7 @@ def run_web(
             token=token,
             connect=lambda live, hub: Station(open_session, vehicle, live, hub),
             catalogue=Catalogue(data),
-            show_link=print_link,
+            show_link=show_link,
             view_server=ViewServer(),
         )
         logging.getLogger("websockets").setLevel(logging.CRITICAL)

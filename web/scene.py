@@ -15,11 +15,13 @@ import numpy as np
 
 from web.airframe import Airframe
 from web.live import Live
-from web.paths import Trail
+from web.paths import Trail, line_color
 from web.view_server import ViewServer
 
 RATE = 30.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
+AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
+EDGES, DROP = (84, 100, 116), (120, 134, 148)
 FLOOR = (13, 17, 21)
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
@@ -46,7 +48,7 @@ class Scene:
         self._drop = api.add_line_segments(
             "/drop",
             np.array([[[0, 0, 0], [0, 0, 1]]], np.float32),
-            (90, 102, 114),
+            line_color(DROP),
             thickness=1.0,
             thickness_units="screen",
             visible=False,
@@ -69,7 +71,7 @@ class Scene:
             return
         self._volume_box = box
         self._server.viser.scene.add_line_segments(
-            "/volume", _edges(box), (56, 68, 80), thickness=1.0, thickness_units="screen"
+            "/volume", _edges(box), line_color(EDGES), thickness=1.0, thickness_units="screen"
         )
 
     async def run(self) -> None:
@@ -148,7 +150,7 @@ def _add_room(api: Any) -> None:
     )
     origin = np.zeros((3, 2, 3), np.float32)
     origin[:, 1] = 0.5 * np.eye(3)
-    rgb = np.array([(224, 82, 82), (84, 186, 110), (88, 140, 232)], np.uint8)
+    rgb = np.array([line_color(c) for c in AXES], np.uint8)
     api.add_line_segments(
         "/origin",
         origin,

@@ -9,7 +9,6 @@ With 40 signals a frame has 208 B: 4.9 kB/s with its websocket head and everythi
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 import struct
 import time
@@ -115,5 +114,4 @@ class TelemetryFeed:
             self._pages -= 1
             for task in (listening, talking):
                 task.cancel()
-                with contextlib.suppress(asyncio.CancelledError, Exception):
-                    await task
+            await asyncio.gather(listening, talking, return_exceptions=True)

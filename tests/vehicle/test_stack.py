@@ -207,17 +207,6 @@ def test_a_bad_parameter_change_changes_nothing(values: dict[str, Any], said: st
     assert lab.stack.store.revision == revision
 
 
-def test_rounded_motor_references_keep_their_mean() -> None:
-    lab = Lab().ready()
-    stack = lab.stack
-    wanted = np.array([100.3, 120.75, 30.01, 179.5])
-    sent = []
-    for _ in range(1000):
-        stack.actuators["motor_references"][0] = wanted
-        sent.append(stack._round_references())
-    assert np.asarray(sent).mean(axis=0) == pytest.approx(wanted, abs=2e-3)
-
-
 def test_the_tick_is_a_function_of_its_inputs() -> None:
     def fly() -> bytes:
         lab = Lab().hovering()

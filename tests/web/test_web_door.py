@@ -92,3 +92,11 @@ def test_a_damaged_file_is_said_in_one_line(tmp_path: Path, content: str) -> Non
     with pytest.raises(StorageError, match=r"door\.json is damaged; delete it") as caught:
         Door(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_unused_tokens_of_many_starts_do_not_pile_up(tmp_path: Path) -> None:
+    for start in range(50):
+        door = Door(tmp_path, f"token {start}")
+    assert door.token == "token 49"
+    assert door.consume("token 0") is None
+    assert door.consume("token 48") is not None

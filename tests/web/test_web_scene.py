@@ -187,3 +187,46 @@ def test_a_box_has_twelve_edges_along_the_axes() -> None:
     lengths = sorted(float(np.abs(b - a).sum()) for a, b in edges)
     assert lengths == [1.0] * 4 + [3.0] * 4 + [4.0] * 4
     assert len({tuple(map(tuple, edge)) for edge in edges}) == 12
+
+
+def test_a_tab_that_stood_still_gets_the_newest_and_no_history(server: ViewServer) -> None:
+    """What a stalled page finds when it wakes up is a small part of what was sent meanwhile."""
+    import socket as sockets
+
+    live = Live(decode)
+    scene = Scene(server, live)
+    raw = sockets.socket()
+    raw.setsockopt(sockets.SOL_SOCKET, sockets.SO_RCVBUF, 4096)
+    raw.connect(("127.0.0.1", server.port))
+    stalled = websockets.sync.client.connect(
+        server.url,
+        sock=raw,
+        subprotocols=[websockets.Subprotocol(f"viser-v{server.version}")],
+        additional_headers={SECRET_HEADER: server.secret},
+        compression=None,
+        max_size=None,
+        max_queue=1,
+        proxy=None,
+    )
+    received = dict.fromkeys(("awake", "stalled"), 0)
+    quiet = threading.Event()
+
+    def read(name: str, socket: Any) -> None:
+        for frame in socket:
+            received[name] += len(frame)
+            quiet.clear()
+
+    with connect(server, "awake") as awake, stalled:
+        threading.Thread(target=read, args=("awake", awake), daemon=True).start()
+        settle(quiet)
+        received["awake"] = 0
+        for k in range(240):
+            fly(live, k / RATE)
+            scene.update(k / RATE)
+            time.sleep(1.0 / 60.0)
+        settle(quiet)
+        threading.Thread(target=read, args=("stalled", stalled), daemon=True).start()
+        settle(quiet)
+    print(received)
+    # The stalled one still had the whole scene to get, about 30 kB.
+    assert 0 < received["stalled"] < 0.5 * received["awake"]

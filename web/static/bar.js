@@ -14,7 +14,7 @@ export class Bar {
     this.events = events;
     this.controls = ["arm", "take-off", "land", "emergency-land", "cut"].map($);
     this.isOperator = isOperator;
-    onHold($("arm"), 800, () => fly.attempt(() => command(this.armed ? "disarm" : "arm"), this.armed ? "disarm" : "arm"));
+    onHold($("arm"), 800, () => fly.attempt(() => command(this.nextArm), this.nextArm));
     $("take-off").addEventListener("click", () => fly.start("take_off"));
     $("land").addEventListener("click", () => fly.start("land"));
     $("emergency-land").addEventListener("click", () => fly.attempt(() => command("emergency", { action: "land" }), "emergency landing"));
@@ -23,12 +23,16 @@ export class Bar {
     setInterval(() => this.draw(), 200);
   }
 
-  get armed() { return Boolean(this.events.summary.status?.armed) && this.fresh("status"); }
+  // Disarming also acknowledges a cut.
+  get nextArm() {
+    const { status } = this.events.summary;
+    return status && this.fresh("status") && (status.armed || status.mode?.toLowerCase() === "cut") ? "disarm" : "arm";
+  }
   fresh(topic) { return this.events.age(topic) < STALE[topic]; }
 
   draw() {
     const { status, link, battery, station } = this.events.summary;
-    this.set("mode", status && words(status.mode));
+    this.set("mode", status && words(status.mode), /cut|emergency/i.test(status?.mode));
     this.set("behavior", status && words(status.behavior));
     this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && link.state !== "good");
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
@@ -36,8 +40,9 @@ export class Bar {
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
     this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz` : "none"), station?.tracker_rate < 10);
     this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
-    if (this.isOperator) $("arm").textContent = this.armed ? "Disarm" : "Arm";
-    $("arm").title = this.armed ? "hold for 0.8 s to stop the motors on the ground" : "hold for 0.8 s to start the motors";
+    const disarms = this.nextArm === "disarm";
+    $("arm").textContent = disarms ? "Disarm" : "Arm";
+    if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : "hold for 0.8 s to start the motors";
   }
 
   // The station's own figure while it speaks; longer once it is silent.

@@ -78,7 +78,7 @@ export class Chart {
     return {
       width: Math.max(50, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight),
       legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } }, padding: [6, 16, 0, 0],
-      scales: { x: { time: false }, y: { range: (_, low, high) => spread(low, high) } },
+      scales: { x: { time: false }, y: { range: (_, low, high) => spread(low, high, units) } },
       axes: [
         { ...line, size: 20, gap: 3, values: (_, ticks) => ticks.map((tick) => axisTime(tick - this.now())), splits: () => this.ticks() },
         { ...line, size: 52, gap: 5, label: [...units].filter(Boolean).join(", ") || undefined, labelSize: 15, labelGap: 0, labelFont: "11px system-ui" },
@@ -128,10 +128,13 @@ export class Chart {
 
 const isReference = (name) => name.startsWith("reference.");
 
-// A little air, and never less than a millimetre high: noise should look like noise.
-function spread(low, high) {
+// A little air, and a least height for each unit: noise should look like noise.
+const LEAST = { m: 0.02, "m/s": 0.05, "m/s²": 0.2, "°": 1, "°/s": 2, N: 0.5, "N m": 0.02, kg: 0.01, V: 0.2, mm: 2, ms: 5, "µs": 50, count: 2, "%": 1, Hz: 2 };
+
+function spread(low, high, units) {
   if (low === null || high === null) return [-1, 1];
-  const room = Math.max(0.08 * (high - low), 0.0005, 0.02 * Math.max(Math.abs(low), Math.abs(high)) * (high - low < 1e-9 ? 1 : 0));
+  const least = Math.max(0.01, ...[...units].map((unit) => LEAST[unit] ?? 0)), height = high - low;
+  const room = Math.max(0.08 * height, 0.5 * (least - height));
   return [low - room, high + room];
 }
 

@@ -1,0 +1,114 @@
+"""Chromium through Playwright, for the tests of the page. The 3D view is blanked in most."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync", "--no-first-run",
+]  # fmt: skip
+BOUND = 20_000  # ms, for a broken page only
+
+
+class Look:
+    """What a person would look for on the page; each waits until it is so."""
+
+    def __init__(self, page: Any) -> None:
+        from playwright.sync_api import expect
+
+        self._page = page
+        self._expect = expect
+
+    def text(self, selector: str, pattern: str) -> None:
+        self._expect(self._page.locator(selector)).to_have_text(re.compile(pattern), timeout=BOUND)
+
+    def has_class(self, selector: str, name: str) -> None:
+        expected = re.compile(rf"\b({name})\b")
+        self._expect(self._page.locator(selector)).to_have_class(expected, timeout=BOUND)
+
+    def has_no_class(self, selector: str, name: str) -> None:
+        expected = re.compile(rf"\b({name})\b")
+        self._expect(self._page.locator(selector)).not_to_have_class(expected, timeout=BOUND)
+
+    def value(self, selector: str, value: str) -> None:
+        self._expect(self._page.locator(selector)).to_have_value(value, timeout=BOUND)
+
+
+@pytest.fixture(scope="module")  # its event loop must not outlive the module: others run theirs
+def chromium() -> Iterator[Any]:
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
+    """A vehicle that publishes at 50 Hz; call with False to silence it."""
+    going, talking = threading.Event(), threading.Event()
+    going.set()
+    talking.set()
+
+    def fly() -> None:
+        while going.is_set():
+            if talking.is_set():
+                station.fly()
+            threading.Event().wait(0.02)
+
+    thread = threading.Thread(target=fly, daemon=True)
+    thread.start()
+    yield lambda on: talking.set() if on else talking.clear()
+    going.clear()
+    thread.join()
+
+
+@pytest.fixture
+def context(chromium: Any) -> Iterator[Any]:
+    made = chromium.new_context(viewport={"width": 1440, "height": 900})
+    made.set_default_timeout(BOUND)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def open_page(context: Any) -> Iterator[Callable[[Any], Any]]:
+    """`open_page(site)` signs in; an error in a page's scripts fails the test."""
+    problems: list[str] = []
+
+    def open_at(site: Any) -> Any:
+        page = context.new_page()
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
+        page.goto(f"{site.base}/?token={site.token}")
+        page.wait_for_selector("#behaviors button")
+        return page
+
+    yield open_at
+    assert problems == []
+
+
+@pytest.fixture
+def page(open_page: Any, site: Any, flying: Any) -> Any:
+    return open_page(site)
+
+
+@pytest.fixture
+def look(page: Any) -> Look:
+    return Look(page)
+
+
+@pytest.fixture
+def look_at() -> type[Look]:
+    return Look

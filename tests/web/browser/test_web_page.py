@@ -1,0 +1,166 @@
+"""The page in Chromium, its 3D view blanked: what a person sees and does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from console.catalogue import Catalogue
+
+
+def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:
+    assert page.url == f"{site.base}/"
+    stranger = context.browser.new_context()
+    late = stranger.new_page()
+    late.goto(f"{site.base}/?token=used")
+    assert "not valid" in late.inner_text("h1")
+    assert "newest link" in late.inner_text("main")
+    stranger.close()
+
+
+def test_the_bar_shows_what_the_vehicle_says(page: Any, look: Any) -> None:
+    look.text("#mode", "^armed$")
+    look.text("#behavior", "^hover$")
+    look.text("#link", "ms · 2.0 %")
+    look.text("#battery", "^15.6 V$")
+    look.text("#tracker", "^100 Hz$")
+    look.text("#tick", "^140 µs · 0.0 %$")
+    look.text("#recording", r"^● 00:12\s+84 MB$")
+    look.text("#flags", "not real time")
+
+
+def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flying: Any) -> None:
+    look.text("#mode", "^armed$")
+    flying(False)
+    look.has_class("#mode", "stale")
+    look.text("#mode", "^armed$")
+    look.has_class("#table tbody tr >> nth=0", "stale")
+    look.text("#table tbody tr >> nth=0 >> td >> nth=1", r"^1\.000$")
+    look.text("#flags", r"no telemetry for")
+    flying(True)
+    look.has_no_class("#mode", "stale")
+
+
+def test_the_state_table_shows_numbers_and_ages(page: Any, look: Any) -> None:
+    look.text("#table tbody tr >> nth=0 >> td >> nth=3", r"^1\.500$")
+    look.text("#table tbody tr >> nth=5 >> td >> nth=3", r"^0\.500$")  # tracking error, z
+    look.text("#table tbody tr >> nth=0 >> td.age", r"ms$")
+
+
+def test_a_refusal_is_shown_with_its_reason(page: Any, look: Any, station: Any) -> None:
+    station.refusal = "take_off refused: the motors are off; arm the vehicle first"
+    page.click("#take-off")
+    look.text("#answer", "the motors are off; arm the vehicle first")
+    page.fill("#behaviors input >> nth=0", "99")
+    page.click("#take-off")
+    look.text("#answer", "height = 99; allowed 0.2 to 20 m")
+
+
+def test_arming_needs_a_hold_and_a_click_does_nothing(
+    page: Any, look: Any, station: Any, until: Any
+) -> None:
+    look.text("#arm", "^Disarm$")
+    station.requests.clear()
+    page.click("#arm")
+    page.click("#emergency-land")
+    until(lambda: bool(station.requests))
+    assert [name for name, _ in station.requests] == ["emergency"]
+    page.hover("#arm")
+    page.mouse.down()
+    until(lambda: (page.wait_for_timeout(20), len(station.requests) == 2)[1])
+    page.mouse.up()
+    assert station.requests[-1][0] == "disarm"
+
+
+def test_land_and_cut_are_two_emergencies(page: Any, station: Any, until: Any) -> None:
+    page.click("#emergency-land")
+    until(lambda: len(station.requests) == 1)
+    page.hover("#cut")
+    page.mouse.down()
+    until(lambda: (page.wait_for_timeout(20), len(station.requests) == 2)[1])
+    page.mouse.up()
+    assert [request.action for _, request in station.requests] == ["land", "cut"]
+
+
+def test_runs_can_be_downloaded(page: Any, look: Any) -> None:
+    page.click("[data-tab=runs]")
+    page.wait_for_selector(".run a")
+    with page.expect_download() as download:
+        page.click(".run a >> nth=0")
+    assert download.value.suggested_filename.endswith(".mcap")
+
+
+def test_charts_draw_the_signals_that_were_chosen(page: Any, look: Any, until: Any) -> None:
+    page.click("#chart-1 button")
+    page.click("#chart-1 .menu label:has-text('mass') input")
+    page.keyboard.press("Escape")
+    look.text("#chart-1 .legend", "mass")
+    look.text("#chart-1 .legend span:has-text('mass') output", r"^1\.310$")
+    drawn = """() => { const c = document.querySelector('#chart-0 canvas');
+      return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); }"""
+    until(lambda: page.evaluate(drawn))
+
+
+PAD = """() => { window.pad = { connected: true, axes: [0, 0, 0, -1], buttons:
+  Array.from({ length: 16 }, () => ({ pressed: false })) };
+  navigator.getGamepads = () => [window.pad];
+  document.hasFocus = () => true; }"""
+
+
+def test_sticks_work_while_the_button_is_held_and_need_a_release_after_a_blur(
+    page: Any, look: Any, station: Any, until: Any
+) -> None:
+    station.sticks.clear()
+
+    def hold(on: bool) -> None:
+        page.evaluate(f"window.pad.buttons[4].pressed = {str(on).lower()}")
+
+    def enabled() -> bool:
+        page.wait_for_timeout(20)
+        return bool(station.sticks) and station.sticks[-1][1]
+
+    page.evaluate(PAD)
+    hold(False)
+    page.wait_for_timeout(100)
+    hold(True)
+    until(enabled)
+    assert station.sticks[-1][0][0] == 1.0
+    page.evaluate("dispatchEvent(new Event('blur'))")
+    until(lambda: not enabled())
+    page.wait_for_timeout(200)
+    assert not enabled(), "still held: it must not come back by itself"
+    hold(False)
+    page.wait_for_timeout(100)
+    hold(True)
+    until(enabled)
+    hold(False)
+    until(lambda: not enabled())
+
+
+def test_the_page_comes_back_by_itself_after_a_restart_of_web(
+    open_page: Any, look_at: Any, serve: Any, tmp_path: Path
+) -> None:
+    catalogue = Catalogue(tmp_path)
+    with serve(tmp_path, catalogue) as first:
+        page = open_page(first)
+        look = look_at(page)
+        port = int(first.host.split(":")[1])
+    page.wait_for_selector("#offline:not([hidden])")
+    look.text("#offline", "No connection to quadlab web")
+    with serve(tmp_path, catalogue, port=port) as again:
+        page.wait_for_selector("#offline", state="hidden")
+        again.station.fly()
+        look.text("#mode", "^armed$")
+        page.close()
+    catalogue.close()
+
+
+def test_the_emergency_page_has_no_webgl_and_two_buttons(
+    site: Any, page: Any, look: Any, station: Any
+) -> None:
+    page.goto(f"{site.base}/kill")
+    look.text("#state", "armed, hover")
+    assert page.locator("iframe, canvas").count() == 0
+    page.click("#cut")
+    look.text("#answer", "Cut motors: accepted")
+    assert [request.action for _, request in station.requests] == ["cut"]
