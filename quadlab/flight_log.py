@@ -45,6 +45,8 @@ class FlightLog:
         metadata = {"vehicle": vehicle, "recorder": "simulation", **run, **provenance()}
         self._writer = LogWriter(path, metadata, {"parameters.json": values})
         self._ticks = np.zeros(BATCH, TICK)
+        self._tick_bytes = self._ticks.view(np.uint8).reshape(BATCH, TICK.itemsize)
+        self._stamps = self._ticks["imu"]["stamp_ns"]
         self._count = 0
         self._grouped = 0
         self._others: list[tuple[int, str, str, bytes, int]] = []
@@ -62,9 +64,10 @@ class FlightLog:
 
     def tick(self, record: Record) -> None:
         """One TICK record, shape (1,)."""
-        self._ticks[self._count] = record[0]
+        # As bytes: copying a structured record field by field takes ten times as long.
+        self._tick_bytes[self._count] = record.view(np.uint8)
+        self._now_ns = int(self._stamps[self._count])
         self._count += 1
-        self._now_ns = int(record["imu"]["stamp_ns"][0])
         if self._count - self._grouped == GROUP:
             self._publisher.ticks(self._ticks[self._grouped : self._count])
             self._grouped = self._count

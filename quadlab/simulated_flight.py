@@ -138,7 +138,8 @@ class SimulatedFlight:
                 mcu.command(motors)
             clock.lap("serial")
             log.tick(stack.record)
-            self._drain_outbox()
+            if stack.outbox:
+                self._drain_outbox()
             clock.lap("log")
             self._station(sample.stamp_ns)
 
@@ -153,7 +154,6 @@ class SimulatedFlight:
             self._tracker.observe(now_ns, position, quaternion)
             self._emulator.observe(now_ns, position, quaternion)
             self._log.truth(now_ns, truth)
-        self.clock.lap("station")
         for pose in self._tracker.due(now_ns):
             measurement = mailbox.Pose(
                 pose.stamp_ns, tuple(pose.position_w.tolist()), tuple(pose.quaternion_wb.tolist())

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import logging
+import contextlib
+import signal
+import sys
 import webbrowser
 from pathlib import Path
 from typing import Any
@@ -27,7 +29,7 @@ def run_web(
     host: str = "127.0.0.1",
     open_browser: bool = False,
 ) -> None:
-    """Serves the page until interrupted.
+    """Serves the page until SIGINT or SIGTERM. Runs in the main thread.
 
     Args:
         data: the data folder; sign-in tokens in `web/`, recorded runs in `runs/`.
@@ -64,8 +66,10 @@ def run_web(
             show_link=show_link,
             view_server=ViewServer(),
         )
-        logging.getLogger("websockets").setLevel(logging.CRITICAL)
-        server(app).run(sockets=[listener])
+        # uvicorn stops in order at SIGTERM and SIGINT and then raises them once more.
+        signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+        with contextlib.suppress(KeyboardInterrupt):
+            server(app).run(sockets=[listener])
     finally:
         listener.close()
 

@@ -10,8 +10,12 @@ from __future__ import annotations
 import errno
 import socket
 from asyncio import BaseTransport
+from typing import TYPE_CHECKING
 
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
+
+if TYPE_CHECKING:
+    from uvicorn._types import ASGISendEvent
 
 from quadrotor.errors import LinkError, UsageError
 
@@ -31,6 +35,12 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
             if lowat is not None:
                 connection.setsockopt(socket.IPPROTO_TCP, lowat, UNSENT)
         self.transport.set_write_buffer_limits(high=UNSENT)
+
+    async def send(self, message: ASGISendEvent) -> None:
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body"):
+            # Refused with an answer, as the gate does: uvicorn would log that as a failure.
+            self.handshake_complete = True
 
 
 def listen(host: str, port: int) -> socket.socket:

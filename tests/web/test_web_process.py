@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import httpx
 import pytest
 
 from control.behaviors import machine
@@ -98,3 +99,36 @@ def test_the_flight_volume_is_found_among_the_behavior_parameters() -> None:
     assert box is not None
     assert all(low < high and math.isfinite(low + high) for low, high in box)
     assert flight_volume({}.get) is None
+
+
+def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path; from web.process import run_web; "
+        f"run_web(Path({str(tmp_path)!r}), port=0, loopback_port=9, token='given')"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        cwd=Path(app.__file__).parent.parent,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        said = process.stdout.readline()
+        assert said.startswith("quadlab is at  http://127.0.0.1:")
+        url = said.split()[-1]
+        assert url.endswith("/?token=given")
+        with httpx.Client() as client:
+            client.get(url)
+            base = url.split("/?")[0]
+            summary = client.get(f"{base}/api/summary").json()
+            assert summary["status"] is None
+            assert set(summary["age"].values()) == {None}
+            answer = client.post(f"{base}/api/commands/arm", json={})
+            assert answer.status_code == 503
+        process.terminate()
+        out, err = process.communicate(timeout=20.0)
+    finally:
+        process.kill()
+    assert "operator 1 signed in" in out
+    assert err == ""
+    assert process.returncode == 0
