@@ -94,9 +94,7 @@ def solve(information: Array, gradient: Array, step: Array) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def refine(
-    beacons: Array, bearings: Array, r: Array, R: Array, information: Array
-) -> float:
+def refine(beacons: Array, bearings: Array, r: Array, R: Array, information: Array) -> float:
     """Moves r (3,) and R (3, 3) in place to the best pose near them; the cost left (rad^2).
 
     Steps are clamped; one that does not lower the cost is halved, at most three times.

@@ -7,7 +7,8 @@ The scale is that of the two projected columns, the sign that which puts the bea
 bearings and not against them. Gauss-Newton steps on the bearings, two as a rule, make the
 estimate efficient.
 
-Bearings may point anywhere on the sphere. The refinement is compiled; the rest are a few small numpy calls.
+Bearings may point anywhere on the sphere. The refinement is compiled; the rest are a few small
+numpy calls.
 """
 
 from __future__ import annotations

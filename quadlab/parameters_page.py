@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore
 
+HEAD = "| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n"
+
 
 def page() -> str:
     """The whole page as Markdown."""
@@ -21,11 +23,12 @@ def page() -> str:
         ("Bearings", "bearings.", BearingParameters()),
     ]
     parts = [
-        "# Parameters\n\nWritten by `scripts/parameters_page` from the models in the code; do not edit.\n"
+        "# Parameters\n\n"
+        "Written by `scripts/parameters_page` from the models in the code; do not edit.\n"
         "Set one with `--set NAME=VALUE`, on the Gains tab, or with `ros2 param set`.\n"
     ]
     for title, prefix, tree in trees:
-        parts.append(f"\n## {title}\n\n| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n")
+        parts.append(f"\n## {title}\n\n{HEAD}")
         parts.extend(_rows(prefix, ParameterStore(tree).descriptions()))
     return "".join(parts)
 
@@ -35,6 +38,7 @@ def _rows(prefix: str, descriptions: Iterable[ParameterDescription]) -> Iterable
         allowed = ", ".join(d.choices)
         if d.minimum is not None and d.maximum is not None:
             allowed = f"{d.minimum:g} … {d.maximum:g}"
+        unit, name = d.unit, prefix + d.name
         default = f"{d.default:g}" if isinstance(d.default, float) else str(d.default)
         fixed = " (at start only)" if d.read_only else ""
-        yield f"| `{prefix}{d.name}` | {default} | {allowed} | {d.unit} | {d.description}{fixed} |\n"
+        yield f"| `{name}` | {default} | {allowed} | {unit} | {d.description}{fixed} |\n"

@@ -191,9 +191,7 @@ def parse_text(description: ParameterDescription, text: str) -> ParameterValue:
     return coerce(description, number)
 
 
-def _wrong_type(
-    description: ParameterDescription, value: object, expected: str
-) -> WrongTypeError:
+def _wrong_type(description: ParameterDescription, value: object, expected: str) -> WrongTypeError:
     return WrongTypeError(
         f"{description.name} must be {expected}, not {value!r}; {_allowed(description)}"
     )

@@ -197,9 +197,7 @@ def rotation_log(R: Array) -> Array:
 @njit(cache=True)
 def yaw_of(q: Array) -> float:
     """ZYX yaw (rad, -pi..pi) of q_wb."""
-    return math.atan2(
-        2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3])
-    )
+    return math.atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
 @njit(cache=True)
@@ -220,9 +218,7 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
 def euler_from_quaternion(q: Array) -> Array:
     """(roll, pitch, yaw) in rad, ZYX, of q_wb."""
     out = np.empty(3)
-    out[0] = math.atan2(
-        2.0 * (q[0] * q[1] + q[2] * q[3]), 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])
-    )
+    out[0] = math.atan2(2.0 * (q[0] * q[1] + q[2] * q[3]), 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]))
     out[1] = math.asin(min(1.0, max(-1.0, 2.0 * (q[0] * q[2] - q[3] * q[1]))))
     out[2] = yaw_of(q)
     return out

@@ -39,9 +39,7 @@ MODEL = np.dtype(
 class VehicleModel(Parameters):
     """What the controller believes of the vehicle."""
 
-    mass: float = parameter(
-        1.308, unit="kg", ge=0.5, le=2.4, step=0.001, description="total mass"
-    )
+    mass: float = parameter(1.308, unit="kg", ge=0.5, le=2.4, step=0.001, description="total mass")
     inertia_xx: float = parameter(
         0.0154, unit="kg m²", ge=0.001, le=0.1, step=0.0001, description="inertia about body x"
     )

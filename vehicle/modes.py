@@ -31,8 +31,7 @@ def check_move(current: Mode, wanted: Mode) -> None:
     if wanted not in LEGAL_MOVES[current]:
         allowed = ", ".join(sorted(m.name.lower() for m in LEGAL_MOVES[current]))
         raise RefusedError(
-            f"cannot go from {current.name.lower()} to {wanted.name.lower()}; "
-            f"from here: {allowed}"
+            f"cannot go from {current.name.lower()} to {wanted.name.lower()}; from here: {allowed}"
         )
 
 

@@ -75,7 +75,8 @@ def test_a_child_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
         "import sys, time\n"
         "from pathlib import Path\n"
         "from quadlab.supervise import Child\n"
-        f"child = Child('s', ['simulator', '--folder', {str(tmp_path)!r}, '--loopback-port', '1'])\n"
+        f"words = ['simulator', '--folder', {str(tmp_path)!r}, '--loopback-port', '1']\n"
+        "child = Child('s', words)\n"
         "child.start(); print(child.pid, flush=True); sys.stdin.read()\n"
     )
     with subprocess.Popen(
