@@ -102,7 +102,7 @@ def test_a_frame_can_be_read_back() -> None:
 def test_a_page_costs_at_most_five_kilobytes_a_second() -> None:
     largest = frame(0, 0.0, [0.0] * len(STALE), [0.0] * MOST_SIGNALS)
     websocket_head = 4
-    assert (len(largest) + websocket_head) * RATE <= 5400
+    assert (len(largest) + websocket_head) * RATE <= 5000
 
 
 @pytest.mark.parametrize(
