@@ -4,6 +4,8 @@ station's process must not wait for. Quaternions are (w, x, y, z), body to world
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,7 +14,7 @@ Array = npt.NDArray[np.float64]
 
 def matrix_of(q: Array) -> Array:
     """R_wb of a unit quaternion, shape (3, 3)."""
-    w, x, y, z = (float(v) for v in q)
+    w, x, y, z = q.tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -24,18 +26,17 @@ def matrix_of(q: Array) -> Array:
 
 def turned(q: Array, rotation_vector_b: Array) -> Array:
     """q ⊗ exp(rotation vector), shape (4,): turned by that vector (rad) about body axes."""
-    half = 0.5 * rotation_vector_b
-    angle = float(np.sqrt(half @ half))
-    # sinc(x) of numpy is sin(pi x)/(pi x): exact at zero.
-    px, py, pz = (float(v) for v in half * np.sinc(angle / np.pi))
-    pw = float(np.cos(angle))
-    w, x, y, z = (float(v) for v in q)
-    product = np.array(
-        [
-            w * pw - x * px - y * py - z * pz,
-            w * px + x * pw + y * pz - z * py,
-            w * py - x * pz + y * pw + z * px,
-            w * pz + x * py - y * px + z * pw,
-        ]
+    # Plain floats: on four numbers, numpy's calls cost more than the arithmetic.
+    a, b, c = rotation_vector_b.tolist()
+    half = 0.5 * math.sqrt(a * a + b * b + c * c)
+    share = 0.5 * math.sin(half) / half if half > 1e-8 else 0.5
+    px, py, pz, pw = share * a, share * b, share * c, math.cos(half)
+    w, x, y, z = q.tolist()
+    product = (
+        w * pw - x * px - y * py - z * pz,
+        w * px + x * pw + y * pz - z * py,
+        w * py - x * pz + y * pw + z * px,
+        w * pz + x * py - y * px + z * pw,
     )
-    return np.asarray(product / np.sqrt(product @ product))
+    length = math.sqrt(sum(v * v for v in product))
+    return np.array([v / length for v in product])

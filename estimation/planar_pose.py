@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -71,7 +72,7 @@ def planar_pose(
     Raises MeasurementError when the input is malformed, the geometry degenerate, or no pose fits.
     """
     beacons, bearings = _checked(beacons_w, bearings_b, sigma)
-    center, axes, extent = _plane(beacons)
+    center, axes, extent = _plane(beacons.tobytes())
     refined = []
     if prediction is not None:
         q = np.asarray(prediction[1], dtype=float)
@@ -163,8 +164,13 @@ def _covariance(information: Array, sigma: float, extent: float) -> Array:
     return out
 
 
-def _plane(beacons: Array) -> tuple[Array, Array, float]:
-    """Centre (3,), axes (3, 3) with the normal last, and extent (m) of the beacons."""
+@lru_cache(maxsize=64)
+def _plane(beacon_bytes: bytes) -> tuple[Array, Array, float]:
+    """Centre (3,), axes (3, 3) with the normal last, and extent (m) of the beacons.
+
+    Kept by the bytes of their positions (N, 3): beacons stand still from frame to frame.
+    """
+    beacons = np.frombuffer(beacon_bytes).reshape(-1, 3)
     center: Array = beacons.mean(axis=0)
     _, singular, axes = np.linalg.svd(beacons - center, full_matrices=False)
     extent = float(singular[0]) / math.sqrt(len(beacons))

@@ -18,6 +18,8 @@ Settings = Annotated[
 Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
+OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
+"""Environment variable, set when `web` is to open a browser."""
 
 
 @dataclass
@@ -121,5 +123,6 @@ class Web:
             loopback_port=self.loopback_port,
             token=os.environ.get(SIGN_IN_TOKEN),
             vehicle=self.name,
+            open_browser=bool(os.environ.get(OPEN_BROWSER)),
         )
         return 0

@@ -14,7 +14,7 @@ from types import FrameType
 
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
-from quadlab.processes import SIGN_IN_TOKEN, Folder, Settings
+from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Settings
 from quadlab.settings import parse_settings
 from quadlab.supervise import Child
 from quadrotor.errors import UsageError
@@ -80,7 +80,7 @@ class Up:
         common = ("--data", str(data))
         token = {SIGN_IN_TOKEN: secrets.token_urlsafe(24)}
         if not self.no_browser:
-            token["QUADLAB_OPEN_BROWSER"] = "1"
+            token[OPEN_BROWSER] = "1"
         ports = (str(run_folder / "mcu0"), str(run_folder / "mcu1"))
         link = ("--link-port", str(self.link_port), "--name", self.name)
         address = f"127.0.0.1:{self.link_port}"

@@ -129,9 +129,13 @@ class FixedLayout:
             self._constant(count.to_bytes(4, "little"))
         if count == 0:
             return
-        if kind != Nodetype.BASE or item[0] == "string":
+        if kind == Nodetype.BASE and item[0] != "string":
+            self._place(path, _dtype(item[0]), (count,))
+            return
+        primitives = list(_primitives(str(item))) if kind == Nodetype.NAME else [""]
+        if len(set(primitives)) != 1 or "" in primitives:
             raise ValueError(f"{self.type_name}.{path}: only arrays of numbers have a fixed place")
-        self._place(path, _dtype(item[0]), (count,))
+        self._place(path, _dtype(primitives[0]), (count, len(primitives)))
 
     def _place(self, path: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> None:
         self._align(dtype.itemsize)

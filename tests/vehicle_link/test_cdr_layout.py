@@ -103,4 +103,4 @@ def test_a_path_that_does_not_exist_is_refused() -> None:
     with pytest.raises(ValueError, match=r"no such string or sequence: \['frame'\]"):
         FixedLayout("geometry_msgs/PoseStamped", {"frame": "world"})
     with pytest.raises(ValueError, match="only arrays of numbers"):
-        FixedLayout("quadlab_msgs/BearingArray", lengths={"bearings": 4})
+        FixedLayout("sensor_msgs/JointState", lengths={"name": 2})

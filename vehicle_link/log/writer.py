@@ -11,11 +11,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType
 
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 from vehicle_link.log.file import LogFile
+from vehicle_link.log.quick_writer import QuickWriter
 
 RUN_METADATA = "quadlab.run"
 CHUNK_BYTES = 65536
@@ -171,4 +172,4 @@ class LogWriter:
 def new_mcap_writer(file: LogFile) -> Any:
     """The mcap library's (untyped) writer with the settings of every quadlab log."""
     output: Any = file  # it needs write, tell and flush only
-    return Writer(output, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)
+    return QuickWriter(output, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)

@@ -108,6 +108,13 @@ def encode_bearing_pose(
     return out.tobytes()
 
 
+@cache
+def _bearings_layout(ids: int, bearings: int, vehicle: str) -> FixedLayout:
+    strings = {"header.frame_id": body_frame(vehicle)}
+    lengths = {"beacon_ids": ids, "bearings": bearings}
+    return FixedLayout("quadlab_msgs/BearingArray", strings, lengths)
+
+
 def encode_bearings(
     stamp_ns: int,
     beacon_ids: Sequence[int],
@@ -116,15 +123,14 @@ def encode_bearings(
     vehicle: str = VEHICLE,
 ) -> bytes:
     """`bearings`: quadlab_msgs/BearingArray of N unit vectors in body axes, shape (N, 3)."""
-    return encode(
-        new(
-            "quadlab_msgs/BearingArray",
-            header=header(stamp_ns, body_frame(vehicle)),
-            beacon_ids=beacon_ids,
-            bearings=bearings_b,
-            sigma=sigma,
-        )
-    )
+    out = _bearings_layout(len(beacon_ids), len(bearings_b), vehicle).new()
+    set_stamps(out, stamp_ns)
+    if len(beacon_ids):
+        out["beacon_ids"] = beacon_ids
+    if len(bearings_b):
+        out["bearings"] = bearings_b
+    out["sigma"] = sigma
+    return out.tobytes()
 
 
 def decode_bearings(payload: bytes) -> Bearings:
