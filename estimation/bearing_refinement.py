@@ -132,3 +132,39 @@ def refine(beacons: Array, bearings: Array, r: Array, R: Array, information: Arr
         if before - cost <= SETTLED * before:
             break
     return cost
+
+
+@njit(cache=True, error_model="numpy")
+def invert(information: Array, extent: float, out: Array) -> float:
+    """information^-1 into out (6, 6), by Cholesky; smallest over largest squared pivot.
+
+    The ratio, taken with positions in shares of `extent` (m), is near 0 when some motion changes
+    none of the bearings; then `out` is not to be used.
+    """
+    L, inverse = np.zeros((6, 6)), np.zeros((6, 6))
+    smallest, largest = math.inf, 0.0
+    for i in range(6):
+        for j in range(i + 1):
+            total = information[i, j] * (extent if i < 3 else 1.0) * (extent if j < 3 else 1.0)
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i == j:
+                smallest, largest = min(smallest, total), max(largest, total)
+                if not total > 0.0:
+                    return 0.0
+                L[i, i] = math.sqrt(total)
+            else:
+                L[i, j] = total / L[j, j]
+    for c in range(6):
+        for i in range(c, 6):
+            total = 1.0 if i == c else 0.0
+            for k in range(c, i):
+                total -= L[i, k] * inverse[k, c]
+            inverse[i, c] = total / L[i, i]
+    for i in range(6):
+        for j in range(6):
+            total = 0.0
+            for k in range(max(i, j), 6):
+                total += inverse[k, i] * inverse[k, j]
+            out[i, j] = total * (extent if i < 3 else 1.0) * (extent if j < 3 else 1.0)
+    return smallest / largest

@@ -20,7 +20,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from estimation.bearing_refinement import refine
+from estimation.bearing_refinement import invert, refine
 from quadrotor.errors import MeasurementError
 from quadrotor.rotations import cross, quaternion_from_matrix, quaternion_to_matrix
 
@@ -30,6 +30,8 @@ IMPLAUSIBLE = 4.0
 """A fit whose rms residual on a tangent axis is larger than this many sigma is no pose."""
 PLAUSIBLE = 2.0
 """A fit found from a prediction is taken up to this many sigma; beyond, others are tried too."""
+UNOBSERVED = 1e-9
+"""Ratio of pivots of the information below which some motion is not observed."""
 FLATNESS = 1e-3
 """How far the beacons may leave their plane, as a share of their extent."""
 
@@ -152,16 +154,13 @@ def _refine(
 
 def _covariance(information: Array, sigma: float, extent: float) -> Array:
     """sigma^2 (J^T J)^-1. Raises MeasurementError when a direction is not observed."""
-    scale = np.array([extent, extent, extent, 1.0, 1.0, 1.0])  # m to shares of the extent
-    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
-    if not values[0] > 1e-9 * values[5]:
+    out = np.empty((6, 6))
+    if not invert(information, extent, out) > UNOBSERVED:
         raise MeasurementError(
             "bearings do not determine a pose: some motion changes none of them; "
             "move the vehicle off the beacons' plane or add beacons"
         )
-    scaled = vectors * (sigma / np.sqrt(values)) * scale[:, None]
-    out: Array = scaled @ scaled.T
-    return out
+    return out * (sigma * sigma)
 
 
 @lru_cache(maxsize=64)

@@ -43,7 +43,9 @@ class FlightLog:
         self._vehicle = vehicle
         values = json.dumps(store.values(), indent=1).encode()
         metadata = {"vehicle": vehicle, "recorder": "simulation", **run, **provenance()}
-        self._writer = LogWriter(path, metadata, {"parameters.json": values})
+        # Simulated time is not lost with a killed process: it is flown again. So whole chunks.
+        attachments = {"parameters.json": values}
+        self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
         self._ticks = np.zeros(BATCH, TICK)
         self._tick_bytes = self._ticks.view(np.uint8).reshape(BATCH, TICK.itemsize)
         self._stamps = self._ticks["imu"]["stamp_ns"]

@@ -45,7 +45,9 @@ class Fly:
         from quadlab.flight_log import FlightLog
         from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
         from quadrotor.parameters import ParameterStore
+        from vehicle.flight_warm_up import warm_up
         from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+        from vehicle_link.messages import typestore
 
         parameters = FlightParameters().model_copy(deep=True)
         parameters.seed(self.seed)
@@ -59,9 +61,11 @@ class Fly:
             {"run_id": path.stem, "experiment": self.experiment, "seed": str(self.seed)},
         )  # fmt: skip
         estimator = TrueState(simulated) if self.true_state else None
+        # Everything that is loaded or compiled at its first use, so that the figures below are
+        # of flying alone.
+        warm_up()
+        typestore()
         flight = SimulatedFlight(parameters, simulated, log, estimator)
-        flight.advance()  # compiles what is left, so that the figures below are of flying alone
-        flight.clock.seconds.clear()
         began, processor = time.perf_counter(), time.process_time()
         try:
             experiment.fly(flight)

@@ -75,7 +75,7 @@ class SimulatedFlight:
         self._log = log
         self._motor_state = MotorState.OFF
         self._requests = 0
-        self._next_heartbeat_ns = 0
+        self._next_heartbeat_ns = self._next_station_ns = 0
 
     # ------------------------------------------------------------------ the client API
     def view(self) -> VehicleView:
@@ -145,6 +145,8 @@ class SimulatedFlight:
 
     def _station(self, now_ns: int) -> None:
         """What the base station sends: heartbeat, tracked poses, bearings."""
+        if now_ns < self._next_station_ns:
+            return
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))
@@ -163,6 +165,9 @@ class SimulatedFlight:
         for frame in self._emulator.due(now_ns):
             self._log.bearings(frame, now_ns)
             self._solve(frame, now_ns)
+        under_way = (self._tracker.next_ns, self._emulator.next_ns)
+        due = [now_ns - now_ns % TRUTH_NS + TRUTH_NS, *(n for n in under_way if n is not None)]
+        self._next_station_ns = min(due)
         self.clock.lap("station")
 
     def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:

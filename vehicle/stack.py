@@ -111,11 +111,12 @@ class FlightStack:
         # The wrench is still the last tick's: what the vehicle obeyed until now.
         self.mass.step(self.state, self.actuators, self.airborne, dt, self.estimate)
 
+        pose_age = self.estimator.measurement_age
         verdict = self.supervisor.step(
             self._stamp_ns,
             airborne=self.airborne,
             voltage=sample.battery_voltage,
-            pose_age=self.estimator.measurement_age,
+            pose_age=pose_age,
             tilt=self._tilt(),
         )
         if verdict is not None:
@@ -139,7 +140,7 @@ class FlightStack:
         else:
             self._rest()
         motors = self._motor_references(sample, flying)
-        self._write_status(sample)
+        self._write_status(sample, pose_age)
         return motors
 
     # ------------------------------------------------------------------ inputs between ticks
@@ -311,13 +312,13 @@ class FlightStack:
             return None
         return self._rounding.round(self._wanted_references)
 
-    def _write_status(self, sample: RawSample) -> None:
+    def _write_status(self, sample: RawSample, pose_age: float) -> None:
         self._status_writer.write(
             mode=self.mode,
             behavior=self.behaviors.name,
             airborne=self.airborne,
             supervisor_flags=self.supervisor.flags,
-            stale_pose=self.estimator.stale,
+            stale_pose=pose_age > self.parameters.estimation.measurement_timeout,
             saturated=bool(self._scaling[0] < 1.0),
             tilt_limited=self.controller.tilt_limited,
             voltage=sample.battery_voltage,

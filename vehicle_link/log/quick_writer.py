@@ -31,7 +31,7 @@ class _QuickIndex(MessageIndex):
         stream.finish_record()
 
 
-class QuickWriter(Writer):  # type: ignore[misc]  # the library is untyped
+class QuickWriter(Writer):
     """Chunked files only."""
 
     def add_message(
@@ -43,19 +43,18 @@ class QuickWriter(Writer):  # type: ignore[misc]  # the library is untyped
         sequence: int = 0,
     ) -> None:
         """As the library's: `data` into the chunk being filled; times in ns."""
-        statistics = self._Writer__statistics
+        library: Any = self
+        statistics = library._Writer__statistics
         if statistics.message_count == 0 or log_time < statistics.message_start_time:
             statistics.message_start_time = log_time
-        if log_time > statistics.message_end_time:
-            statistics.message_end_time = log_time
+        statistics.message_end_time = max(statistics.message_end_time, log_time)
         statistics.channel_message_counts[channel_id] += 1
         statistics.message_count += 1
 
-        chunk = self._Writer__chunk_builder
+        chunk = library._Writer__chunk_builder
         if chunk.num_messages == 0 or log_time < chunk.message_start_time:
             chunk.message_start_time = log_time
-        if log_time > chunk.message_end_time:
-            chunk.message_end_time = log_time
+        chunk.message_end_time = max(chunk.message_end_time, log_time)
         chunk.num_messages += 1
         index = chunk.message_indices.get(channel_id)
         if index is None:
@@ -70,5 +69,5 @@ class QuickWriter(Writer):  # type: ignore[misc]  # the library is untyped
             )
         )  # fmt: skip
         buffer.write(data)
-        if buffer.tell() > self._Writer__chunk_size:
-            self._Writer__finalize_chunk()
+        if buffer.tell() > library._Writer__chunk_size:
+            library._Writer__finalize_chunk()

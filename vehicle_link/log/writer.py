@@ -32,6 +32,7 @@ class LogWriter:
         run: the metadata record `quadlab.run` (run id, vehicle, operator, git revision, …).
         attachments: name → bytes, written before the first message so that a crash keeps them.
         qos_profiles: topic → rosbag2's YAML text of its profiles, where known.
+        chunk_age_ns: log time after which a chunk is closed, full or not.
 
     Raises:
         StorageError: here and in every method, when the disk refuses.
@@ -43,13 +44,15 @@ class LogWriter:
         run: Mapping[str, str],
         attachments: Mapping[str, bytes],
         qos_profiles: Mapping[str, str] | None = None,
+        chunk_age_ns: int = CHUNK_AGE_NS,
     ) -> None:
         self.path = path
         self._qos_profiles = dict(qos_profiles or {})
         self._file = LogFile(path)
         self._channels: dict[tuple[str, str], int] = {}
         self._schemas: dict[str, int] = {}
-        self._chunk_start_ns = -CHUNK_AGE_NS
+        self._chunk_age_ns = chunk_age_ns
+        self._chunk_start_ns = -chunk_age_ns
         self._broken: StorageError | None = None
         self._closed = False
         self._whole = False  # closed with its index
@@ -80,7 +83,7 @@ class LogWriter:
             self.message_count += 1
             self._add_message(channel, log_ns, payload, publish_ns, self.message_count)
             # A clock that was set back must not keep the chunk open either.
-            if not 0 <= log_ns - self._chunk_start_ns < CHUNK_AGE_NS:
+            if not 0 <= log_ns - self._chunk_start_ns < self._chunk_age_ns:
                 self._chunk_start_ns = log_ns
                 self._writer.flush()
         except StorageError as error:

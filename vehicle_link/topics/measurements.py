@@ -17,7 +17,7 @@ import numpy.typing as npt
 from quadrotor.errors import MeasurementError
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle_link.cdr_layout import FixedLayout
-from vehicle_link.messages import decode, encode, header, new, stamp_of
+from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics.ticks import (
     FROM_ROS,
     TO_ROS,
