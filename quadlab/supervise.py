@@ -6,6 +6,7 @@ Every child asks the kernel to end it when this process dies (see `follow_parent
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -19,6 +20,8 @@ from vehicle.realtime import die_with_parent
 
 PARENT = "QUADLAB_PARENT"
 """Environment variable that tells a child whose life it shares."""
+NICENESS = "QUADLAB_NICENESS"
+"""Environment variable with the niceness a child gives itself, where it may."""
 RESTARTS_ALLOWED = 5
 RESTART_WINDOW = 30.0
 """More than RESTARTS_ALLOWED deaths within this many seconds, and the process is given up."""
@@ -26,9 +29,13 @@ RESTART_WINDOW = 30.0
 
 def follow_parent() -> None:
     """In a child of `Child`: end by SIGTERM when the parent ends, however it ends."""
-    parent = os.environ.pop(PARENT, "")
+    parent, niceness = os.environ.pop(PARENT, ""), os.environ.pop(NICENESS, "")
     if parent:
         die_with_parent(int(parent))
+    if niceness:
+        # To be preferred needs a right that an ordinary user lacks: then all are equal.
+        with contextlib.suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, 0, int(niceness))
 
 
 @dataclass
@@ -39,11 +46,13 @@ class Child:
         name: shown to the user.
         words: command line after `python -m quadlab`.
         restart: start it again when it dies by itself.
+        niceness: -20 first served … 19 last; below 0 where the system allows it.
     """
 
     name: str
     words: Sequence[str]
     restart: bool = True
+    niceness: int = 0
     environment: Mapping[str, str] = field(default_factory=dict)
     _process: subprocess.Popen[bytes] | None = None
     _deaths: list[float] = field(default_factory=list)
@@ -52,10 +61,14 @@ class Child:
         # A session of its own: Ctrl-C in the terminal reaches only the parent, which lands first.
         self._process = subprocess.Popen(
             [sys.executable, "-m", "quadlab", *self.words],
-            env={**os.environ, **self.environment, PARENT: str(os.getpid())},
+            env=self._child_environment(),
             start_new_session=True,
             stdin=subprocess.DEVNULL,
         )
+
+    def _child_environment(self) -> dict[str, str]:
+        own = {PARENT: str(os.getpid()), NICENESS: str(self.niceness)}
+        return {**os.environ, **self.environment, **own}
 
     @property
     def pid(self) -> int | None:

@@ -84,11 +84,17 @@ class Up:
         ports = (str(run_folder / "mcu0"), str(run_folder / "mcu1"))
         link = ("--link-port", str(self.link_port), "--name", self.name)
         address = f"127.0.0.1:{self.link_port}"
+        # What flies goes before what shows: a busy browser must not delay tracker and link.
+        first, last = {"niceness": -10}, {"niceness": 5}
+        robot = ["simulator", "--folder", str(run_folder), *loopback, *simulator]
+        on_board = ["vehicle", "--serial", *ports, *common, *link, *vehicle]
+        base = ["station", *common, "--vehicle", address, *loopback]
+        page = ["web", *common, "--port", str(self.port), *loopback]
         return [
-            Child("simulator", ["simulator", "--folder", str(run_folder), *loopback, *simulator]),
-            Child("vehicle", ["vehicle", "--serial", *ports, *common, *link, *vehicle]),
-            Child("station", ["station", *common, "--vehicle", address, *loopback]),
-            Child("web", ["web", *common, "--port", str(self.port), *loopback], environment=token),
+            Child("simulator", robot, **first),
+            Child("vehicle", on_board, **first),
+            Child("station", base, **first),
+            Child("web", page, **last, environment=token),
         ]
 
     def _watch(self, children: Sequence[Child]) -> int:
