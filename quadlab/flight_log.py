@@ -10,20 +10,22 @@ import numpy.typing as npt
 
 from bearing_sim.emulator import BearingMeasurement
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import POSE_SAMPLE, TICK, Record
+from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record
 from vehicle import mailbox
 from vehicle.comms_publish import Publisher
 from vehicle_link import topics
+from vehicle_link.cdr_layout import Records
 from vehicle_link.log import LogWriter
 from vehicle_link.log.provenance import provenance
+from vehicle_link.log.writer import Batch
 
 Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
 
-BATCH = 50
-"""Ticks encoded at once: vectorised, a message costs a fraction of a microsecond."""
 GROUP = 5
 """Ticks handed at once to the publisher of the slow topics, as the comms process does."""
-PER_TICK = ("state", "reference", "imu", "actuators")
+BATCH = 20 * GROUP
+"""Ticks encoded and written at once: vectorised, a message costs a fraction of a microsecond."""
 
 
 class FlightLog:
@@ -46,16 +48,14 @@ class FlightLog:
         # Simulated time is not lost with a killed process: it is flown again. So whole chunks.
         attachments = {"parameters.json": values}
         self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
-        self._ticks = np.zeros(BATCH, TICK)
-        self._tick_bytes = self._ticks.view(np.uint8).reshape(BATCH, TICK.itemsize)
-        self._stamps = self._ticks["imu"]["stamp_ns"]
-        self._count = 0
-        self._grouped = 0
-        self._others: list[tuple[int, str, str, bytes, int]] = []
-        self._truths: list[Record] = []
+        # What came since the last batch was written. Records are kept as their bytes: copying a
+        # structured record field by field takes ten times as long.
+        self._ticks: list[bytes] = []
+        self._truths: list[bytes] = []
         self._truth_stamps: list[int] = []
         self._poses: list[tuple[int, Array, Array]] = []
         self._pose_arrivals: list[int] = []
+        self._others: dict[tuple[str, int], list[tuple[bytes, int, int]]] = {}
         self._now_ns = 0
         # The publisher of the comms process decides which slow topic is due; nothing is sent.
         self._publisher = Publisher(None, self, self, vehicle)  # type: ignore[arg-type]
@@ -66,32 +66,29 @@ class FlightLog:
 
     def tick(self, record: Record) -> None:
         """One TICK record, shape (1,)."""
-        # As bytes: copying a structured record field by field takes ten times as long.
-        self._tick_bytes[self._count] = record.view(np.uint8)
-        self._now_ns = int(self._stamps[self._count])
-        self._count += 1
-        if self._count - self._grouped == GROUP:
-            self._publisher.ticks(self._ticks[self._grouped : self._count])
-            self._grouped = self._count
-        if self._count == BATCH:
+        self._ticks.append(record.tobytes())
+        if len(self._ticks) == BATCH:
             self._flush()
 
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
         """Any other message; `topic` without namespace."""
-        self._others.append((log_ns, topic, type_name, payload, source_ns))
+        key = topic, len(payload)
+        self._others.setdefault(key, []).append((payload, log_ns, source_ns))
 
     def event(self, event: mailbox.Event) -> None:
+        self._now_ns = self._newest_ns()
         self._publisher.event(event)
 
     def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        self._now_ns = self._newest_ns()
         self._publisher.parameter_change(change)
 
     def truth(self, stamp_ns: int, state: Record) -> None:
         """The simulator's STATE, shape (1,)."""
         self._truth_stamps.append(stamp_ns)
-        self._truths.append(state.copy())
+        self._truths.append(state.tobytes())
 
     def pose(
         self,
@@ -123,55 +120,59 @@ class FlightLog:
     def _put(self, topic: str, payload: bytes, stamp_ns: int, log_ns: int) -> None:
         self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
-    def _encode_batches(self) -> None:
-        """Truth and tracker poses, kept as records until now: encoding many at once is cheap."""
-        if self._truths:
-            stamps = np.array(self._truth_stamps)
-            payloads = topics.encode_odometries(stamps, np.concatenate(self._truths), self._vehicle)
-            for stamp_ns, payload in zip(self._truth_stamps, payloads, strict=True):
-                self._put("truth", payload, stamp_ns, stamp_ns)
-        if self._poses:
-            samples = np.array(self._poses, POSE_SAMPLE)
-            payloads = topics.encode_poses(samples)
-            for pose, payload, log_ns in zip(
-                self._poses, payloads, self._pose_arrivals, strict=True
-            ):
-                self._put("tracker_pose", payload, pose[0], log_ns)
-        for batch in (self._truths, self._truth_stamps, self._poses, self._pose_arrivals):
-            batch.clear()
-        self._others.sort(key=_log_time)
+    def _newest_ns(self) -> int:
+        """Time of the newest tick."""
+        if not self._ticks:
+            return self._now_ns
+        return int(np.frombuffer(self._ticks[-1], TICK)["imu"]["stamp_ns"][0])
 
     def _flush(self) -> None:
-        self._encode_batches()
-        ticks = self._ticks[: self._count]
-        rows = zip(
-            ticks["imu"]["stamp_ns"].tolist(),
-            topics.encode_states(ticks, self._vehicle),
-            topics.encode_references(ticks),
-            topics.encode_imus(ticks, self._vehicle),
-            topics.encode_actuators(ticks, self._vehicle),
-            strict=True,
-        )
-        prefix = f"/{self._vehicle}/"
-        names = [(prefix + topic, topics.TOPICS[topic].type_name) for topic in PER_TICK]
-        write = self._writer.write
-        others = self._others
-        position = 0
-        for stamp_ns, *payloads in rows:
-            while position < len(others) and others[position][0] < stamp_ns:
-                self._write_other(others[position])
-                position += 1
-            for (topic, type_name), payload in zip(names, payloads, strict=True):
-                write(topic, type_name, payload, stamp_ns, stamp_ns)
-        for other in others[position:]:
-            self._write_other(other)
-        others.clear()
-        self._count = self._grouped = 0
+        """Write everything in the order of its time; at one time, in that of these lines."""
+        batches: list[Batch] = []
+        if self._ticks:
+            ticks = np.frombuffer(b"".join(self._ticks), TICK)
+            self._publish(ticks)
+            stamps = ticks["imu"]["stamp_ns"]
+            batches += [
+                self._batch("state", topics.state_messages(ticks, self._vehicle), stamps),
+                self._batch("reference", topics.reference_messages(ticks), stamps),
+                self._batch("imu", topics.imu_messages(ticks, self._vehicle), stamps),
+                self._batch("actuators", topics.actuator_messages(ticks, self._vehicle), stamps),
+            ]
+        for (topic, size), messages in self._others.items():
+            payloads, log_ns, source_ns = zip(*messages, strict=True)
+            raw = np.frombuffer(b"".join(payloads), f"V{size}")
+            batches.append(self._batch(topic, raw, np.array(source_ns), np.array(log_ns)))
+        if self._truths:
+            truths = np.frombuffer(b"".join(self._truths), STATE)
+            stamps = np.array(self._truth_stamps)
+            odometries = topics.odometry_messages(stamps, truths, self._vehicle)
+            batches.append(self._batch("truth", odometries, stamps))
+        if self._poses:
+            samples = np.array(self._poses, POSE_SAMPLE)
+            arrivals = np.array(self._pose_arrivals)
+            poses = topics.pose_messages(samples)
+            batches.append(self._batch("tracker_pose", poses, samples["stamp_ns"], arrivals))
+        if batches:
+            self._writer.write_batches(batches)
+        for kept in (
+            self._ticks, self._truths, self._truth_stamps, self._poses, self._pose_arrivals,
+            self._others,
+        ):  # fmt: skip
+            kept.clear()
 
-    def _write_other(self, other: tuple[int, str, str, bytes, int]) -> None:
-        log_ns, topic, type_name, payload, source_ns = other
-        self._writer.write(f"/{self._vehicle}/{topic}", type_name, payload, log_ns, source_ns)
+    def _publish(self, ticks: Record) -> None:
+        """Hand the ticks to the publisher in groups, each at the time of its last tick."""
+        stamps = ticks["imu"]["stamp_ns"].tolist()
+        for end in range(GROUP, len(ticks) + 1, GROUP):
+            self._now_ns = stamps[end - 1]
+            self._publisher.ticks(ticks[end - GROUP : end])
+        self._now_ns = stamps[-1]
 
-
-def _log_time(other: tuple[int, str, str, bytes, int]) -> int:
-    return other[0]
+    def _batch(
+        self, topic: str, payloads: Records, stamps: Stamps, log_ns: Stamps | None = None
+    ) -> Batch:
+        """Messages with the stamps of their source, logged at `log_ns`, by default at once."""
+        type_name = topics.TOPICS[topic].type_name
+        arrivals = stamps if log_ns is None else log_ns
+        return Batch(f"/{self._vehicle}/{topic}", type_name, payloads, arrivals, stamps)

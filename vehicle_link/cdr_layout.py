@@ -70,8 +70,7 @@ class FixedLayout:
 
     def encode(self, records: Records) -> list[bytes]:
         """The payload of each record, in order."""
-        data, size = records.tobytes(), self.size
-        return [data[start : start + size] for start in range(0, len(data), size)]
+        return payloads_of(records)
 
     def fits(self, payload: bytes) -> bool:
         """Whether the payload has exactly these texts and lengths, hence this layout."""
@@ -149,6 +148,12 @@ class FixedLayout:
 
     def _align(self, size: int) -> None:
         self._end += -self._end % size
+
+
+def payloads_of(records: Records) -> list[bytes]:
+    """The bytes of each record, in order."""
+    data, size = records.tobytes(), records.dtype.itemsize
+    return [data[start : start + size] for start in range(0, len(data), size)]
 
 
 def _primitives(name: str) -> Iterator[str]:

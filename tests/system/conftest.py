@@ -175,6 +175,12 @@ class Laboratory:
         runs: list[dict[str, Any]] = self.get("/api/runs")
         return runs
 
+    def wait(self, patience: float = PATIENCE) -> int:
+        """The exit status of a laboratory that ends by itself."""
+        status = self._process.wait(patience)
+        self._reader.join(5.0)
+        return status
+
     def stop(self, patience: float = PATIENCE) -> int:
         """Ctrl-C; the exit status."""
         self._process.send_signal(signal.SIGINT)
@@ -185,6 +191,7 @@ class Laboratory:
             raise AssertionError(f"up did not end within {patience:.0f} s\n{self.output}") from None
 
     def close(self) -> None:
+        print(self.output)  # shown by pytest when the test failed
         self.browser.close()
         if self._process.poll() is None:
             self.stop()
@@ -203,3 +210,9 @@ def start_laboratory(tmp_path: Path) -> Iterator[Callable[[], Laboratory]]:
     yield start
     for laboratory in started:
         laboratory.close()
+
+
+@pytest.fixture(name="until")
+def until_fixture() -> Callable[..., Any]:
+    """`until(what, look, patience)`: the first true answer of `look`."""
+    return until

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,19 +18,12 @@ pytestmark = pytest.mark.timeout(240)
 Lab = Any
 
 
-def until(what: str, look: Callable[[], bool], patience: float) -> None:
-    waited, end = threading.Event(), time.monotonic() + patience
-    while not look():
-        assert time.monotonic() < end, f"waited {patience:.0f} s for {what} in vain"
-        waited.wait(0.05)
-
-
 def stamps(path: Path, topic: str) -> np.ndarray:
     return np.array([m.publish_ns for m in read_log(path, {f"/quad1/{topic}"})]) * 1e-9
 
 
 def test_a_killed_web_touches_neither_flight_nor_log(
-    start_laboratory: Callable[[], Lab],
+    start_laboratory: Callable[[], Lab], until: Callable[..., Any]
 ) -> None:
     lab = start_laboratory().sign_in()
     lab.hover()
@@ -56,7 +48,7 @@ def test_a_killed_web_touches_neither_flight_nor_log(
 
 
 def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recovered(
-    start_laboratory: Callable[[], Lab],
+    start_laboratory: Callable[[], Lab], until: Callable[..., Any]
 ) -> None:
     lab = start_laboratory().sign_in()
     lab.hover()

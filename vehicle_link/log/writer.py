@@ -6,22 +6,34 @@ at most that. The index at the end is written by `close`; a file without it is `
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+import numpy.typing as npt
 from mcap.writer import CompressionType
 
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 from vehicle_link.log.file import LogFile
-from vehicle_link.log.quick_writer import QuickWriter
+from vehicle_link.log.quick_writer import MessageBatch, QuickWriter
 
 RUN_METADATA = "quadlab.run"
 CHUNK_BYTES = 65536
 CHUNK_AGE_NS = 40_000_000
 MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": "text/x-python"}
+
+
+class Batch(NamedTuple):
+    """N messages of one topic whose payloads have one size, oldest first."""
+
+    topic: str
+    type_name: str
+    payloads: npt.NDArray[Any]  # (N,), an item's bytes are the payload in CDR
+    log_ns: npt.NDArray[np.int64]  # (N,), ns of reception
+    publish_ns: npt.NDArray[np.int64]  # (N,), ns, the source's stamp
 
 
 class LogWriter:
@@ -82,10 +94,28 @@ class LogWriter:
                 channel = self._register(topic, type_name)
             self.message_count += 1
             self._add_message(channel, log_ns, payload, publish_ns, self.message_count)
-            # A clock that was set back must not keep the chunk open either.
-            if not 0 <= log_ns - self._chunk_start_ns < self._chunk_age_ns:
-                self._chunk_start_ns = log_ns
-                self._writer.flush()
+            self._close_old_chunk(log_ns)
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def write_batches(self, batches: Sequence[Batch]) -> None:
+        """Many messages in the order of their log time; at one time, in that of `batches`.
+
+        No batch may be empty. Writes whole batches: a chunk may become larger by all of them.
+        """
+        self._guard()
+        try:
+            channels = [
+                self._channels.get(batch[:2]) or self._register(batch.topic, batch.type_name)
+                for batch in batches
+            ]
+            self._writer.add_batches(
+                [MessageBatch(c, *b[2:]) for c, b in zip(channels, batches, strict=True)],
+                self.message_count + 1,
+            )
+            self.message_count += sum(len(batch.log_ns) for batch in batches)
+            self._close_old_chunk(max(int(batch.log_ns[-1]) for batch in batches))
         except StorageError as error:
             self._broken = error
             raise
@@ -141,6 +171,12 @@ class LogWriter:
     def _guard(self) -> None:
         if self._broken is not None:
             raise self._broken
+
+    def _close_old_chunk(self, log_ns: int) -> None:
+        # A clock that was set back must not keep the chunk open either.
+        if not 0 <= log_ns - self._chunk_start_ns < self._chunk_age_ns:
+            self._chunk_start_ns = log_ns
+            self._writer.flush()
 
     def _guarded_start(self, run: Mapping[str, str], attachments: Mapping[str, bytes]) -> None:
         try:

@@ -12,6 +12,7 @@ from vehicle_link.topics.measurements import (
     encode_heartbeat,
     encode_joy,
     encode_poses,
+    pose_messages,
 )
 from vehicle_link.topics.status import (
     encode_batteries,
@@ -24,6 +25,7 @@ from vehicle_link.topics.status import (
 )
 from vehicle_link.topics.table import SERVICES, TOPICS, Priority, Topic
 from vehicle_link.topics.ticks import (
+    actuator_messages,
     decode_actuators,
     decode_imu,
     decode_odometry,
@@ -33,6 +35,10 @@ from vehicle_link.topics.ticks import (
     encode_odometries,
     encode_references,
     encode_states,
+    imu_messages,
+    odometry_messages,
+    reference_messages,
+    state_messages,
 )
 
 __all__ = [
@@ -42,6 +48,7 @@ __all__ = [
     "Priority",
     "Sticks",
     "Topic",
+    "actuator_messages",
     "decode_actuators",
     "decode_bearings",
     "decode_heartbeat",
@@ -67,4 +74,9 @@ __all__ = [
     "encode_references",
     "encode_states",
     "encode_status",
+    "imu_messages",
+    "odometry_messages",
+    "pose_messages",
+    "reference_messages",
+    "state_messages",
 ]

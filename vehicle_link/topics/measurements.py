@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
 from quadrotor.records import POSE_SAMPLE, Record
-from vehicle_link.cdr_layout import FixedLayout
+from vehicle_link.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics.ticks import (
     FROM_ROS,
@@ -56,12 +56,17 @@ class Sticks:
 
 def encode_poses(samples: Record) -> list[bytes]:
     """`tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
+    return payloads_of(pose_messages(samples))
+
+
+def pose_messages(samples: Record) -> Records:
+    """As `encode_poses`, as records of shape (N,)."""
     poses = layout("geometry_msgs/PoseStamped", WORLD)
     out = poses.new(len(samples))
     set_stamps(out, samples["stamp_ns"])
     out["pose.position"] = samples["position_w"]
     out["pose.orientation"] = samples["quaternion_wb"][:, TO_ROS]
-    return poses.encode(out)
+    return out
 
 
 def decode_pose(payload: bytes) -> Record:

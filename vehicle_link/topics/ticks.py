@@ -1,7 +1,8 @@
 """Ticks to the standard topics and back: state, reference, imu, actuators, and the truth.
 
-All encoders take TICK (or STATE) records of shape (N,) and return N payloads. A twist is in body
-axes, as nav_msgs/Odometry wants it; `decode_odometry` turns it back into world axes.
+All encoders take TICK (or STATE) records of shape (N,) and return N payloads; the `..._messages`
+below them return the same bytes as one array of N records, for who writes many at once. A twist
+is in body axes, as nav_msgs/Odometry wants it; `decode_odometry` turns it back into world axes.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Record
-from vehicle_link.cdr_layout import FixedLayout, Records
+from vehicle_link.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.messages import decode, stamp_of
 
 WORLD = "world"
@@ -41,6 +42,11 @@ def body_frame(vehicle: str) -> str:
 
 def encode_odometries(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> list[bytes]:
     """nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
+    return payloads_of(odometry_messages(stamps_ns, states, vehicle))
+
+
+def odometry_messages(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> Records:
+    """As `encode_odometries`, shape (N,)."""
     odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
     out = odometry.new(len(states))
     set_stamps(out, stamps_ns)
@@ -49,12 +55,17 @@ def encode_odometries(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) ->
     out["pose.pose.orientation"] = quaternion[:, TO_ROS]
     out["twist.twist.linear"] = _rotate(quaternion, states["velocity_w"], inverse=True)
     out["twist.twist.angular"] = states["angular_velocity_b"]
-    return odometry.encode(out)
+    return out
 
 
 def encode_states(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     """`state`: nav_msgs/Odometry of the estimate."""
-    return encode_odometries(ticks["imu"]["stamp_ns"], ticks["state"], vehicle)
+    return payloads_of(state_messages(ticks, vehicle))
+
+
+def state_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
+    """As `encode_states`, shape (N,)."""
+    return odometry_messages(ticks["imu"]["stamp_ns"], ticks["state"], vehicle)
 
 
 def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:
@@ -80,6 +91,11 @@ def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record
 
 def encode_references(ticks: Record) -> list[bytes]:
     """`reference`: quadlab_msgs/Reference."""
+    return payloads_of(reference_messages(ticks))
+
+
+def reference_messages(ticks: Record) -> Records:
+    """As `encode_references`, shape (N,)."""
     reference = layout("quadlab_msgs/Reference", WORLD)
     out, source = reference.new(len(ticks)), ticks["reference"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -87,7 +103,7 @@ def encode_references(ticks: Record) -> list[bytes]:
         out[field] = source[f"{field}_w"]
     for field in ("yaw", "yaw_rate", "yaw_acceleration"):
         out[field] = source[field]
-    return reference.encode(out)
+    return out
 
 
 def decode_reference(payload: bytes) -> tuple[int, Record]:
@@ -103,13 +119,18 @@ def decode_reference(payload: bytes) -> tuple[int, Record]:
 
 def encode_imus(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     """`imu`: sensor_msgs/Imu, calibrated; the message's orientation is marked as not given."""
+    return payloads_of(imu_messages(ticks, vehicle))
+
+
+def imu_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
+    """As `encode_imus`, shape (N,)."""
     imu = layout("sensor_msgs/Imu", body_frame(vehicle))
     out, source = imu.new(len(ticks)), ticks["imu"]
     set_stamps(out, source["stamp_ns"])
     out["orientation_covariance"][:, 0] = -1.0  # REP 145: no orientation
     out["angular_velocity"] = source["angular_velocity_b"]
     out["linear_acceleration"] = source["specific_force_b"]
-    return imu.encode(out)
+    return out
 
 
 def decode_imu(payload: bytes, vehicle: str = VEHICLE) -> Record:
@@ -124,6 +145,11 @@ def decode_imu(payload: bytes, vehicle: str = VEHICLE) -> Record:
 
 def encode_actuators(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     """`actuators`: quadlab_msgs/Actuators."""
+    return payloads_of(actuator_messages(ticks, vehicle))
+
+
+def actuator_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
+    """As `encode_actuators`, shape (N,)."""
     actuators = layout("quadlab_msgs/Actuators", body_frame(vehicle))
     out, source = actuators.new(len(ticks)), ticks["actuators"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -131,7 +157,7 @@ def encode_actuators(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     out["torque"] = source["wrench"][:, 1:]
     for field in ("thrusts", "motor_references", "scaling"):
         out[field] = source[field]
-    return actuators.encode(out)
+    return out
 
 
 def decode_actuators(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:

@@ -1,0 +1,151 @@
+"""What a user does, in a real browser: sign in, fly, tune, land, take the log home."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import stat
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+pytestmark = pytest.mark.timeout(300)
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync", "--no-first-run",
+]  # fmt: skip
+BOUND = 60_000
+GAIN = "control.position.kp_xy"
+RATES = {
+    "state": 500, "reference": 500, "imu": 500, "actuators": 500, "truth": 100,
+    "tracker_pose": 100, "bearings": 30, "bearing_pose": 30, "estimator": 50, "status": 10,
+    "battery": 2, "pressure": 25,
+}  # fmt: skip
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Any:
+    """A page of Chromium, whose software rendering gets only what the laboratory leaves."""
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
+    polite = tmp_path / "chromium"
+    polite.write_text(f'#!/bin/sh\nexec {shutil.which("nice")} -n 19 {CHROMIUM} "$@"\n')
+    polite.chmod(polite.stat().st_mode | stat.S_IXUSR)
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(polite), args=FLAGS)
+        context = browser.new_context(
+            viewport={"width": 1000, "height": 640}, accept_downloads=True
+        )
+        context.set_default_timeout(BOUND)
+        yield context.new_page()
+        browser.close()
+
+
+def test_a_user_flies_tunes_lands_and_takes_the_log_home(
+    page: Any, start_laboratory: Callable[[], Any], until: Callable[..., Any], tmp_path: Path
+) -> None:
+    from playwright.sync_api import expect
+
+    lab = start_laboratory()
+    until("the sign-in link", lab.sign_in_url)
+    page.goto(lab.sign_in_url())
+    lab.browser.cookies.update({c["name"]: c["value"] for c in page.context.cookies()})
+    page.goto(f"{lab.url}/?fixedDpr")  # the same page, its 3D view in half resolution
+
+    def shows(selector: str, pattern: str) -> None:
+        expect(page.locator(selector)).to_have_text(re.compile(pattern), timeout=BOUND)
+
+    # The vehicle is there, in numbers and in 3D.
+    shows("#mode", "^ready$")
+    scene = page.frame_locator("#scene")
+    expect(scene.locator("canvas").first).to_be_visible(timeout=BOUND)
+
+    # Hold Arm, take off, fly the 8.
+    arm = page.locator("#arm")
+    arm.dispatch_event("pointerdown", {"button": 0})
+    shows("#mode", "^armed$")
+    arm.dispatch_event("pointerup", {"button": 0})
+    until("motors on", lambda: "motors" not in page.locator("#answer").inner_text(), 5)
+    page.locator("#take-off").click()
+    shows("#behavior", "^hover$")
+    row = page.locator(".behavior", has_text="Figure 8")
+    row.locator("input").first.fill("1")
+    row.get_by_role("button").click()
+    shows("#behavior", "follow")
+
+    # Drag a gain; the cell shows what the vehicle confirmed, not what the hand did.
+    page.locator("[data-tab=gains]").click()
+    page.locator("#search").fill(GAIN)
+    slider = page.locator(f"input[type=range][aria-label='{GAIN}']")
+    before = float(slider.input_value())
+    slider.focus()
+    for _ in range(5):
+        slider.press("ArrowRight")
+    wanted = float(slider.input_value())
+    assert wanted > before
+    confirmed = page.locator(f"input[aria-label='{GAIN}, value']")
+    expect(confirmed).to_have_value(re.compile(rf"^{wanted:g}$"), timeout=BOUND)
+    assert lab.get("/api/parameters")["revision"] >= 1
+
+    # The 8 ends in hover by itself; land and disarm.
+    page.locator("[data-tab=fly]").click()
+    shows("#behavior", "^hover$")
+    page.locator("#land").click()
+    shows("#mode", "^ready$")
+
+    # Take the log home.
+    until("the end of the recording", lambda: not lab.summary()["station"]["recording"], 20)
+    page.locator("[data-tab=runs]").click()
+    with page.expect_download(timeout=BOUND) as download:
+        page.locator("#runs a").first.click()
+    log = tmp_path / "home.mcap"
+    download.value.save_as(log)
+    check_log(log, wanted)
+
+
+def check_log(log: Path, gain: float) -> None:
+    """Closed, readable by mcap and rosbags, every topic at its rate, all parameters, the change."""
+    with log.open("rb") as stream:
+        reader = make_reader(stream)
+        summary = reader.get_summary()
+        assert summary is not None, "the file has no index: it was not closed"
+        assert summary.statistics is not None
+        seconds = (
+            summary.statistics.message_end_time - summary.statistics.message_start_time
+        ) * 1e-9
+        counts: Counter[str] = Counter()
+        for channel, count in summary.statistics.channel_message_counts.items():
+            counts[summary.channels[channel].topic.removeprefix("/quad1/")] += count
+        attachments = {a.name: a.data for a in reader.iter_attachments()}
+    for topic, rate in RATES.items():
+        assert counts[topic] / seconds == pytest.approx(rate, rel=0.15), topic
+    values = json.loads(attachments["parameters.json"])
+    assert GAIN in json.dumps(values)
+
+    changes, events, heights = [], [], []
+    with AnyReader([log]) as bag:
+        for connection, _, raw in bag.messages():
+            if connection.topic.endswith("/parameter_changes"):
+                changes.append(bag.deserialize(raw, connection.msgtype))
+            elif connection.topic.endswith("/events"):
+                events.append(bag.deserialize(raw, connection.msgtype).msg)
+            elif connection.topic.endswith("/truth"):
+                heights.append(bag.deserialize(raw, connection.msgtype).pose.pose.position.z)
+    assert [c.name for c in changes] == [GAIN] * len(changes)
+    last = changes[-1]
+    assert float(last.new_value) == pytest.approx(gain)
+    assert float(changes[0].old_value) != float(last.new_value)
+    assert last.requester.startswith("operator")
+    assert last.header.stamp.sec > 0
+    assert any("follow_trajectory by operator" in text for text in events), events
+    assert np.max(heights) == pytest.approx(1.2, abs=0.1)

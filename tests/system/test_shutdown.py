@@ -1,0 +1,44 @@
+"""Ctrl-C: lands a flying vehicle first, closes every file, leaves no process behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vehicle_link.log import is_closed, read_log
+from vehicle_link.topics import decode_odometry
+
+pytestmark = pytest.mark.timeout(240)
+
+
+def test_ctrl_c_in_flight_lands_first_and_leaves_nothing_behind(
+    start_laboratory: Callable[[], Any],
+) -> None:
+    lab = start_laboratory().sign_in()
+    lab.hover()
+    assert lab.stop() == 0, lab.output
+    assert "landing before stopping" in lab.output
+    assert lab.processes() == {}
+    recorded = next((lab.data / "runs").glob("*.mcap"))
+    onboard = next((lab.data / "onboard").glob("*.mcap"))
+    assert is_closed(recorded)
+    assert is_closed(onboard)
+    heights = [decode_odometry(m.payload)[1]["position_w"][0, 2]
+               for m in read_log(onboard, {"/quad1/state"})]  # fmt: skip
+    assert max(heights) == pytest.approx(1.0, abs=0.1)
+    assert heights[-1] == pytest.approx(0.0, abs=0.05), "stopped in the air"
+
+
+def test_a_second_up_on_the_same_data_folder_is_refused_while_the_first_goes_on(
+    start_laboratory: Callable[[], Any],
+) -> None:
+    first = start_laboratory().sign_in()
+    second = start_laboratory()
+    assert second.wait() == 1
+    lines = [line for line in second.lines if line]
+    assert len(lines) == 1, lines
+    assert "another quadlab up" in lines[0]
+    assert "--data" in lines[0]
+    first.reach(mode="ready")
