@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.quaternions import Array, matrix_of
+from bearing_sim.quaternions import Array, Triple, matrix_of
 from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 
@@ -77,27 +78,44 @@ class BearingEmulator:
             return
         if p.seed != self._seed:
             self._seed, self._random = p.seed, np.random.default_rng(p.seed)
-        count = len(self.beacons.ids)
+        beacons = self.beacons
+        count = len(beacons.ids)
         # All drawn in each frame, so that what is seen does not shift the noise.
-        noise = np.radians(p.sigma) * self._random.standard_normal((count, 2))
-        kept = self._random.random(count) >= p.drop_out
+        noise = self._random.standard_normal((count, 2)).tolist()
+        kept = self._random.random(count).tolist()
         swapped = self._random.random() < p.swap
-        exchanged = self._random.permutation(count)[:2]
+        exchanged = self._random.permutation(count)[:2].tolist()
 
-        offsets_b = (self.beacons.positions_w - position_w) @ matrix_of(quaternion_wb)
-        distances = np.sqrt(np.sum(offsets_b**2, axis=1))
-        bearings_b = offsets_b / np.maximum(distances, NEAREST)[:, None]
-        seen = kept & (distances <= p.range_max) & (distances > NEAREST)
-        if p.field_of_view < 360.0:
-            seen &= -bearings_b[:, 2] >= np.cos(np.radians(0.5 * p.field_of_view))
-        ids = self.beacons.ids.copy()
+        ids = beacons.ids.tolist()
         if swapped:
-            ids[exchanged] = ids[exchanged[::-1]]
+            one, other = exchanged
+            ids[one], ids[other] = ids[other], ids[one]
+        sigma = math.radians(p.sigma)
+        lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
+        x, y, z = position_w.tolist()
+        (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = matrix_of(quaternion_wb)
+        seen_ids, seen = [], []
+        # Plain floats: on four beacons, numpy's calls cost more than the arithmetic.
+        for id, (px, py, pz), share, (along, across) in zip(
+            ids, beacons.positions_w.tolist(), kept, noise, strict=True
+        ):
+            px, py, pz = px - x, py - y, pz - z
+            distance = math.sqrt(px * px + py * py + pz * pz)
+            if share < p.drop_out or not NEAREST < distance <= p.range_max:
+                continue
+            bearing_b = (
+                (r00 * px + r10 * py + r20 * pz) / distance,
+                (r01 * px + r11 * py + r21 * pz) / distance,
+                (r02 * px + r12 * py + r22 * pz) / distance,
+            )
+            if -bearing_b[2] >= lowest:
+                seen_ids.append(id)
+                seen.append(perturbed(bearing_b, sigma * along, sigma * across))
         frame = BearingMeasurement(
             stamp_ns,
-            ids[seen],
-            perturbed(bearings_b[seen], noise[seen]),
-            float(np.radians(max(p.sigma, SIGMA_TOLD_MIN))),
+            np.array(seen_ids, np.int32),
+            np.array(seen, np.float64).reshape(-1, 3),
+            math.radians(max(p.sigma, SIGMA_TOLD_MIN)),
         )
         self._line.put(stamp_ns + round(p.delay * SECOND_NS), frame)
 
@@ -111,18 +129,18 @@ class BearingEmulator:
         return self._line.next_ns
 
 
-def perturbed(bearings: Array, angles: Array) -> Array:
-    """Unit vectors (N, 3) moved on the sphere by `angles` (N, 2), rad, along two tangent axes."""
-    x, y, z = bearings.T
+def perturbed(bearing: Triple, along: float, across: float) -> Triple:
+    """A unit vector moved on the sphere by two angles (rad), along two tangent axes."""
+    x, y, z = bearing
     # Two tangents without a square root, well conditioned everywhere (Duff et al., JCGT 2017).
-    sign = np.copysign(1.0, z)
+    sign = math.copysign(1.0, z)
     a = -1.0 / (sign + z)
     b = x * y * a
-    along, across = angles[:, 0], angles[:, 1]
-    step = np.empty_like(bearings)
-    step[:, 0] = along * (1.0 + sign * x * x * a) + across * b
-    step[:, 1] = along * sign * b + across * (sign + y * y * a)
-    step[:, 2] = -along * sign * x - across * y
-    angle = np.sqrt(along * along + across * across)
-    share = np.sin(angle) / np.maximum(angle, 1e-300)
-    return np.asarray(np.cos(angle)[:, None] * bearings + share[:, None] * step)
+    angle = math.sqrt(along * along + across * across)
+    share = math.sin(angle) / max(angle, 1e-300)
+    cosine, along, across = math.cos(angle), share * along, share * across
+    return (
+        cosine * x + along * (1.0 + sign * x * x * a) + across * b,
+        cosine * y + along * sign * b + across * (sign + y * y * a),
+        cosine * z - along * sign * x - across * y,
+    )

@@ -10,33 +10,30 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Triple = tuple[float, float, float]
 
 
-def matrix_of(q: Array) -> Array:
-    """R_wb of a unit quaternion, shape (3, 3)."""
+def matrix_of(q: Array) -> tuple[Triple, Triple, Triple]:
+    """The rows of R_wb of a unit quaternion."""
     w, x, y, z = q.tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
 
 
-def turned(q: Array, rotation_vector_b: Array) -> Array:
+def turned(q: Array, rotation_vector_b: Triple) -> Array:
     """q ⊗ exp(rotation vector), shape (4,): turned by that vector (rad) about body axes."""
     # Plain floats: on four numbers, numpy's calls cost more than the arithmetic.
-    a, b, c = rotation_vector_b.tolist()
+    a, b, c = rotation_vector_b
     half = 0.5 * math.sqrt(a * a + b * b + c * c)
     share = 0.5 * math.sin(half) / half if half > 1e-8 else 0.5
     px, py, pz, pw = share * a, share * b, share * c, math.cos(half)
     w, x, y, z = q.tolist()
-    product = (
-        w * pw - x * px - y * py - z * pz,
-        w * px + x * pw + y * pz - z * py,
-        w * py - x * pz + y * pw + z * px,
-        w * pz + x * py - y * px + z * pw,
-    )
-    length = math.sqrt(sum(v * v for v in product))
-    return np.array([v / length for v in product])
+    r = w * pw - x * px - y * py - z * pz
+    s = w * px + x * pw + y * pz - z * py
+    t = w * py - x * pz + y * pw + z * px
+    u = w * pz + x * py - y * px + z * pw
+    length = math.sqrt(r * r + s * s + t * t + u * u)
+    return np.array((r / length, s / length, t / length, u / length))

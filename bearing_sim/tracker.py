@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -62,14 +63,16 @@ class SimulatedTracker:
         if p.seed != self._seed:
             self._seed, self._random = p.seed, np.random.default_rng(p.seed)
         # Drawn for lost poses too, so that drop-outs do not shift the noise of the others.
-        noise = self._random.standard_normal(6)
+        d, e, f, a, b, c = self._random.standard_normal(6).tolist()
         lost = self._random.random() < p.drop_out
         if lost:
             return
+        x, y, z = position_w.tolist()
+        far, wide = p.position_noise, math.radians(p.attitude_noise)
         measurement = PoseMeasurement(
             stamp_ns,
-            position_w + p.position_noise * noise[:3],
-            turned(quaternion_wb, np.radians(p.attitude_noise) * noise[3:]),
+            np.array((x + far * d, y + far * e, z + far * f)),
+            turned(quaternion_wb, (wide * a, wide * b, wide * c)),
         )
         self._line.put(stamp_ns + round(p.delay * SECOND_NS), measurement)
 

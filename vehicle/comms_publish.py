@@ -27,7 +27,9 @@ PROBE_NS = 200_000_000
 STALE_NS = 200_000_000  # ticks older than this are for the log only
 ESTIMATOR = "complementary"
 
-_STABLE = ~int(Flag.SATURATED | Flag.TILT_LIMITED)  # the others may change every tick: no reason to publish
+_STABLE = ~int(
+    Flag.SATURATED | Flag.TILT_LIMITED
+)  # the others may change every tick: no reason to publish
 _PERIOD_NS = {name: round(1e9 / topic.rate) for name, topic in topics.TOPICS.items() if topic.rate}
 # mode, behavior, armed, airborne, flags, parameter_revision: unpacked at once, because reading a
 # structured record field by field takes 2 µs.
