@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.quaternions import Array, Triple, matrix_of
+from bearing_sim.quaternions import Array, Triple, rows_of
 from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 
@@ -93,20 +93,20 @@ class BearingEmulator:
         sigma = math.radians(p.sigma)
         lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
         x, y, z = position_w.tolist()
-        (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = matrix_of(quaternion_wb)
+        (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows_of(quaternion_wb)
         seen_ids, seen = [], []
         # Plain floats: on four beacons, numpy's calls cost more than the arithmetic.
-        for id, (px, py, pz), share, (along, across) in zip(
+        for id, place_w, share, (along, across) in zip(
             ids, beacons.positions_w.tolist(), kept, noise, strict=True
         ):
-            px, py, pz = px - x, py - y, pz - z
-            distance = math.sqrt(px * px + py * py + pz * pz)
+            u, v, w = place_w[0] - x, place_w[1] - y, place_w[2] - z
+            distance = math.sqrt(u * u + v * v + w * w)
             if share < p.drop_out or not NEAREST < distance <= p.range_max:
                 continue
             bearing_b = (
-                (r00 * px + r10 * py + r20 * pz) / distance,
-                (r01 * px + r11 * py + r21 * pz) / distance,
-                (r02 * px + r12 * py + r22 * pz) / distance,
+                (r00 * u + r10 * v + r20 * w) / distance,
+                (r01 * u + r11 * v + r21 * w) / distance,
+                (r02 * u + r12 * v + r22 * w) / distance,
             )
             if -bearing_b[2] >= lowest:
                 seen_ids.append(id)

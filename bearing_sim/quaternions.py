@@ -1,10 +1,11 @@
-"""The few rotations needed here, in numpy: `quadrotor.rotations` is compiled, which the base
+"""The few rotations needed here, in floats: `quadrotor.rotations` is compiled, which the base
 station's process must not wait for. Quaternions are (w, x, y, z), body to world.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ Array = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 
-def matrix_of(q: Array) -> tuple[Triple, Triple, Triple]:
+def rows_of(q: Array) -> tuple[Triple, Triple, Triple]:
     """The rows of R_wb of a unit quaternion."""
     w, x, y, z = q.tolist()
     return (
@@ -23,7 +24,12 @@ def matrix_of(q: Array) -> tuple[Triple, Triple, Triple]:
     )
 
 
-def turned(q: Array, rotation_vector_b: Triple) -> Array:
+def matrix_of(q: Array) -> Array:
+    """R_wb of a unit quaternion, shape (3, 3)."""
+    return np.array(rows_of(q))
+
+
+def turned(q: Array, rotation_vector_b: Sequence[float]) -> Array:
     """q ⊗ exp(rotation vector), shape (4,): turned by that vector (rad) about body axes."""
     # Plain floats: on four numbers, numpy's calls cost more than the arithmetic.
     a, b, c = rotation_vector_b

@@ -198,6 +198,7 @@ class GeometricController:
 
     def __init__(self) -> None:
         self.memory = new_control_memory()
+        self._tilt_limited = self.memory["tilt_limited"]  # a view, made once
         self._gains = control_record(ControlParameters())
         self._model: Record | None = None
         self._idle = np.zeros(1, ACTUATORS)
@@ -224,7 +225,7 @@ class GeometricController:
 
     @property
     def tilt_limited(self) -> bool:
-        return bool(self.memory["tilt_limited"][0])
+        return bool(self._tilt_limited.item())
 
     def step(
         self, state: Record, reference: Record, airborne: bool, dt: float, actuators: Record

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from quadrotor.rotations import rotation_exp
+from quadrotor.rotations import norm, quaternion_to_matrix, rotation_exp
 
 Array = npt.NDArray[np.float64]
 
@@ -25,6 +25,24 @@ MAX_MOVE = 0.5
 """Largest step, as a share of the mean distance to the beacons."""
 MAX_TURN = 0.5
 """Largest step, rad."""
+
+
+@njit(cache=True, error_model="numpy")
+def normalize(beacons: Array, bearings: Array, unit: Array) -> float:
+    """Bearings (N, 3) at length 1 into unit (N, 3); the length that was farthest from 1.
+
+    Not finite when a number of the beacons (N, 3) or bearings is not.
+    """
+    worst, total = 1.0, 0.0
+    for k in range(bearings.shape[0]):
+        length = norm(bearings[k])
+        if not abs(length - 1.0) <= abs(worst - 1.0):
+            worst = length
+        for i in range(3):
+            unit[k, i] = bearings[k, i] / length
+            # Times 0, so that finite numbers leave nothing behind and others NaN.
+            total += 0.0 * beacons[k, i] + 0.0 * bearings[k, i]
+    return worst + total
 
 
 @njit(cache=True, error_model="numpy")
@@ -132,6 +150,19 @@ def refine(beacons: Array, bearings: Array, r: Array, R: Array, information: Arr
         if before - cost <= SETTLED * before:
             break
     return cost
+
+
+@njit(cache=True, error_model="numpy")
+def refine_from(
+    beacons: Array, bearings: Array, r: Array, q: Array, R: Array, information: Array
+) -> float:
+    """As `refine`, from an attitude q (4,) of any length; R (3, 3) is written only."""
+    length = norm(q)
+    unit = np.empty(4)
+    for i in range(4):
+        unit[i] = q[i] / length
+    R[:] = quaternion_to_matrix(unit)
+    return refine(beacons, bearings, r, R, information)
 
 
 @njit(cache=True, error_model="numpy")

@@ -20,9 +20,9 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from estimation.bearing_refinement import invert, refine
+from estimation.bearing_refinement import invert, normalize, refine, refine_from
 from quadrotor.errors import MeasurementError
-from quadrotor.rotations import cross, quaternion_from_matrix, quaternion_to_matrix
+from quadrotor.rotations import cross, quaternion_from_matrix
 
 Array = npt.NDArray[np.float64]
 
@@ -77,10 +77,10 @@ def planar_pose(
     center, axes, extent = _plane(beacons.tobytes())
     refined = []
     if prediction is not None:
-        q = np.asarray(prediction[1], dtype=float)
-        R_start = quaternion_to_matrix(q / math.sqrt(float(q @ q)))
-        start = np.array(prediction[0], dtype=float)
-        refined.append(_refine(beacons, bearings, start, R_start))
+        r, q = np.array(prediction[0], dtype=float), np.array(prediction[1], dtype=float)
+        R, information = np.empty((3, 3)), np.empty((6, 6))
+        cost = refine_from(beacons, bearings, r, q, R, information)
+        refined.append((cost, r, R, information))
     if not (refined and refined[0][0] < 2.0 * len(beacons) * (PLAUSIBLE * sigma) ** 2):
         try:
             r, R = homography_pose(beacons, bearings, center, axes, extent)
@@ -88,7 +88,7 @@ def planar_pose(
         except MeasurementError:
             if prediction is None:
                 raise
-    cost, r, R, information = min(refined, key=lambda item: item[0])
+    cost, r, R, information = min(refined, key=_cost) if len(refined) > 1 else refined[0]
     residual, expected = math.sqrt(cost / len(beacons)), math.sqrt(2.0) * sigma
     if not residual < IMPLAUSIBLE * expected:
         raise MeasurementError(
@@ -142,6 +142,10 @@ def homography_pose(
     return position, R_wb
 
 
+def _cost(refined: tuple[float, Array, Array, Array]) -> float:
+    return refined[0]
+
+
 def _refine(
     beacons: Array, bearings: Array, r: Array, R: Array
 ) -> tuple[float, Array, Array, Array]:
@@ -190,7 +194,8 @@ def _plane(beacon_bytes: bytes) -> tuple[Array, Array, float]:
 
 def _checked(beacons_w: Array, bearings_b: Array, sigma: float) -> tuple[Array, Array]:
     """Both as (N, 3) floats, bearings normalised. Raises MeasurementError."""
-    beacons, bearings = np.asarray(beacons_w, dtype=float), np.asarray(bearings_b, dtype=float)
+    beacons = np.ascontiguousarray(beacons_w, dtype=float)
+    bearings = np.ascontiguousarray(bearings_b, dtype=float)
     if beacons.ndim != 2 or beacons.shape[1] != 3 or beacons.shape != bearings.shape:
         raise MeasurementError(
             f"beacons of shape {beacons.shape} and bearings of shape {bearings.shape}; "
@@ -201,14 +206,14 @@ def _checked(beacons_w: Array, bearings_b: Array, sigma: float) -> tuple[Array, 
             f"{len(beacons)} bearings came; a planar pose needs at least 4: "
             "bring more beacons into view"
         )
-    if not (np.isfinite(beacons).all() and np.isfinite(bearings).all()):
+    unit = np.empty_like(bearings)
+    worst = normalize(beacons, bearings, unit)
+    if not math.isfinite(worst):
         raise MeasurementError("a beacon or bearing is not finite; check the beacon detector")
     if not (math.isfinite(sigma) and sigma > 0.0):
         raise MeasurementError(f"sigma = {sigma} rad; a finite number above 0 is needed")
-    lengths = np.sqrt((bearings * bearings).sum(axis=1))
-    worst = float(lengths[np.argmax(np.abs(lengths - 1.0))])
     if abs(worst - 1.0) > 0.01:
         raise MeasurementError(
             f"a bearing has length {worst:.4g}; unit vectors in body axes are needed (within 1 %)"
         )
-    return beacons, bearings / lengths[:, None]
+    return beacons, unit

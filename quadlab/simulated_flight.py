@@ -76,6 +76,9 @@ class SimulatedFlight:
         self._motor_state = MotorState.OFF
         self._requests = 0
         self._next_heartbeat_ns = self._next_station_ns = 0
+        # Views made once: they follow the plant.
+        self._true_position_w = simulated.truth["position_w"][0]
+        self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
 
     # ------------------------------------------------------------------ the client API
     def view(self) -> VehicleView:
@@ -121,41 +124,40 @@ class SimulatedFlight:
     # ------------------------------------------------------------------ one IMU period
     def advance(self) -> None:
         """One IMU period of everything, in the order of the real processes."""
-        clock, stack, mcu, log = self.clock, self.stack, self._mcu, self._log
-        clock.restart()
+        stack, mcu, log = self.stack, self._mcu, self._log
+        lap = self.clock.begin()
         self._simulated.step()
-        clock.lap("simulated robot")
+        lap("simulated robot")
         samples = mcu.receive()
         mcu.service(self._simulated.stamp_ns * 1e-9)
-        clock.lap("serial")
+        lap("serial")
         for sample in samples:
             motors = stack.tick(sample)
-            clock.lap("tick")
+            lap("tick")
             if stack.motor_state_wanted is not self._motor_state:
                 self._motor_state = stack.motor_state_wanted
                 mcu.set_motor_state(self._motor_state)
             if motors is not None:
                 mcu.command(motors)
-            clock.lap("serial")
+            lap("serial")
             log.tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()
-            clock.lap("log")
-            self._station(sample.stamp_ns)
+            lap("log")
+            if sample.stamp_ns >= self._next_station_ns:
+                self._station(sample.stamp_ns)
+                lap("station")
 
     def _station(self, now_ns: int) -> None:
         """What the base station sends: heartbeat, tracked poses, bearings."""
-        if now_ns < self._next_station_ns:
-            return
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))
-        truth = self._simulated.truth
         if now_ns % TRUTH_NS == 0:
-            position, quaternion = truth["position_w"][0], truth["quaternion_wb"][0]
-            self._tracker.observe(now_ns, position, quaternion)
-            self._emulator.observe(now_ns, position, quaternion)
-            self._log.truth(now_ns, truth)
+            position_w, quaternion_wb = self._true_position_w, self._true_quaternion_wb
+            self._tracker.observe(now_ns, position_w, quaternion_wb)
+            self._emulator.observe(now_ns, position_w, quaternion_wb)
+            self._log.truth(now_ns, self._simulated.truth)
         for pose in self._tracker.due(now_ns):
             measurement = mailbox.Pose(
                 pose.stamp_ns, tuple(pose.position_w.tolist()), tuple(pose.quaternion_wb.tolist())
@@ -165,10 +167,10 @@ class SimulatedFlight:
         for frame in self._emulator.due(now_ns):
             self._log.bearings(frame, now_ns)
             self._solve(frame, now_ns)
-        under_way = (self._tracker.next_ns, self._emulator.next_ns)
-        due = [now_ns - now_ns % TRUTH_NS + TRUTH_NS, *(n for n in under_way if n is not None)]
-        self._next_station_ns = min(due)
-        self.clock.lap("station")
+        self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
+        for arrival_ns in (self._tracker.next_ns, self._emulator.next_ns):
+            if arrival_ns is not None and arrival_ns < self._next_station_ns:
+                self._next_station_ns = arrival_ns
 
     def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:
         try:

@@ -45,3 +45,11 @@ def test_the_parameters_page_is_what_the_models_say() -> None:
 
     text = (ROOT / "docs/parameters.md").read_text()
     assert text == page(), "run scripts/parameters_page"
+
+
+def test_every_document_the_code_refers_to_is_there() -> None:
+    files = [p for folder in ("*.py", "*.js", "*.html") for p in ROOT.glob(f"[a-z]*/**/{folder}")]
+    assert files
+    for file in files:
+        for document in re.findall(r"docs/[\w/-]+\.md", file.read_text()):
+            assert (ROOT / document).exists(), f"{file.relative_to(ROOT)} refers to {document}"

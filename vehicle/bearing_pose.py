@@ -23,10 +23,15 @@ class BearingPose:
 
     def __init__(self, beacons: Beacons = PAPER_BEACONS) -> None:
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
+        self._ids: list[int] | None = None
+        self._known: list[int] = []
+        self._beacons_w = np.empty((0, 3))
         # Compiled here: at the first frame in flight all that follow would be a second late.
         above = PAPER_BEACONS.positions_w - np.array([0.1, 0.2, 1.5])
         above /= np.linalg.norm(above, axis=1)[:, None]
-        planar_pose(PAPER_BEACONS.positions_w, above, 0.01)
+        level = np.array([0.1, 0.2, 1.5]), np.array([1.0, 0.0, 0.0, 0.0])
+        for start in (None, level):
+            planar_pose(PAPER_BEACONS.positions_w, above, 0.01, start)
 
     def solve(
         self,
@@ -46,16 +51,21 @@ class BearingPose:
         Raises MeasurementError.
         """
         bearings = np.asarray(bearings_b, dtype=float)
-        known = [k for k, one in enumerate(beacon_ids) if one in self._places]
+        ids = list(beacon_ids)
+        if ids != self._ids:  # mostly the same beacons are seen from frame to frame
+            self._ids = ids
+            self._known = [k for k, one in enumerate(ids) if one in self._places]
+            places = [self._places[ids[k]] for k in self._known]
+            self._beacons_w = np.array(places, dtype=float).reshape(-1, 3)
+        known = self._known
         if not known:
-            raise MeasurementError(
-                f"no known beacon among {list(beacon_ids)}; known are {sorted(self._places)}"
-            )
-        places = np.array([self._places[beacon_ids[k]] for k in known])
+            raise MeasurementError(f"no known beacon among {ids}; known are {sorted(self._places)}")
+        if len(known) < len(ids):
+            bearings = bearings[known]
         start = None
         if state is not None:
             start = (state["position_w"][0], state["quaternion_wb"][0])
-        pose = planar_pose(places, bearings[known], sigma, start)
+        pose = planar_pose(self._beacons_w, bearings, sigma, start)
         return topics.encode_bearing_pose(
             stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
         )

@@ -3,21 +3,53 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from control.behaviors.machine import BehaviorMachine
 from quadrotor.errors import QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.modes import Flag, Mode
+from vehicle.parameters import VehicleParameters
+from vehicle.supervisor import Supervisor
 
-if TYPE_CHECKING:
-    from vehicle.stack import FlightStack
+
+class Commanded(Protocol):
+    """What commands need of the flight stack."""
+
+    mode: Mode
+    airborne: bool
+    parameters: VehicleParameters
+    store: ParameterStore
+    supervisor: Supervisor
+    behaviors: BehaviorMachine
+    state: Record
+    status: Record
+    outbox: list[mailbox.Event | mailbox.ParameterChange]
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+    @property
+    def has_pose(self) -> bool: ...
+
+    @property
+    def tilt(self) -> float: ...
+
+    def configure(self) -> None: ...
+
+    def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None: ...
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
+
+    def land_now(self, why: str) -> None: ...
 
 
 class CommandHandler:
     """Carries out commands between two ticks of its stack."""
 
-    def __init__(self, stack: FlightStack) -> None:
+    def __init__(self, stack: Commanded) -> None:
         self._stack = stack
 
     def handle(self, command: mailbox.Command) -> mailbox.Reply:

@@ -86,6 +86,7 @@ class Comms:
                 self._fetch_due_ns = read_ns + FETCH_PERIOD_NS
                 self._mirror.fetch()
             self._inbound.newest_state = ticks["state"][-1:]
+            self._inbound.prepare()
             self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
             self._log.ticks(ticks, self._clock.at_ns(read_ns))
             self._publisher.ticks(ticks)

@@ -14,6 +14,7 @@ from vehicle.parameters import new_parameters
 from vehicle.rings import ByteRing
 
 REPLY_TIMEOUT_S = 1.0
+FETCH_PATIENCE_S = 1.5  # less than a parameter client waits
 
 
 class FlightMailbox:
@@ -84,13 +85,27 @@ class ParameterMirror:
         self._store.preset(preset)
         self._values = self._store.values()
         self.revision = 0
-        self.complete = False  # holds flight's values, not only those of the start
+        self._fetched = threading.Event()
         self._fetch_id = f"{os.getpid()}-all"
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
         return self._store.descriptions()
 
+    @property
+    def complete(self) -> bool:
+        """Whether it holds flight's values, not only those of the start."""
+        return self._fetched.is_set()
+
     def values(self) -> dict[str, ParameterValue]:
+        """Flight's values; waits for them when this process has just started.
+
+        Raises LinkError when flight does not tell them: old ones would be a lie.
+        """
+        if not self._fetched.wait(FETCH_PATIENCE_S):
+            raise LinkError(
+                f"the flight process did not tell its parameters within {FETCH_PATIENCE_S:g} s; "
+                "is the microcontroller connected?"
+            )
         return dict(self._values)
 
     def change(
@@ -118,7 +133,7 @@ class ParameterMirror:
         if reply.request_id == self._fetch_id:
             self._values.update(reply.applied)
             self.revision = reply.revision
-            self.complete = True
+            self._fetched.set()
 
     def changed(self, change: mailbox.ParameterChange) -> None:
         """The flight process applied this."""

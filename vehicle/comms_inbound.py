@@ -71,7 +71,8 @@ class Inbound:
         self._complain = SaidOnceASecond(say, clock)
         self._bearing_pose = bearing_pose
         self._log = log
-        self._solver = BearingPose()
+        self._solver: BearingPose | None = None
+        self._preparing: threading.Thread | None = None
         self._heard_ns: int | None = None
         self.newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
@@ -80,6 +81,20 @@ class Inbound:
             "joy": self._joy,
             "station_heartbeat": self._heartbeat,
         }
+
+    def prepare(self) -> threading.Thread:
+        """Make the solver of one-frame poses ready, in a thread: it may have to compile.
+
+        Called once ticks come: until then flight's own compiling needs the processor. Bearings
+        that come before it is ready give no pose.
+        """
+        if self._preparing is None:
+            self._preparing = threading.Thread(target=self._make_solver, daemon=True)
+            self._preparing.start()
+        return self._preparing
+
+    def _make_solver(self) -> None:
+        self._solver = BearingPose()
 
     @property
     def station_silence(self) -> float:
@@ -121,6 +136,8 @@ class Inbound:
             return
         self._send(mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma))
         self._log("bearings", payload, seen.stamp_ns)
+        if self._solver is None:
+            return
         encoded = self._solver.solve(
             seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma, self.newest_state
         )

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+
+import msgspec
 
 from quadrotor.errors import LinkError
 from vehicle.microcontroller_clock import MicrocontrollerClock
@@ -39,8 +40,8 @@ _MOTOR_STATES = tuple(MotorState)
 _STOPPED = (0, 0, 0, 0)
 
 
-class RawSample(NamedTuple):
-    """One IMU sample as the sensors gave it."""
+class RawSample(msgspec.Struct, frozen=True, order=True):
+    """One IMU sample as the sensors gave it; ordered by its stamp."""
 
     stamp_ns: int  # of the vehicle's clock
     accelerometer: tuple[int, int, int]  # counts, 0…1023, axes x, y, z
@@ -131,6 +132,7 @@ class Microcontroller:
         Raises LinkError when a port is gone.
         """
         samples: list[RawSample] = []
+        settled = self._clock.settled
         for port, decoder in self._decoders:
             data = port.read()
             if data:
@@ -139,16 +141,18 @@ class Microcontroller:
                     if values is None:
                         self._take_reply(frame)
                     elif self._mirrored:
-                        sample = self._sample(values)
+                        sample = self._sample(values, settled)
                         if sample is not None:
                             samples.append(sample)
-        if not self._clock.settled:
+        if not settled:
             if samples:
                 newest_ns = max(sample.stamp_ns for sample in samples)
                 self._clock.settle(newest_ns, len(samples))
             return []
-        if len(samples) > 1:
-            samples.sort()
+        if len(samples) == 1 and samples[0].stamp_ns > self._newest_ns:  # as a rule
+            self._newest_ns = samples[0].stamp_ns
+            return samples
+        samples.sort()
         return self._in_order(samples)
 
     def command(self, references: Sequence[int]) -> None:
@@ -177,7 +181,7 @@ class Microcontroller:
             self._repeat(self._motors, now_s)
 
     # ------------------------------------------------------------------ parts
-    def _sample(self, values: tuple[int, ...]) -> RawSample | None:
+    def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
         """A sample of the values of MIRROR; stamped by elapsed time until the clock is settled."""
         ms, a_x, a_y, a_z, g_x, g_y, g_z, battery, state, pressure = values
         if (a_x | a_y | a_z | g_x | g_y | g_z) & ~1023 or not 0 <= state <= 3 or battery < 0:
@@ -189,7 +193,7 @@ class Microcontroller:
             self.refused += 1
             return None
         return RawSample(
-            clock.stamp_ns(elapsed_ns) if clock.settled else elapsed_ns,
+            clock.stamp_ns(elapsed_ns) if settled else elapsed_ns,
             (a_x, a_y, a_z),
             (g_x, g_y, g_z),
             battery * 0.1,

@@ -7,29 +7,41 @@ tick (first-order noise shaping), far above what the motors' lag lets through.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
-REFERENCE_MAX = 255
+Array = npt.NDArray[np.float64]
+
+REFERENCE_MAX = 255.0
+
+
+@njit(cache=True)
+def _round(wanted: Array, carry: Array) -> tuple[int, int, int, int]:
+    for i in range(4):
+        exact = wanted[i] + carry[i]
+        if not math.isfinite(exact):
+            raise ValueError("a motor reference is not finite")
+        whole = np.rint(exact)
+        wanted[i] = int(min(max(whole, 0.0), REFERENCE_MAX))
+        # Nothing is owed for what no motor could have given.
+        carry[i] = exact - whole if wanted[i] == whole else 0.0
+    return int(wanted[0]), int(wanted[1]), int(wanted[2]), int(wanted[3])
 
 
 class ReferenceRounding:
     """One vehicle's carried fractions, each within half a count."""
 
     def __init__(self) -> None:
-        self._carry = [0.0, 0.0, 0.0, 0.0]
+        self._carry = np.zeros(4)
+        _round(np.zeros(4), self._carry)  # compiled here and not in the first flight
 
-    def round(self, wanted: npt.NDArray[np.float64]) -> tuple[int, int, int, int]:
-        """Counts 0..255 for `wanted` (4,), which is overwritten with them."""
-        carry = self._carry
-        counts = []
-        for i, reference in enumerate(wanted.tolist()):
-            exact = reference + carry[i]
-            count = round(exact)
-            if not 0 <= count <= REFERENCE_MAX:
-                count = 0 if count < 0 else REFERENCE_MAX
-                exact = count
-            carry[i] = exact - count
-            counts.append(count)
-        wanted[:] = counts
-        return counts[0], counts[1], counts[2], counts[3]
+    def round(self, wanted: Array) -> tuple[int, int, int, int]:
+        """Counts 0..255 for `wanted` (4,), which is overwritten with them.
+
+        Raises ValueError when one is not finite.
+        """
+        counts: tuple[int, int, int, int] = _round(wanted, self._carry)
+        return counts

@@ -31,7 +31,7 @@ from vehicle.microcontroller import RawSample
 from vehicle.modes import Mode, check_move
 from vehicle.parameters import VehicleParameters
 from vehicle.reference_rounding import ReferenceRounding
-from vehicle.status_writer import StatusWriter
+from vehicle.status_writer import FLYING, StatusWriter
 from vehicle.supervisor import Reaction, Supervisor, Verdict
 from vehicle_link.serial.ids import MotorState
 
@@ -122,7 +122,7 @@ class FlightStack:
         if verdict is not None:
             self._react(verdict)
 
-        flying = self.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
+        flying = self.mode in FLYING
         if flying and self.behaviors.name is not BehaviorName.GROUND:
             self.behaviors.step(
                 self._stamp_ns,
@@ -130,7 +130,7 @@ class FlightStack:
                 self.state,
                 self._joy,
                 self.airborne,
-                float(self._wrench[0]),
+                self._wrench.item(0),
                 self.reference,
             )
             self.controller.step(self.state, self.reference, self.airborne, dt, self.actuators)
@@ -171,6 +171,7 @@ class FlightStack:
         self.model = p.model.record()
         self.controller.configure(p.control, self.model)
         self.estimator.configure(p.estimation)
+        self._pose_timeout = p.estimation.measurement_timeout
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
         self.mass.configure(p.mass)
@@ -242,10 +243,13 @@ class FlightStack:
             self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
 
     def _correct(self) -> None:
+        if self._poses:
+            self._take_poses()
+        self.estimator.report(self.estimate)
+
+    def _take_poses(self) -> None:
         for pose in self._poses:
-            self._pose["stamp_ns"] = pose.stamp_ns
-            self._pose["position_w"] = pose.position_w
-            self._pose["quaternion_wb"] = pose.quaternion_wb
+            self._pose[0] = pose.stamp_ns, pose.position_w, pose.quaternion_wb
             try:
                 if self.estimator.initialized:
                     self.estimator.correct(self._pose, self.estimate)
@@ -254,7 +258,6 @@ class FlightStack:
             except MeasurementError as error:
                 self.say(str(error), mailbox.WARN)
         self._poses.clear()
-        self.estimator.report(self.estimate)
 
     def _react(self, verdict: Verdict) -> None:
         if verdict.reaction is Reaction.CUT:
@@ -276,8 +279,8 @@ class FlightStack:
         self.behaviors.request(behavior, {}, self.state, armed=True, airborne=True)
 
     def _watch_ground(self) -> None:
-        height = float(self.state["position_w"][0, 2]) - self._ground_z
         if not self.airborne and self.behaviors.name is not BehaviorName.LAND:
+            height = float(self.state["position_w"][0, 2]) - self._ground_z
             self.airborne = height > 0.03
         if self.behaviors.landed:
             self.airborne = False
@@ -318,8 +321,8 @@ class FlightStack:
             behavior=self.behaviors.name,
             airborne=self.airborne,
             supervisor_flags=self.supervisor.flags,
-            stale_pose=pose_age > self.parameters.estimation.measurement_timeout,
-            saturated=bool(self._scaling[0] < 1.0),
+            stale_pose=pose_age > self._pose_timeout,
+            saturated=self._scaling.item() < 1.0,
             tilt_limited=self.controller.tilt_limited,
             voltage=sample.battery_voltage,
             pressure=sample.pressure,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from quadrotor.records import Record
 from vehicle.modes import Flag, Mode
 
+FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
 _ROW = ("mode", "behavior", "armed", "airborne", "flags")
 # As plain numbers: an IntFlag costs half a microsecond an operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
@@ -58,7 +59,7 @@ class StatusWriter:
             flags |= _TILT_LIMITED
         if not self.real_time:
             flags |= _NOT_REAL_TIME
-        row = (mode, behavior, mode in (Mode.ARMED, Mode.EMERGENCY_LAND), airborne, flags)
+        row = (mode, behavior, mode in FLYING, airborne, flags)
         if row != self._written:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):

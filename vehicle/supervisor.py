@@ -63,9 +63,10 @@ class Supervisor:
         self.flags = Flag.NONE
         battery_due = self._battery_due(stamp_ns, voltage)
         link_age = self.link_age(stamp_ns)
-        if link_age > p.link_timeout:
+        link_timeout = p.link_timeout
+        if link_age > link_timeout:
             self.flags |= Flag.LINK_LOST
-        elif link_age > 0.75 * p.link_timeout:
+        elif link_age > 0.75 * link_timeout:
             self.flags |= Flag.LINK_DEGRADED
         else:
             self._braked_ns = None
@@ -76,9 +77,9 @@ class Supervisor:
             return self._once("tilt", Reaction.CUT, f"turned over: tilt {tilt / _DEGREE:.0f} deg")
         if battery_due and "battery" not in self._said:
             return self._once("battery", Reaction.LAND, f"battery at {voltage:.1f} V")
-        if pose_age > p.pose_land_after and link_age <= p.link_timeout:
+        if pose_age > p.pose_land_after and link_age <= link_timeout:
             return self._once("pose", Reaction.LAND, f"no pose measurement for {pose_age:.1f} s")
-        if link_age > p.link_timeout:
+        if link_age > link_timeout:
             return self._link(stamp_ns, link_age)
         return None
 

@@ -62,11 +62,11 @@ class FixedLayout:
         template = bytearray(self.size)
         for offset, constant in self._constants:
             template[offset : offset + len(constant)] = constant
-        self._template = np.frombuffer(bytes(template), np.dtype(("V", self.size)))
+        self._template = template
 
     def new(self, count: int = 1) -> Records:
         """`count` messages with constants in place and all else zero, shape (count,)."""
-        return np.repeat(self._template, count).view(self.dtype)
+        return np.frombuffer(self._template * count, self.dtype)
 
     def encode(self, records: Records) -> list[bytes]:
         """The payload of each record, in order."""

@@ -70,7 +70,8 @@ def test_the_noise_has_its_sigma_on_both_tangent_axes_and_keeps_unit_length() ->
     seed, sigma = 8, np.radians(1.5)
     angles = sigma * np.random.default_rng(seed).standard_normal((20000, 2))
     for bearing in np.array([[0.0, 0, 1], [0.6, 0, -0.8], [1, 0, 0]]):
-        moved = perturbed(np.tile(bearing, (len(angles), 1)), angles)
+        x, y, z = bearing
+        moved = np.array([perturbed((x, y, z), *pair) for pair in angles])
         np.testing.assert_allclose(np.linalg.norm(moved, axis=1), 1.0, atol=1e-12)
         away = np.arccos(np.clip(moved @ bearing, -1, 1))
         np.testing.assert_allclose(away, np.linalg.norm(angles, axis=1), atol=1e-7)

@@ -153,9 +153,21 @@ def test_the_mirror_checks_before_it_asks() -> None:
     assert flight.received() == []
 
 
+def test_the_mirror_tells_no_values_before_flight_told_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("vehicle.comms_commands.FETCH_PATIENCE_S", 0.01)
+    mirror = ParameterMirror(Flight().mailbox, {"model.mass": 1.2})
+    with pytest.raises(LinkError, match="did not tell its parameters"):
+        mirror.values()
+
+
 def test_the_mirror_gives_flights_answer() -> None:
     flight = Flight()
-    mirror = ParameterMirror(flight.mailbox, {"model.mass": 1.2})
+    mirror = ParameterMirror(flight.mailbox, {})
+    mirror.fetch()
+    (asked,) = flight.received()
+    mirror.deliver(mailbox.Reply(asked.request_id, True, applied={"model.mass": 1.2}, revision=6))
     assert mirror.values()["model.mass"] == 1.2
     thread = answer(flight, True, applied={"model.mass": 1.4}, revision=7)
     assert mirror.change({"model.mass": 1.4}, "anna") == ({"model.mass": 1.4}, 7)
@@ -348,6 +360,7 @@ class Receiver:
             lambda payload, stamp: self.poses.append((payload, stamp)),
             lambda topic, payload, stamp: self.logged.append(topic),
         )
+        self.inbound.prepare().join(60.0)
 
     def pose(self, age_ns: int) -> None:
         sample = np.zeros(1, POSE_SAMPLE)

@@ -47,7 +47,8 @@ import sys
 from pathlib import Path
 from vehicle.process import run_vehicle
 sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.argv[2]),
-                     int(sys.argv[3]), settings={"model.mass": 1.3}))
+                     int(sys.argv[3]),
+                     settings={"model.mass": 1.3, "safety.link_land_after": 20.0}))
 """
 
 

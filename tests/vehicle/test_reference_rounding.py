@@ -31,3 +31,15 @@ def test_what_the_motors_cannot_do_is_not_carried_on() -> None:
         assert rounding.round(np.full(4, 400.0)) == (255, 255, 255, 255)
     assert rounding.round(np.full(4, 100.0)) == (100, 100, 100, 100)
     assert rounding.round(np.full(4, -50.0)) == (0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("broken", [np.nan, np.inf])
+def test_a_reference_that_is_no_number_is_refused(broken: float) -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        ReferenceRounding().round(np.array([100.0, broken, 100.0, 100.0]))
+
+
+def test_counts_are_written_over_the_wanted_references() -> None:
+    wanted = np.array([99.6, 0.2, 300.0, -0.1])
+    assert ReferenceRounding().round(wanted) == (100, 0, 255, 0)
+    assert wanted.tolist() == [100.0, 0.0, 255.0, 0.0]

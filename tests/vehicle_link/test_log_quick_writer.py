@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from vehicle_link.log.quick_writer import QuickWriter
+from vehicle_link.log.quick_writer import MessageBatch, QuickWriter
 
 
 def written(kind: type[Any], chunk_size: int) -> bytes:
@@ -39,3 +39,40 @@ def test_the_librarys_reader_finds_every_message_by_time() -> None:
     found = [m.sequence for _, _, m in reader.iter_messages(start_time=100_000, end_time=200_000)]
     assert len(found) == pytest.approx(100, abs=2)
     assert len(list(make_reader(io.BytesIO(written(QuickWriter, 1000))).iter_messages())) == 500
+
+
+def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time() -> None:
+    random = np.random.default_rng(5)
+    sizes, counts = (40, 7, 300), (30, 11, 1)
+    batches = []
+    for channel, (size, count) in enumerate(zip(sizes, counts, strict=True), 1):
+        payloads = np.frombuffer(random.bytes(size * count), f"V{size}")
+        log_ns = np.sort(random.integers(1000, 1020, count))  # many of the same time
+        batches.append(MessageBatch(channel, payloads, log_ns, log_ns - 5))
+    rows = [
+        (int(batch.log_ns[k]), batch.channel_id, batch.payloads[k].tobytes())
+        for batch in batches
+        for k in range(len(batch.log_ns))
+    ]
+    rows.sort(key=lambda row: row[0])
+
+    def new() -> tuple[io.BytesIO, QuickWriter]:
+        file = io.BytesIO()
+        writer = QuickWriter(file, compression=CompressionType.LZ4)
+        writer.start("ros2", "quadlab")
+        schema = writer.register_schema("a/A", "ros2msg", b"float64 x")
+        for channel in (1, 2, 3):
+            assert writer.register_channel(f"/t{channel}", "cdr", schema, {}) == channel
+        # Of every channel, so that both files list the channels of the index in one order.
+        for channel in (1, 2, 3):
+            writer.add_message(channel, 900, b"first", 900, channel)
+        return file, writer
+
+    single, writer = new()
+    for number, (log_ns, channel, payload) in enumerate(rows):
+        writer.add_message(channel, log_ns, payload, log_ns - 5, 10 + number)
+    writer.finish()
+    at_once, writer = new()
+    writer.add_batches(batches, 10)
+    writer.finish()
+    assert at_once.getvalue() == single.getvalue()

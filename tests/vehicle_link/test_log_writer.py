@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
@@ -18,6 +19,7 @@ from quadrotor.errors import StorageError
 from vehicle_link import messages
 from vehicle_link.log import LogWriter, read_attachments, read_log, read_metadata, summarize
 from vehicle_link.log.records import RawMessage, records
+from vehicle_link.log.writer import Batch
 
 STRING = "std_msgs/String"
 
@@ -122,6 +124,30 @@ def test_writing_to_a_closed_log_is_refused(tmp_path: Path) -> None:
     log.close()
     with pytest.raises(StorageError, match="closed"):
         log.write("/a", STRING, text_message("x"), 0, 0)
+    with pytest.raises(StorageError, match="closed"):
+        log.write_batches([batch("/a", [1])])
+
+
+def batch(topic: str, log_ns: list[int]) -> Batch:
+    texts = [text_message(f"{topic}{k}") for k in range(len(log_ns))]
+    payloads = np.frombuffer(b"".join(texts), f"V{len(texts[0])}")
+    stamps = np.array(log_ns)
+    return Batch(topic, STRING, payloads, stamps, stamps - 1)
+
+
+def test_batches_are_written_in_the_order_of_their_time(tmp_path: Path) -> None:
+    with LogWriter(tmp_path / "a.mcap", {}, {}) as log:
+        log.write("/a", STRING, text_message("first"), 5, 5)
+        log.write_batches([batch("/b", [10, 20, 30]), batch("/a", [10, 15])])
+        log.write_batches([batch("/c", [31])])
+        assert log.message_count == 7
+    read = list(read_log(tmp_path / "a.mcap"))
+    assert [m.topic for m in read] == ["/a", "/b", "/a", "/a", "/b", "/b", "/c"]
+    assert [m.log_ns for m in read] == [5, 10, 10, 15, 20, 30, 31]
+    assert [m.publish_ns for m in read[1:]] == [9, 9, 14, 19, 29, 30]
+    assert [m.sequence for m in read] == list(range(1, 8))
+    text = [messages.decode(m.payload, STRING).data for m in read[1:]]
+    assert text == ["/b0", "/a0", "/a1", "/b1", "/b2", "/c0"]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs Linux")

@@ -7,6 +7,7 @@ import re
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.serial import commands as c
@@ -91,7 +92,7 @@ def test_messages_of_the_wrong_kind_or_size_are_not_understood() -> None:
     assert c.decode_instruction(data) is None
     assert c.decode_value(data) is None
     assert c.decode_mirrored(data) is None
-    assert c.decode_data(data._replace(payload=bytes(18))) is None
+    assert c.decode_data(replace(data, payload=bytes(18))) is None
     command = one(c.encode_command(REFERENCES))
-    assert c.decode_instruction(command._replace(address=ord("c"))) is None
-    assert c.decode_instruction(command._replace(payload=bytes(9))) is None
+    assert c.decode_instruction(replace(command, address=ord("c"))) is None
+    assert c.decode_instruction(replace(command, payload=bytes(9))) is None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -142,6 +143,17 @@ def test_status_carries_texts_and_statistics() -> None:
     assert message.flags == ["link_degraded", "saturated"]
     assert (message.armed, message.airborne, message.parameter_revision) == (True, False, 7)
     assert message.lateness_p99 == ticks["status"]["lateness_p99"][0]
+
+
+def test_a_status_without_flags_has_the_same_fields() -> None:
+    ticks = _ticks(1)
+    ticks["status"]["armed"] = 1
+    plain = decode(encode_status(ticks, "ready", "take_off", []), "quadlab_msgs/VehicleStatus")
+    flagged = decode(encode_status(ticks, "ready", "take_off", ["x"]), "quadlab_msgs/VehicleStatus")
+    assert plain.flags == []
+    for field in fields(plain):
+        if field.name != "flags":
+            assert getattr(plain, field.name) == getattr(flagged, field.name), field.name
 
 
 def test_events_and_parameter_changes() -> None:

@@ -85,8 +85,8 @@ class SimulatedVehicle:
                 replies = firmware.receive(index, data)
                 if replies:
                     port.write(replies)
-        self.stamp_ns = self.next_stamp_ns
-        firmware.advance(self.stamp_ns // 1_000_000)
+        self.stamp_ns = stamp_ns = self.next_stamp_ns
+        firmware.advance(stamp_ns // 1_000_000)
         noise = self._noise
         row = noise.next_row()
         if self._samples:

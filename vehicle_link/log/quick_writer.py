@@ -126,15 +126,13 @@ class QuickWriter(Writer):
         statistics = library._Writer__statistics
         if statistics.message_count == 0 or earliest_ns < statistics.message_start_time:
             statistics.message_start_time = earliest_ns
-        if latest_ns > statistics.message_end_time:
-            statistics.message_end_time = latest_ns
+        statistics.message_end_time = max(statistics.message_end_time, latest_ns)
         statistics.channel_message_counts[channel_id] += count
         statistics.message_count += count
         chunk = library._Writer__chunk_builder
         if chunk.num_messages == 0 or earliest_ns < chunk.message_start_time:
             chunk.message_start_time = earliest_ns
-        if latest_ns > chunk.message_end_time:
-            chunk.message_end_time = latest_ns
+        chunk.message_end_time = max(chunk.message_end_time, latest_ns)
         chunk.num_messages += count
         return chunk
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from typing import NamedTuple
+
+import msgspec
 
 from quadrotor.errors import OutOfBoundsError
 from vehicle_link.serial.frames import FLIGHT_CONTROLLER, Frame, encode_frame
@@ -25,7 +26,7 @@ _TEN = struct.Struct("<10h")
 _PADDED = {COMMAND: 6, SET: 9, REQUEST: 6, MIRROR: 15, VALUE: 6, DATA: 21, MIRRORED: 12}
 
 
-class Instruction(NamedTuple):
+class Instruction(msgspec.Struct, frozen=True):
     """What a frame to the microcontroller says; `ids` only in `l`, `id` and `value` in s, u."""
 
     kind: int

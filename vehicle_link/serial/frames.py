@@ -8,8 +8,11 @@ whoever uses a value still asks whether it is possible.
 
 from __future__ import annotations
 
+from binascii import Error as BinasciiError
 from binascii import a2b_base64, b2a_base64
-from typing import NamedTuple
+from zlib import adler32
+
+import msgspec
 
 START, END = b"#", b"\r"
 FLIGHT_CONTROLLER = ord("b")
@@ -19,13 +22,18 @@ MAX_FRAME = 64
 _BASE64 = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 _DATA64 = bytes(range(ord("="), ord("=") + 64))
 _TO_DATA64 = bytes.maketrans(_BASE64, _DATA64)
-_FROM_DATA64 = bytes.maketrans(_DATA64, _BASE64)
-_CRC = tuple(bytes((_DATA64[crc >> 6], _DATA64[crc & 63])) for crc in range(4096))
+# What is no data64 becomes `!`, which strict base64 refuses.
+_FROM_DATA64 = bytes(
+    _BASE64[_DATA64.index(byte)] if byte in _DATA64 else ord("!") for byte in range(256)
+)
+_CRC = tuple(bytes((_DATA64[crc >> 6], _DATA64[crc & 63])) for crc in (4095, *range(4095)))
+"""By the lower 12 bits of Adler-32, which are 1 + the sum of up to 256 bytes: that is computed
+in a tenth of the time of Python's `sum`."""
 _PAD = (b"", b"\0\0", b"\0")
 _MIN_CHUNK = 5  # `#`, address, command and CRC of a frame without data
 
 
-class Frame(NamedTuple):
+class Frame(msgspec.Struct, frozen=True):
     """One undamaged frame; `payload` is zero padded to a multiple of 3 bytes."""
 
     address: int
@@ -37,7 +45,7 @@ def encode_frame(command: bytes, payload: bytes, address: bytes = b"b") -> bytes
     """The bytes of one frame."""
     padded = payload + _PAD[len(payload) % 3]
     body = START + address + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
-    return body + _CRC[sum(body) & 4095] + END
+    return body + _CRC[adler32(body) & 4095] + END
 
 
 class FrameDecoder:
@@ -52,6 +60,9 @@ class FrameDecoder:
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that end within `data`, in order. Never raises, whatever the bytes."""
+        if not self._rest and data.find(END) + 1 == len(data) > 0:  # one frame, as a rule
+            frame = self._decode(data[:-1])
+            return [] if frame is None else [frame]
         chunks = (self._rest + data).split(END)
         rest = chunks.pop()
         if len(rest) > MAX_FRAME:  # no frame is this long: keep only what may begin one
@@ -70,16 +81,15 @@ class FrameDecoder:
         if start > 0:  # noise, or a frame that lost its end, before this one
             self.damaged += 1
             chunk = chunk[start:]
-        size = len(chunk)
         if (
-            start < 0
-            or size < _MIN_CHUNK
-            or size > MAX_FRAME
-            or (size - _MIN_CHUNK) & 3
-            or chunk[-2:] != _CRC[sum(chunk[:-2]) & 4095]
-            or chunk[3:-2].translate(None, _DATA64)
+            start >= 0
+            and _MIN_CHUNK <= len(chunk) <= MAX_FRAME
+            and chunk[-2:] == _CRC[adler32(chunk[:-2]) & 4095]
         ):
-            self.damaged += 1
-            return None
-        payload = a2b_base64(chunk[3:-2].translate(_FROM_DATA64))
-        return Frame(chunk[1], chunk[2], payload)
+            try:
+                data = a2b_base64(chunk[3:-2].translate(_FROM_DATA64), strict_mode=True)
+                return Frame(chunk[1], chunk[2], data)
+            except BinasciiError:  # not whole groups of four, or other characters
+                pass
+        self.damaged += 1
+        return None

@@ -18,12 +18,32 @@ LIPO = 3  # POWER_SUPPLY_TECHNOLOGY_LIPO
 DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
 
 
+_STATUS_FIELDS = (
+    "armed", "airborne", "parameter_revision", "tick_rate", "lateness_p50", "lateness_p99",
+    "lateness_max", "missed_share",
+)  # fmt: skip
+
+
+@cache
+def _status_layout(mode: str, behavior: str) -> FixedLayout:
+    """Of a status without flags."""
+    strings = {"header.frame_id": WORLD, "mode": mode, "behavior": behavior}
+    return FixedLayout("quadlab_msgs/VehicleStatus", strings)
+
+
 def encode_status(tick: Record, mode: str, behavior: str, flags: Sequence[str]) -> bytes:
     """`status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
 
     The texts are given because their enums live in the layers above.
     """
     status = tick["status"][0]
+    if not flags:  # almost always: then only numbers differ
+        statuses = _status_layout(mode, behavior)
+        out = statuses.new()
+        set_stamps(out, int(tick["imu"]["stamp_ns"][0]))
+        for field in _STATUS_FIELDS:
+            out[field] = status[field]
+        return out.tobytes()
     return encode(
         new(
             "quadlab_msgs/VehicleStatus",

@@ -172,8 +172,8 @@ def decode_actuators(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Recor
 
 
 def set_stamps(out: Records, stamps_ns: Any) -> None:
-    """Fill `header.stamp` of N records from int64 nanoseconds."""
-    seconds, rest = np.divmod(stamps_ns, SECOND_NS)
+    """Fill `header.stamp` of N records from nanoseconds: one int for all, or int64 (N,)."""
+    seconds, rest = divmod(stamps_ns, SECOND_NS)
     out["header.stamp.sec"] = seconds
     out["header.stamp.nanosec"] = rest
 
