@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from quadrotor.errors import QuadlabError
 from vehicle.realtime import die_with_parent
@@ -33,9 +34,11 @@ def follow_parent() -> None:
     if parent:
         die_with_parent(int(parent))
     if niceness:
-        # To be preferred needs a right that an ordinary user lacks: then all are equal.
-        with contextlib.suppress(PermissionError):
+        # To be preferred needs a right that an ordinary user lacks: then all are equal. Where the
+        # kernel groups processes by session, it is the group's niceness that counts.
+        with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, int(niceness))
+            Path("/proc/self/autogroup").write_text(niceness)
 
 
 @dataclass

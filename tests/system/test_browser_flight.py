@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import stat
 from collections import Counter
 from collections.abc import Callable
@@ -38,8 +37,9 @@ def page(tmp_path: Path) -> Any:
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if not CHROMIUM.exists():
         pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
+    # As root, Chromium raises its own priority; idle scheduling is what it cannot leave.
     polite = tmp_path / "chromium"
-    polite.write_text(f'#!/bin/sh\nexec {shutil.which("nice")} -n 19 {CHROMIUM} "$@"\n')
+    polite.write_text(f'#!/bin/sh\nexec chrt --idle 0 {CHROMIUM} "$@"\n')
     polite.chmod(polite.stat().st_mode | stat.S_IXUSR)
     with api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=str(polite), args=FLAGS)
@@ -69,6 +69,12 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     shows("#mode", "^ready$")
     scene = page.frame_locator("#scene")
     expect(scene.locator("canvas").first).to_be_visible(timeout=BOUND)
+
+    # Without a graphics card the 3D view takes a core, which a real-time flight beside it needs:
+    # the rest of the page flies on without it.
+    page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
+    page.reload()
+    shows("#mode", "^ready$")
 
     # Hold Arm, take off, fly the 8.
     arm = page.locator("#arm")
