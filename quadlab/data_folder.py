@@ -18,26 +18,29 @@ FREE_SPACE_FLOOR = 500_000_000
 """bytes: below this the recorder stops, so nothing starts either."""
 
 
-def open_data_folder(chosen: Path | None) -> Path:
+def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
     """The data folder, made when missing: `chosen`, else the platform's (XDG).
+
+    Args:
+        option: of the command line that chooses it, for messages.
 
     Raises StorageError when it cannot be written or is almost full.
     """
     folder = chosen or Path(platformdirs.user_data_dir("quadlab", appauthor=False))
     folder = folder.expanduser().absolute()
-    hint = "choose another with --data DIR"
+    hint = f"choose another with {option} DIR"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder) as probe:
             probe.write(b"quadlab")
     except OSError as error:
         raise StorageError(
-            f"data folder {folder} cannot be written ({error.strerror}); {hint}"
+            f"folder {folder} cannot be written ({error.strerror}); {hint}"
         ) from None
     free = shutil.disk_usage(folder).free
     if free < FREE_SPACE_FLOOR:
         raise StorageError(
-            f"data folder {folder} has {free // 1_000_000} MB free, "
+            f"folder {folder} has {free // 1_000_000} MB free, "
             f"{FREE_SPACE_FLOOR // 1_000_000} MB are needed; free some space or {hint}"
         )
     return folder
@@ -54,7 +57,7 @@ def owned(folder: Path) -> Iterator[None]:
             owner = lock.read().strip() or "unknown"
             raise StorageError(
                 f"another quadlab up (process {owner}) uses {folder}; "
-                "stop it, or give this one its own with --data DIR and --port"
+                "stop it, or give this one its own with --data DIR, --port and --link-port"
             ) from None
         lock.truncate(0)
         lock.write(str(os.getpid()))

@@ -53,7 +53,7 @@ class Fly:
         parameters.seed(self.seed)
         parse_settings(parameters, self.set)
         folder = self.out or open_data_folder(None) / "flights"
-        path = _new_log(open_data_folder(folder), f"{self.experiment}_seed{self.seed}")
+        path = _new_log(open_data_folder(folder, "--out"), f"{self.experiment}_seed{self.seed}")
         simulated = SimulatedVehicle(parameters.simulator)
         simulated.warm_up()
         log = FlightLog(

@@ -23,11 +23,20 @@ class LogCommand:
 
     def run(self) -> int:
         if not self.file.is_file():
-            raise StorageError(f"no log at {self.file}; give the path of an .mcap file")
+            what = "a folder" if self.file.is_dir() else "no file"
+            raise StorageError(f"{self.file} is {what}; give the path of an .mcap file")
         if self.action == "recover":
             from vehicle_link.log.recovery import recover
 
-            print(recover(self.file))
+            found = recover(self.file)
+            if not found.torn:
+                print(f"{self.file} is whole; nothing was changed")
+            else:
+                print(
+                    f"{self.file} was torn ({found.reason}) and is mended in place: "
+                    f"{found.messages} messages kept, {found.lost_bytes} bytes behind the tear "
+                    f"and {found.damaged_chunks} damaged chunks lost"
+                )
             return 0
         from vehicle_link.log.reader import read_log
 

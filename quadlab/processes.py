@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +12,7 @@ import tyro
 
 from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
+from quadrotor.errors import UsageError
 
 Settings = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")
@@ -20,6 +22,15 @@ SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
 OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
 """Environment variable, set when `web` is to open a browser."""
+
+
+def check_name(name: str) -> None:
+    """A vehicle's name is a topic namespace and part of file names. Raises UsageError."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,31}", name):
+        raise UsageError(
+            f"--name {name!r} is not one; allowed are up to 32 small letters, digits and _, "
+            "a letter first, like quad2"
+        )
 
 
 @dataclass
@@ -38,6 +49,7 @@ class Vehicle:
     """start with this parameter value"""
 
     def run(self) -> int:
+        check_name(self.name)
         from vehicle.process import run_vehicle
 
         settings = {}
@@ -68,11 +80,13 @@ class Simulator:
     """start with this parameter value"""
 
     def run(self) -> int:
+        check_name(self.name)
         from vehicle.simulator.parameters import SimulatorParameters
         from vehicle.simulator.process import run
 
         parameters = SimulatorParameters()
-        parse_settings(parameters, self.set)
+        if self.set:
+            parse_settings(parameters, self.set)
         run(parameters, self.folder, self.loopback_port, vehicle=self.name)
         return 0
 
@@ -91,6 +105,7 @@ class Station:
     """namespace of the vehicle's topics"""
 
     def run(self) -> int:
+        check_name(self.name)
         from console.station import run_station
 
         return run_station(
@@ -115,6 +130,7 @@ class Web:
     """namespace of the vehicle's topics"""
 
     def run(self) -> int:
+        check_name(self.name)
         from web.process import run_web
 
         run_web(

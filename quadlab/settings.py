@@ -8,20 +8,34 @@ from quadrotor.errors import ParameterError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parse_text
 
 
-def parse_settings(parameters: Parameters, words: Sequence[str]) -> dict[str, ParameterValue]:
+def parse_settings(
+    parameters: Parameters, words: Sequence[str], prefix: str = ""
+) -> dict[str, ParameterValue]:
     """Apply `name=value` words to `parameters`; returns the values set.
+
+    Args:
+        prefix: what stood before each name on the command line, for messages.
 
     Raises UsageError that names the word, what was allowed and what to try.
     """
+    from vehicle.parameters import VehicleParameters, check_pairs
+
     store = ParameterStore(parameters)
     values: dict[str, ParameterValue] = {}
     for word in words:
         name, equals, text = word.partition("=")
         if not equals:
-            raise UsageError(f"--set {word}: write it as name=value, like {store.names[0]}=1")
+            raise UsageError(
+                f"--set {prefix}{word}: write it as name=value, like {store.names[0]}=1"
+            )
         try:
             values[name] = parse_text(store.description(name), text)
         except ParameterError as error:
-            raise UsageError(f"--set {word}: {error}") from None
+            raise UsageError(f"--set {prefix}{word}: {error}") from None
     store.preset(values)
+    if values and isinstance(parameters, VehicleParameters):
+        try:
+            check_pairs(store.values())
+        except ParameterError as error:
+            raise UsageError(str(error)) from None
     return values

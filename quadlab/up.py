@@ -14,7 +14,7 @@ from types import FrameType
 
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
-from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Settings
+from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Settings, check_name
 from quadlab.settings import parse_settings
 from quadlab.supervise import Child
 from quadrotor.errors import UsageError
@@ -40,6 +40,7 @@ class Up:
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
     def run(self) -> int:
+        check_name(self.name)
         self._check_ports()
         vehicle_words, simulator_words = self._check_settings()
         folder = open_data_folder(self.data)
@@ -66,16 +67,18 @@ class Up:
         vehicle = [word for word in self.set if not word.startswith(prefix)]
         simulator = [word.removeprefix(prefix) for word in self.set if word.startswith(prefix)]
         parse_settings(new_parameters(), vehicle)
-        parse_settings(SimulatorParameters(), simulator)
+        parse_settings(SimulatorParameters(), simulator, prefix)
         return _set_words(vehicle), _set_words(simulator)
 
     def _children(
         self, data: Path, run_folder: Path, vehicle: list[str], simulator: list[str]
     ) -> list[Child]:
-        from vehicle_link.authority import ensure_certificates
+        from vehicle_link.authority import check_certificate, ensure_certificates
 
         # Made here, once, so that vehicle and station never race to make the authority.
-        ensure_certificates(data / "certificates", ["127.0.0.1"])
+        files = ensure_certificates(data / "certificates", ["127.0.0.1"])
+        check_certificate(files, "vehicle", "127.0.0.1")
+        check_certificate(files, "station")
         loopback = ("--loopback-port", str(self.link_port), "--name", self.name)
         common = ("--data", str(data))
         token = {SIGN_IN_TOKEN: secrets.token_urlsafe(24)}

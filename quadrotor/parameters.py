@@ -142,7 +142,11 @@ class ParameterStore:
     def _require(self, name: str) -> None:
         if name not in self._places:
             near = difflib.get_close_matches(name, self._places, n=3, cutoff=0.5)
-            hint = f"did you mean {' or '.join(near)}?" if near else "list them on the Gains tab"
+            hint = (
+                f"did you mean {' or '.join(near)}?"
+                if near
+                else "docs/parameters.md lists them all"
+            )
             raise UnknownParameterError(f"unknown parameter {name!r}: {hint}")
 
 

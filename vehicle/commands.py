@@ -11,7 +11,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.modes import Flag, Mode
-from vehicle.parameters import VehicleParameters
+from vehicle.parameters import VehicleParameters, check_pairs
 from vehicle.supervisor import Supervisor
 
 
@@ -75,6 +75,7 @@ class CommandHandler:
     def _change_parameters(self, command: mailbox.ChangeParameters) -> dict[str, ParameterValue]:
         stack = self._stack
         checked = {name: stack.store.check(name, v) for name, v in command.values.items()}
+        check_pairs(stack.store.values() | checked)
         old = {name: stack.store.get(name) for name in checked}
         applied = stack.store.set(checked)
         stack.configure()

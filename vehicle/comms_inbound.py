@@ -1,7 +1,7 @@
 """What the station sends: poses, bearings, sticks and heartbeats, into the flight's inbox.
 
 All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what
-is from the future by as much; both are said once a second at most.
+is from the future by as much; both are said once in five seconds at most.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from vehicle.comms_commands import FlightMailbox
 from vehicle_link import topics
 
 OLDEST_NS = 200_000_000
-SAID_EVERY_NS = 1_000_000_000
+SAID_EVERY_NS = 5_000_000_000
 
 Say = Callable[[int, str], None]
 
 
-class SaidOnceASecond:
-    """Lets one line a second and subject through and counts the others into the next."""
+class SaidSometimes:
+    """Lets one line in five seconds and subject through and counts the others into the next."""
 
     def __init__(self, say: Say, clock: VehicleClock) -> None:
         self._say = say
@@ -68,7 +68,7 @@ class Inbound:
     ) -> None:
         self._flight = flight
         self._clock = clock
-        self._complain = SaidOnceASecond(say, clock)
+        self._complain = SaidSometimes(say, clock)
         self._bearing_pose = bearing_pose
         self._log = log
         self._solver: BearingPose | None = None
@@ -154,5 +154,7 @@ class Inbound:
         return False
 
     def _send(self, message: mailbox.Measurement) -> None:
+        if not self._clock.started:
+            return  # flight is still starting: nobody empties its inbox
         if not self._flight.send(message):
             self._complain("flight inbox", "full; measurements are lost")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
 from estimation.mass_estimator import MassParameters
 from estimation.parameters import EstimationParameters
-from quadrotor.parameters import Parameters, parameter
+from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.imu_calibration import ImuCalibration
 
@@ -70,6 +73,27 @@ class VehicleParameters(Parameters):
     behavior: BehaviorParameters = BehaviorParameters()
     safety: SafetyParameters = SafetyParameters()
     imu: ImuCalibration = ImuCalibration()
+
+
+ORDERED = (
+    ("behavior.volume_x_min", "behavior.volume_x_max"),
+    ("behavior.volume_y_min", "behavior.volume_y_max"),
+    ("behavior.volume_z_min", "behavior.volume_z_max"),
+    ("model.motor_reference_min", "model.motor_reference_max"),
+    ("mass.mass_min", "mass.mass_max"),
+    ("safety.battery_land", "safety.battery_warning"),
+)
+"""Pairs whose first must stay below the second."""
+
+
+def check_pairs(values: Mapping[str, ParameterValue]) -> None:
+    """Raises OutOfBoundsError naming the pair that is out of order in these values of all."""
+    for low, high in ORDERED:
+        if not float(values[low]) < float(values[high]):
+            raise OutOfBoundsError(
+                f"{low} = {values[low]} is not below {high} = {values[high]}; "
+                "change the other one first, or both at once"
+            )
 
 
 def new_parameters() -> VehicleParameters:

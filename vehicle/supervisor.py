@@ -96,7 +96,7 @@ class Supervisor:
     def _battery_due(self, stamp_ns: int, voltage: float) -> bool:
         """Flags a low battery; whether it has been low enough to land for long enough."""
         p = self._parameters
-        if voltage >= p.battery_warning:
+        if voltage >= max(p.battery_warning, p.battery_land):
             self._low_since_ns = None
             return False
         if self._low_since_ns is None:

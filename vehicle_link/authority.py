@@ -124,14 +124,12 @@ def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
         _make_authority(files)
     for role in ROLES:
         wanted = set(names)
-        try:
-            check_certificate(files, role)
+        if files.certificate(role).exists() or files.key(role).exists():
+            check_certificate(files, role)  # one that does not fit is never replaced in silence
             held = _names_of(_load(files.certificate(role)))
             if wanted <= held:
                 continue
             wanted |= held
-        except LinkError:
-            pass  # missing, or of an authority that is gone: made anew
         _make_certificate(files, role, sorted(wanted))
 
 

@@ -25,7 +25,7 @@ def sign_in_page(reason: str | None) -> str:
         "quadlab: sign in",
         f"""<h1>{_REASONS[reason]}</h1>
 <p>Open the newest link that quadlab printed in its terminal. It looks like
-<code>http://127.0.0.1:8080/?token=…</code>.</p>
+<code>http://127.0.0.1:…/?token=…</code>.</p>
 <p>When a link has been used, a fresh one for the next browser is printed below it. No terminal
 at hand? Ask someone who is signed in for an invitation: <em>Invite</em> on the page's bar.</p>
 <form action="/"><input name="token" aria-label="token" placeholder="or paste the token here"

@@ -1,4 +1,4 @@
-"""The gain path: clamp, coalesce, ask the vehicle, tell every page what was applied.
+"""The gain path: check, coalesce, ask the vehicle, tell every page what was applied.
 
 The vehicle is the authority. `ParameterMirror` holds what it said last; `GainPath` carries
 changes to it: one call at a time for each parameter, at most 20 a second, and the last value
@@ -34,19 +34,6 @@ class ParameterTarget(Protocol):
         ...
 
 
-def clamp(description: ParameterDescription, value: object) -> ParameterValue:
-    """`value` moved into its bounds. Raises WrongTypeError, OutOfBoundsError when not finite."""
-    is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if description.type in ("int", "float") and is_number and math.isfinite(value):  # type: ignore[arg-type]
-        number = float(value)  # type: ignore[arg-type]
-        if description.minimum is not None:
-            number = max(number, description.minimum)
-        if description.maximum is not None:
-            number = min(number, description.maximum)
-        value = number
-    return coerce(description, value)
-
-
 class ParameterMirror:
     """What vehicle and station last said of their parameters; `revision` is the vehicle's."""
 
@@ -80,8 +67,11 @@ class ParameterMirror:
                 "requester": requester, "revision": revision,
             })  # fmt: skip
 
-    def clamp(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or LinkError."""
+    def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        """All of them as they may be sent: a slider ends at its bounds, a typed value is refused.
+
+        Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or LinkError.
+        """
         if not self._descriptions:
             raise LinkError(
                 "the vehicle's parameters have not been read yet; is the vehicle connected?"
@@ -89,7 +79,7 @@ class ParameterMirror:
         for name in values:
             if name not in self._descriptions:
                 raise UnknownParameterError(f"unknown parameter {name!r}; the Gains tab lists all")
-        return {name: clamp(self._descriptions[name], value) for name, value in values.items()}
+        return {name: coerce(self._descriptions[name], value) for name, value in values.items()}
 
     def value(self, name: str) -> ParameterValue | None:
         return self._values.get(name)
@@ -135,10 +125,10 @@ class GainPath:
         newer one's); several are one call, all or nothing.
         Raises ParameterError, RefusedError or LinkError.
         """
-        clamped = self._mirror.clamp(values)
-        if len(clamped) != 1:
-            return await self._call(clamped, requester)
-        ((name, value),) = clamped.items()
+        checked = self._mirror.check(values)
+        if len(checked) != 1:
+            return await self._call(checked, requester)
+        ((name, value),) = checked.items()
         slot = self._slots.setdefault(name, _Slot())
         future = asyncio.get_running_loop().create_future()
         slot.value, slot.requester = value, requester

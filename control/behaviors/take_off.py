@@ -43,9 +43,6 @@ class TakeOff(TrajectoryBehavior):
     def __init__(self, context: Context, arguments: TakeOffArguments) -> None:
         x, y, z, yaw = context.point
         top = (x, y, z + arguments.height, yaw)
-        # x and y are where the vehicle was put: only the height is the request's.
-        check_inside(
-            self.name, "the end at", np.array([top[:3]]), context.parameters, start_w=(x, y, z)
-        )
+        check_inside(self.name, "the end at", np.array([top[:3]]), context.parameters)
         acceleration = context.parameters.acceleration_max
         super().__init__(Line(context.point, top, speed=arguments.speed, acceleration=acceleration))

@@ -14,7 +14,8 @@ export class Bar {
     this.events = events;
     this.controls = ["arm", "take-off", "land", "emergency-land", "cut"].map($);
     this.isOperator = isOperator;
-    onHold($("arm"), 800, () => fly.attempt(() => command(this.nextArm), this.nextArm));
+    // What the label said at the press, whatever has been heard since.
+    onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted), () => this.nextArm);
     $("take-off").addEventListener("click", () => fly.start("take_off"));
     $("land").addEventListener("click", () => fly.start("land"));
     $("emergency-land").addEventListener("click", () => fly.attempt(() => command("emergency", { action: "land" }), "emergency landing"));
@@ -26,7 +27,7 @@ export class Bar {
   // Disarming also acknowledges a cut.
   get nextArm() {
     const { status } = this.events.summary;
-    return status && this.fresh("status") && (status.armed || status.mode?.toLowerCase() === "cut") ? "disarm" : "arm";
+    return status && (status.armed || status.mode?.toLowerCase() === "cut") ? "disarm" : "arm";
   }
   fresh(topic) { return this.events.age(topic) < STALE[topic]; }
 
@@ -42,6 +43,7 @@ export class Bar {
     this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";
+    if (this.isOperator) $("arm").disabled = !this.fresh("status"); // not by what was true once
     if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : "hold for 0.8 s to start the motors";
   }
 

@@ -1,13 +1,16 @@
 // A button that acts only when held: by pointer, or by space or enter.
 
-export function onHold(button, milliseconds, act) {
-  let timer = null, since = 0;
+// `note` is asked at the press, and its answer given to `act`.
+
+export function onHold(button, milliseconds, act, note = () => undefined) {
+  let timer = null, since = 0, noted;
   button.style.setProperty("--hold", `${milliseconds}ms`);
   const stop = () => { clearTimeout(timer); timer = null; button.classList.remove("holding"); };
-  const fire = () => { stop(); act(); };
+  const fire = () => { stop(); act(noted); };
   const start = (event) => {
     if (button.disabled || timer !== null) return;
     since = event.timeStamp;
+    noted = note();
     button.classList.add("holding");
     timer = setTimeout(fire, milliseconds);
   };
