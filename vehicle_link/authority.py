@@ -120,11 +120,13 @@ def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
 def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
     if files.authority.exists() and not files.authority_key.exists():
         return  # a vehicle's copy of the folder: nothing can be issued here
-    if not files.authority.exists():
-        _make_authority(files)
+    new_authority = not files.authority.exists()
+    if new_authority:
+        _make_authority(files)  # what an authority that is gone has signed is of no use
     for role in ROLES:
         wanted = set(names)
-        if files.certificate(role).exists() or files.key(role).exists():
+        held_already = files.certificate(role).exists() or files.key(role).exists()
+        if held_already and not new_authority:
             check_certificate(files, role)  # one that does not fit is never replaced in silence
             held = _names_of(_load(files.certificate(role)))
             if wanted <= held:

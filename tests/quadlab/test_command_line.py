@@ -40,6 +40,8 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["fly", "hover", "--set", "model.mass"], "name=value"),
         (["up", "--port", "99999"], "allowed 1 to 65535"),
         (["up", "--port", "http"], "--port"),
+        (["up", "--name", "a b/../c"], "allowed are up to 32 small letters"),
+        (["fly", "hover", "--set", "behavior.volume_x_min=50"], "not below"),
         (["up", "--set", "simulator.mas=1"], "mass"),
         (["log", "inspect", "x.mcap"], "info"),
     ],
@@ -69,7 +71,23 @@ def test_a_data_folder_that_is_a_file_is_refused(
 ) -> None:
     (tmp_path / "file").write_text("")
     words = ["fly", "hover", "--out", str(tmp_path / "file" / "data")]
+    assert "--out DIR" in complaint(capsys, words, 1)
+    words = ["up", "--no-browser", "--data", str(tmp_path / "file" / "data")]
+    words += ["--port", "18082", "--link-port", "17449"]
     assert "--data DIR" in complaint(capsys, words, 1)
+
+
+def test_certificates_that_do_not_fit_stop_up_before_it_starts(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from vehicle_link.authority import ensure_certificates
+
+    ensure_certificates(tmp_path / "data" / "certificates")
+    foreign = ensure_certificates(tmp_path / "other")
+    (tmp_path / "data" / "certificates" / "ca.pem").write_bytes(foreign.authority.read_bytes())
+    words = ["up", "--no-browser", "--data", str(tmp_path / "data")]
+    words += ["--port", "18083", "--link-port", "17450"]
+    assert "was not signed by" in complaint(capsys, words, 1)
 
 
 def test_a_full_disk_is_refused_before_anything_starts(

@@ -408,11 +408,11 @@ def test_200_ms_are_allowed(receiver: Receiver, age_ms: int) -> None:
     assert len(receiver.flight.received()) == 1
 
 
-def test_complaints_come_once_a_second_with_their_number(receiver: Receiver) -> None:
+def test_complaints_come_once_in_five_seconds_with_their_number(receiver: Receiver) -> None:
     for _ in range(50):
         receiver.pose(age_ns=SECOND)
     assert len(receiver.said) == 1
-    receiver.time.monotonic += SECOND
+    receiver.time.monotonic += 5 * SECOND
     receiver.pose(age_ns=SECOND)
     assert receiver.said[1].endswith("(and 49 more)")
 

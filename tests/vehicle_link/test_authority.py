@@ -80,6 +80,18 @@ def test_with_the_authority_gone_all_is_made_anew(tls: TlsFiles) -> None:
         check_certificate(tls, role, "localhost")
 
 
+def test_a_certificate_that_does_not_fit_is_said_and_never_replaced(
+    tls: TlsFiles, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    foreign = ensure_certificates(tmp_path_factory.mktemp("foreign"))
+    for path in (tls.certificate("vehicle"), tls.key("vehicle")):
+        path.write_bytes((foreign.folder / path.name).read_bytes())
+    before = tls.certificate("vehicle").read_bytes()
+    with pytest.raises(LinkError, match=r"vehicle\.pem was not signed by"):
+        ensure_certificates(tls.folder)
+    assert tls.certificate("vehicle").read_bytes() == before
+
+
 def test_a_vehicles_copy_without_the_authoritys_key_is_left_alone(tls: TlsFiles) -> None:
     tls.authority_key.unlink()
     for path in (tls.certificate("station"), tls.key("station")):

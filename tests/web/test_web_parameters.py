@@ -147,9 +147,12 @@ def test_several_at_once_are_one_call() -> None:
     async def scenario() -> None:
         vehicle = SlowVehicle()
         path, _, _ = path_of(vehicle, "a", "b")
-        applied, _ = await path.change({"a": 1.0, "b": 99.0}, "x")
-        assert vehicle.calls == [{"a": 1.0, "b": 20.0}]
-        assert applied == {"a": 1.0, "b": 20.0}
+        with pytest.raises(OutOfBoundsError, match="b = 99"):
+            await path.change({"a": 1.0, "b": 99.0}, "x")
+        assert vehicle.calls == []
+        applied, _ = await path.change({"a": 1.0, "b": 9.0}, "x")
+        assert vehicle.calls == [{"a": 1.0, "b": 9.0}]
+        assert applied == {"a": 1.0, "b": 9.0}
 
     asyncio.run(scenario())
 
@@ -173,10 +176,10 @@ def test_a_refusal_reaches_who_asked_and_changes_nothing(error: Exception) -> No
 def test_unknown_names_and_an_unknown_vehicle_are_said() -> None:
     mirror = ParameterMirror(lambda _: None)
     with pytest.raises(LinkError, match="have not been read yet"):
-        mirror.clamp({"gains.kp": 1.0})
+        mirror.check({"gains.kp": 1.0})
     mirror.load([description()], {"gains.kp": 4.0}, 0)
     with pytest.raises(UnknownParameterError, match=r"gains\.kq"):
-        mirror.clamp({"gains.kq": 1.0})
+        mirror.check({"gains.kq": 1.0})
 
 
 def test_pages_hear_only_news() -> None:
@@ -213,16 +216,14 @@ def test_descriptions_are_the_vehicles_own(known: httpx.Client) -> None:
     assert parameters["gains.fixed"]["read_only"] is True
 
 
-def test_a_change_is_clamped_applied_and_told_with_its_requester(
-    known: httpx.Client, station: Any
-) -> None:
-    answer = known.put("/api/parameters", json={"values": {"gains.kp": 1e6}})
-    assert answer.json()["applied"] == {"gains.kp": 20.0}
+def test_a_change_is_applied_and_told_with_its_requester(known: httpx.Client, station: Any) -> None:
+    answer = known.put("/api/parameters", json={"values": {"gains.kp": 19.5}})
+    assert answer.json()["applied"] == {"gains.kp": 19.5}
     service, request = station.requests[-1]
     assert service == "change_parameters"
     assert request.requester == known.get("/api/session").json()["label"]
     values = {p["name"]: p["value"] for p in known.get("/api/parameters").json()["parameters"]}
-    assert values["gains.kp"] == 20.0
+    assert values["gains.kp"] == 19.5
     known.put("/api/parameters", json={"values": {"gains.kp": 4.0}})
 
 
@@ -230,6 +231,7 @@ def test_a_change_is_clamped_applied_and_told_with_its_requester(
     ("values", "status", "text"),
     [
         ({"gains.kq": 1.0}, 422, "unknown parameter 'gains.kq'"),
+        ({"gains.kp": 1e6}, 422, "gains.kp = 1e+06 is out of bounds; allowed 0 to 20"),
         ({"gains.kp": "5"}, 422, "must be a number"),
         ({"gains.exact": 1}, 422, "must be true or false"),
         ({"gains.rate": "fast"}, 422, "not one of nominal, exact"),
