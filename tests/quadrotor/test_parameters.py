@@ -100,7 +100,7 @@ def test_one_bad_value_changes_nothing_at_all(store, bad):
         ("motor.kind", 3, WrongTypeError, "must be text"),
         ("motor.port", "/dev/null", ReadOnlyError, "set it at the start with --set motor.port="),
         ("motor.gian", 1.0, UnknownParameterError, "did you mean motor.gain"),
-        ("zzz", 1.0, UnknownParameterError, "list them"),
+        ("zzz", 1.0, UnknownParameterError, "lists them all"),
     ],
 )
 def test_every_refusal_says_what_came_and_what_was_allowed(store, name, value, error, text):
