@@ -94,9 +94,14 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     page.locator("#search").fill(GAIN)
     slider = page.locator(f"input[type=range][aria-label='{GAIN}']")
     before = float(slider.input_value())
-    slider.focus()
-    for _ in range(5):
-        slider.press("ArrowRight")
+    slider.scroll_into_view_if_needed()
+    box = slider.bounding_box()
+    assert box is not None
+    middle, share = box["y"] + box["height"] / 2, before / float(slider.get_attribute("max"))
+    page.mouse.move(box["x"] + share * box["width"], middle)
+    page.mouse.down()
+    page.mouse.move(box["x"] + (share + 0.1) * box["width"], middle, steps=8)
+    page.mouse.up()
     wanted = float(slider.input_value())
     assert wanted > before
     confirmed = page.locator(f"input[aria-label='{GAIN}, value']")
