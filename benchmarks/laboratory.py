@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import statistics
 import subprocess
@@ -114,9 +115,7 @@ def main() -> None:
     parser.add_argument("--link-port", type=int, default=28447)
     options = parser.parse_args()
     if options.cold:
-        for cached in [*ROOT.glob("*/**/*.nbi"), *ROOT.glob("*/**/*.nbc")]:
-            if ".venv" not in cached.parts:
-                cached.unlink()
+        shutil.rmtree(ROOT / "__pycache__" / "kernels", ignore_errors=True)
     with tempfile.TemporaryDirectory() as folder:
         began = time.monotonic()
         up = subprocess.Popen(

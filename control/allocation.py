@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from control.parameters import Item
+from quadrotor.compiled import compiled
 from quadrotor.vehicle_model import GRAVITY, thrusts_of_wrench
 
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def allocate(wrench: Array, model: Item, thrusts: Array) -> float:
     """Feasible thrusts (N, (4,)) into `thrusts`; returns the scaling lambda, 0..1.
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from control.parameters import Item
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def attitude_torque(
     R_wb: Array,
     w_b: Array,

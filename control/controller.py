@@ -7,13 +7,13 @@ from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from control.allocation import allocate
 from control.attitude_law import attitude_torque
 from control.desired_attitude import attitude_of_force
 from control.parameters import ControlParameters, Item, control_record
 from control.position_law import desired_force, force_rates, limit_force
+from quadrotor.compiled import compiled
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.rotations import quaternion_to_matrix
 from quadrotor.vehicle_model import GRAVITY, reference_of_thrust, wrench_of_thrusts
@@ -41,14 +41,14 @@ def new_control_memory(size: int = 1) -> Record:
     return memory
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _wind(integral: Array, error: Array, dt: float, bound: float) -> None:
     for i in range(3):
         if math.isfinite(error[i]):
             integral[i] = min(bound, max(-bound, integral[i] + error[i] * dt))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def step_one(
     memory: Item,
     state: Item,
@@ -140,7 +140,7 @@ def step_one(
     actuators.scaling = scaling
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def step(
     memory: Record,
     state: Record,

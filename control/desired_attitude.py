@@ -11,12 +11,13 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _unit(a: Array, out: Array) -> None:
     """Rows u, u', u'' of u = a / |a| from rows a, a', a''; both (3, 3).
 
@@ -36,7 +37,7 @@ def _unit(a: Array, out: Array) -> None:
         out[2, i] = (a[2, i] - 2.0 * out[1, i] * n1 - out[0, i] * n2) / n
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _cross(a: Array, b: Array, out: Array) -> None:
     """Rows (a x b), (a x b)', (a x b)'' from rows of a and b; all (3, 3)."""
     for i in range(3):
@@ -51,7 +52,7 @@ def _cross(a: Array, b: Array, out: Array) -> None:
         )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def attitude_of_force(
     force: Array,
     yaw: float,

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from control.parameters import Item
+from quadrotor.compiled import compiled
 from quadrotor.vehicle_model import GRAVITY
 
 Array = npt.NDArray[np.float64]
@@ -17,7 +17,7 @@ LIFT_MIN = 0.3
 """Smallest upward part of the desired force, as a share of the weight."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def desired_force(
     state: Item, reference: Item, integral_w: Array, gains: Item, mass: float, out: Array
 ) -> None:
@@ -36,7 +36,7 @@ def desired_force(
     out[2] += mass * GRAVITY
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
     """Clamp force_w in place; True when anything was cut.
 
@@ -59,7 +59,7 @@ def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
     return limited
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def force_rates(
     state: Item,
     reference: Item,

@@ -15,13 +15,14 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 
-@njit(cache=True)
+@compiled
 def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> tuple[float, float]:
     """Gains (1, 1/s) on the innovation (rad) for the attitude and for minus the gyroscope bias.
 
@@ -33,7 +34,7 @@ def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> 
     return u + w - u * w, u * w / interval
 
 
-@njit(cache=True)
+@compiled
 def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: float) -> None:
     """Turn the attitude of `pose` in place by the body rate (x, y, z) rad/s held for dt (s).
 
@@ -54,7 +55,7 @@ def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: flo
     pose[3], pose[4], pose[5], pose[6] = k * rw, k * rx, k * ry, k * rz
 
 
-@njit(cache=True)
+@compiled
 def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
     """2 dq_s dq_v with dq = estimated* (x) measured (4,), rad about body axes.
 
@@ -71,7 +72,7 @@ def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
     )
 
 
-@njit(cache=True)
+@compiled
 def to_world(pose: Array, sign: float, x: float, y: float, z: float) -> Triple:
     """R_wb (x, y, z) for sign +1; R_wb^T (x, y, z), to body axes, for sign -1."""
     w, a, b, c = pose[3], sign * pose[4], sign * pose[5], sign * pose[6]

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.rotations import norm, quaternion_to_matrix, rotation_exp
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ MAX_TURN = 0.5
 """Largest step, rad."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def normalize(beacons: Array, bearings: Array, unit: Array) -> float:
     """Bearings (N, 3) at length 1 into unit (N, 3); the length that was farthest from 1.
 
@@ -45,7 +45,7 @@ def normalize(beacons: Array, bearings: Array, unit: Array) -> float:
     return worst + total
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def linearize(
     beacons: Array, bearings: Array, r: Array, R: Array, gradient: Array, information: Array
 ) -> tuple[float, float]:
@@ -84,7 +84,7 @@ def linearize(
     return cost, total / beacons.shape[0]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def solve(information: Array, gradient: Array, step: Array) -> bool:
     """-information^-1 gradient into step (6,), by Cholesky; False when it is not positive."""
     L = np.zeros((6, 6))
@@ -111,7 +111,7 @@ def solve(information: Array, gradient: Array, step: Array) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def refine(beacons: Array, bearings: Array, r: Array, R: Array, information: Array) -> float:
     """Moves r (3,) and R (3, 3) in place to the best pose near them; the cost left (rad^2).
 
@@ -152,7 +152,7 @@ def refine(beacons: Array, bearings: Array, r: Array, R: Array, information: Arr
     return cost
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def refine_from(
     beacons: Array, bearings: Array, r: Array, q: Array, R: Array, information: Array
 ) -> float:
@@ -165,7 +165,7 @@ def refine_from(
     return refine(beacons, bearings, r, R, information)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def invert(information: Array, extent: float, out: Array) -> float:
     """information^-1 into out (6, 6), by Cholesky; smallest over largest squared pivot.
 

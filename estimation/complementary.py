@@ -12,7 +12,6 @@ from enum import IntEnum
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from estimation.attitude_filter import (
     attitude_gains,
@@ -30,6 +29,7 @@ from estimation.translation_observer import (
     move_pose,
     translation_gains,
 )
+from quadrotor.compiled import compiled
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Record
 
@@ -52,7 +52,7 @@ class Outcome(IntEnum):
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID = (int(o) for o in Outcome)
 
 
-@njit(cache=True)
+@compiled
 def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record) -> None:
     """Advance all filters by one IMU sample; eqs. 11 and 12 without their innovation terms.
 
@@ -95,7 +95,7 @@ def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record
             out.quaternion_wb[i] = pose[3 + i]
 
 
-@njit(cache=True)
+@compiled
 def correct(
     memory: Record, pose: Record, gains: Record, estimate: Record, outcome: npt.NDArray[np.int64]
 ) -> None:
@@ -147,7 +147,7 @@ def correct(
             out.attitude_innovation_b[i] = turn_b[i]
 
 
-@njit(cache=True)
+@compiled
 def report(memory: Record, estimate: Record) -> None:
     """Write biases and measurement age of (N,) ESTIMATOR_MEMORY into (N,) ESTIMATE."""
     for k in range(memory.shape[0]):

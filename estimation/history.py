@@ -11,15 +11,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from numba import njit
-
 from estimation.attitude_filter import Triple, turn_pose
 from estimation.memory import HISTORY_LENGTH
+from quadrotor.compiled import compiled
 
 _MASK = HISTORY_LENGTH - 1  # the length is a power of two
 
 
-@njit(cache=True)
+@compiled
 def remember(m: Any) -> None:
     """Push the present pose."""
     i = m.ring_next
@@ -32,7 +31,7 @@ def remember(m: Any) -> None:
         m.ring_count += 1
 
 
-@njit(cache=True)
+@compiled
 def recall(m: Any, stamp_ns: int) -> int:
     """Write the estimate at `stamp_ns` into `past`.
 
@@ -68,7 +67,7 @@ def recall(m: Any, stamp_ns: int) -> int:
     return back
 
 
-@njit(cache=True)
+@compiled
 def amend(
     m: Any, back: int, stamp_ns: int, innovation_w: Triple, gains: Triple, turn_w: Triple
 ) -> None:

@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
@@ -93,7 +93,7 @@ def new_mass_memory(mass: float, parameters: MassParameters, count: int = 1) -> 
     return memory
 
 
-@njit(cache=True)
+@compiled
 def step(
     memory: Record,
     gains: Record,

@@ -10,12 +10,13 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def low_pass(filtered: Array, measured: Array, bias: Array, cut_off: float, dt: float) -> None:
     """Move `filtered` (3,) towards `measured - bias` (3,), in place.
 

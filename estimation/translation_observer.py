@@ -14,15 +14,15 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from estimation.attitude_filter import Triple, to_world
+from quadrotor.compiled import compiled
 from quadrotor.vehicle_model import GRAVITY
 
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def translation_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> Triple:
     """Gains (1, 1/s, 1/s^2) on the innovation (m) for position, velocity and acceleration.
 
@@ -38,7 +38,7 @@ def translation_gains(bandwidth: float, bias_bandwidth: float, interval: float) 
     return position, velocity, u * u * w / (interval * interval)
 
 
-@njit(cache=True)
+@compiled
 def acceleration_of(pose: Array, specific_force_b: Array, bias_b: Array) -> Triple:
     """R_wb (a_m - b) + g, m/s^2 in world axes."""
     x, y, z = to_world(
@@ -51,7 +51,7 @@ def acceleration_of(pose: Array, specific_force_b: Array, bias_b: Array) -> Trip
     return x, y, z - GRAVITY
 
 
-@njit(cache=True)
+@compiled
 def move_pose(pose: Array, velocity_w: Array, start_w: Triple, end_w: Triple, dt: float) -> None:
     """Advance position and velocity in place; acceleration linear from start to end."""
     for i in range(3):

@@ -11,14 +11,14 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.vehicle_model import GRAVITY, thrust_of_reference, wrench_of_thrusts
 
 Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def derivative(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, out: Array) -> None:
     """Time derivative of x = (p_w, v_w, q_wb, omega_b), shape (13,), into out.
 
@@ -45,7 +45,7 @@ def derivative(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, o
     out[12] = (wrench[3] - (J[1] - J[0]) * p * q) / J[2]
 
 
-@njit(cache=True)
+@compiled
 def motor_step(speeds: Array, references: Array, time_constant: float, dt: float) -> None:
     """Rotor speeds (counts) towards their references, exact for a held reference."""
     share = 1.0 - math.exp(-dt / time_constant)
@@ -53,7 +53,7 @@ def motor_step(speeds: Array, references: Array, time_constant: float, dt: float
         speeds[i] += share * (references[i] - speeds[i])
 
 
-@njit(cache=True)
+@compiled
 def rotor_wrench(speeds: Array, slope: float, offset: float, arm: float, ratio: float) -> Array:
     """Wrench (4,) of four rotors turning at `speeds` (counts); a stopped rotor gives nothing."""
     thrusts = np.empty(4)
@@ -62,7 +62,7 @@ def rotor_wrench(speeds: Array, slope: float, offset: float, arm: float, ratio: 
     return wrench_of_thrusts(thrusts, arm, ratio)
 
 
-@njit(cache=True)
+@compiled
 def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt: float) -> None:
     """Advance x (13,) in place by dt (s), with wrench and force held."""
     k1, k2, k3, k4 = np.empty(13), np.empty(13), np.empty(13), np.empty(13)

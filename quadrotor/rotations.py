@@ -11,14 +11,15 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
 _SMALL_ANGLE = 1e-6  # below, series to O(angle^2): relative error under 1e-12
 
 
-@njit(cache=True)
+@compiled
 def hat(v: Array) -> Array:
     """Skew matrix of v, so that hat(v) @ u = v x u."""
     out = np.zeros((3, 3))
@@ -28,7 +29,7 @@ def hat(v: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def vee(S: Array) -> Array:
     """Vector of the skew part of S: vee(hat(v)) = v."""
     out = np.empty(3)
@@ -38,7 +39,7 @@ def vee(S: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def cross(a: Array, b: Array) -> Array:
     """a x b."""
     out = np.empty(3)
@@ -48,7 +49,7 @@ def cross(a: Array, b: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def norm(v: Array) -> float:
     """Euclidean length of v, any length."""
     total = 0.0
@@ -57,7 +58,7 @@ def norm(v: Array) -> float:
     return math.sqrt(total)
 
 
-@njit(cache=True)
+@compiled
 def quaternion_multiply(p: Array, q: Array) -> Array:
     """Hamilton product p (x) q, as printed in Sec. 6.1 of the paper."""
     out = np.empty(4)
@@ -68,7 +69,7 @@ def quaternion_multiply(p: Array, q: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def quaternion_conjugate(q: Array) -> Array:
     """The inverse rotation of a unit quaternion."""
     out = np.empty(4)
@@ -76,7 +77,7 @@ def quaternion_conjugate(q: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def quaternion_normalize(q: Array) -> Array:
     """q scaled to unit length; q must not be zero."""
     length = norm(q)
@@ -86,7 +87,7 @@ def quaternion_normalize(q: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def quaternion_exp(phi: Array) -> Array:
     """Unit quaternion of the rotation vector phi (rad), quaternion_exp(0) = (1, 0, 0, 0)."""
     angle = norm(phi)
@@ -101,7 +102,7 @@ def quaternion_exp(phi: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def quaternion_log(q: Array) -> Array:
     """Rotation vector (rad, length <= pi) of a unit quaternion; q and -q give the same."""
     sign = 1.0 if q[0] >= 0.0 else -1.0
@@ -112,7 +113,7 @@ def quaternion_log(q: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def quaternion_to_matrix(q: Array) -> Array:
     """R_wb of the unit quaternion q_wb."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -129,7 +130,7 @@ def quaternion_to_matrix(q: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def quaternion_from_matrix(R: Array) -> Array:
     """Unit quaternion (w >= 0) of R_wb, by the largest pivot (Shepperd 1978)."""
     out = np.empty(4)
@@ -162,7 +163,7 @@ def quaternion_from_matrix(R: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def rotate(q: Array, v: Array) -> Array:
     """R_wb v: a body vector in world axes."""
     # v + 2 w (u x v) + 2 u x (u x v), u the vector part: no matrix needed.
@@ -176,31 +177,31 @@ def rotate(q: Array, v: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def rotate_inverse(q: Array, v: Array) -> Array:
     """R_wb^T v: a world vector in body axes."""
     return rotate(quaternion_conjugate(q), v)
 
 
-@njit(cache=True)
+@compiled
 def rotation_exp(phi: Array) -> Array:
     """SO(3) exponential of the rotation vector phi (rad)."""
     return quaternion_to_matrix(quaternion_exp(phi))
 
 
-@njit(cache=True)
+@compiled
 def rotation_log(R: Array) -> Array:
     """Rotation vector (rad) of R, length <= pi."""
     return quaternion_log(quaternion_from_matrix(R))
 
 
-@njit(cache=True)
+@compiled
 def yaw_of(q: Array) -> float:
     """ZYX yaw (rad, -pi..pi) of q_wb."""
     return math.atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
-@njit(cache=True)
+@compiled
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
     """q_wb of ZYX Euler angles (rad)."""
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
@@ -214,7 +215,7 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def euler_from_quaternion(q: Array) -> Array:
     """(roll, pitch, yaw) in rad, ZYX, of q_wb."""
     out = np.empty(3)
@@ -224,7 +225,7 @@ def euler_from_quaternion(q: Array) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def wrap_angle(angle: float) -> float:
     """angle (rad) in -pi..pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

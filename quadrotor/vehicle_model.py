@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 
@@ -99,7 +99,7 @@ def mixing_matrix(arm: float, torque_ratio: float) -> Array:
     return np.array([[1, 1, 1, 1], [0, l, 0, -l], [-l, 0, l, 0], [c, -c, c, -c]], dtype=float)
 
 
-@njit(cache=True)
+@compiled
 def wrench_of_thrusts(thrusts: Array, arm: float, torque_ratio: float) -> Array:
     """u = M f, eq. 1."""
     f1, f2, f3, f4 = thrusts[0], thrusts[1], thrusts[2], thrusts[3]
@@ -111,7 +111,7 @@ def wrench_of_thrusts(thrusts: Array, arm: float, torque_ratio: float) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def thrusts_of_wrench(wrench: Array, arm: float, torque_ratio: float) -> Array:
     """f = M^-1 u: M M^T is diagonal, so the inverse is M^T diag(1/4, 1/2l^2, 1/2l^2, 1/4c^2)."""
     a = 0.25 * wrench[0]
@@ -126,7 +126,7 @@ def thrusts_of_wrench(wrench: Array, arm: float, torque_ratio: float) -> Array:
     return out
 
 
-@njit(cache=True)
+@compiled
 def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
     """Steady thrust (N) of a motor reference (counts), f = (slope (ref + offset))^2.
 
@@ -136,7 +136,7 @@ def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
     return root * root if root > 0.0 else 0.0
 
 
-@njit(cache=True)
+@compiled
 def reference_of_thrust(thrust: float, slope: float, offset: float) -> float:
     """Motor reference (counts) of a thrust (N); 0 N and below give the law's zero, >= 0."""
     return max(0.0, math.sqrt(max(0.0, thrust)) / slope - offset)

@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import IMU_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
@@ -102,7 +102,7 @@ class ImuCalibration(Parameters):
         return out
 
 
-@njit(cache=True)
+@compiled
 def _apply(
     stamp_ns: int, accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int],
     calibration: Record, sample: Record,

@@ -11,14 +11,15 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
 REFERENCE_MAX = 255.0
 
 
-@njit(cache=True)
+@compiled
 def _round(wanted: Array, carry: Array) -> tuple[int, int, int, int]:
     for i in range(4):
         exact = wanted[i] + carry[i]

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from numba import njit
-
 from control.behaviors.behavior import Joy
 from control.behaviors.table import BehaviorName
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.rotations import yaw_of
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def stand(state: Record, reference: Record) -> None:
     """reference[0] at rest at the position and yaw of state[0]; both shape (1,)."""
     r = reference[0]

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import ClassVar, Self
 
 import numpy as np
-from numba import njit
 
 from control.behaviors.behavior import Context, Joy, read_arguments
 from control.behaviors.table import BehaviorName
 from control.trajectories.velocity_filter import advance, new_velocity_filter
+from quadrotor.compiled import compiled
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.records import Record
 
@@ -27,7 +27,7 @@ TOUCH_DOWN = np.dtype(
 )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> bool:
     """Whether the vehicle stands: low thrust for a while, and yet its velocity does not change.
 

@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from control.trajectories.ramped_phase import ramped_phase
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
@@ -31,7 +31,7 @@ FIGURE_EIGHT = np.dtype(
 )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _sine(multiple: float, phase: Array, out: Array) -> None:
     """sin(multiple phase(t)) and four time derivatives into out (5,), by Faà di Bruno."""
     s = math.sin(multiple * phase[0])
@@ -47,7 +47,7 @@ def _sine(multiple: float, phase: Array, out: Array) -> None:
     out[4] = c * (e - 6.0 * a * a * b) - s * (4.0 * a * d + 3.0 * b * b - a * a * a * a)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def sample_figure_eight(eight: Record, t: float, reference: Record) -> None:
     """The reference at t (s) on eight[0], into reference[0]; both shape (1,)."""
     a = eight[0]

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from control.trajectories.ramped_phase import RAMP_SLOPE, ramped_phase
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.rotations import wrap_angle
 
@@ -28,7 +28,7 @@ LINE = np.dtype(
 )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def sample_line(line: Record, t: float, reference: Record) -> None:
     """The reference at t (s) on line[0], into reference[0]; both shape (1,)."""
     a = line[0]

@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.rotations import wrap_angle
 
@@ -28,7 +28,7 @@ _HIGH = np.array([[_falling(n, k) for n in range(5, 10)] for k in range(5)])
 _LOW = np.array([[_falling(n, k) if n >= k else 0.0 for n in range(5)] for k in range(5)])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def sample_polynomial(times: Array, coefficients: Array, t: float, reference: Record) -> None:
     """The reference at t (s) into reference[0].
 

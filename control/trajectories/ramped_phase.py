@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
@@ -12,7 +13,7 @@ RAMP_SLOPE = 2.1875
 """Largest slope of the ramp S: a ramp of r seconds to the rate w needs RAMP_SLOPE w / r."""
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def ramped_phase(t: float, rate: float, ramp: float, total: float, out: Array) -> None:
     """Phase and its derivatives to the fourth, shape (5,), at t (s), into out.
 

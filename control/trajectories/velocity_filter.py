@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
@@ -56,7 +56,7 @@ def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def advance(velocity_filter: Record, dt: float, reference: Record) -> bool:
     """Move reference[0] on by dt (s); both shape (1,). Snap is held over the step.
 

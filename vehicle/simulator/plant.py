@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.rigid_body import motor_step, rk4_step, rotor_wrench
 from quadrotor.rotations import quaternion_to_matrix
@@ -91,7 +91,7 @@ def open_voltage(charge: float) -> float:
     return CELLS * (CELL_EMPTY + (CELL_FULL - CELL_EMPTY) * charge)
 
 
-@njit(cache=True)
+@compiled
 def advance(plant: Record, references: tuple[int, int, int, int], duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
@@ -111,7 +111,7 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
     _discharge(plant, duration)
 
 
-@njit(cache=True)
+@compiled
 def _forces(plant: Record, wrench: Array, force_w: Array) -> None:
     """Wrench (4,) about body axes and further force (3,) in world axes, both N and N m."""
     p = plant[0]
@@ -125,7 +125,7 @@ def _forces(plant: Record, wrench: Array, force_w: Array) -> None:
         _touch(plant, quaternion_to_matrix(x[6:10]), wrench, force_w)
 
 
-@njit(cache=True)
+@compiled
 def _touch(plant: Record, R: Array, wrench: Array, force_w: Array) -> None:
     """Add what the ground does to the four feet at lever e, e = ±x_B or ±y_B, |lever| = FOOT.
 
@@ -163,7 +163,7 @@ def _touch(plant: Record, R: Array, wrench: Array, force_w: Array) -> None:
         wrench[3] += sign * lever * along
 
 
-@njit(cache=True)
+@compiled
 def _feel(plant: Record, wrench: Array, force_w: Array) -> None:
     """Specific force in B: everything but gravity, over the mass."""
     p = plant[0]
@@ -174,7 +174,7 @@ def _feel(plant: Record, wrench: Array, force_w: Array) -> None:
     p.specific_force_b[2] += wrench[0] / p.model.mass
 
 
-@njit(cache=True)
+@compiled
 def _discharge(plant: Record, duration: float) -> None:
     """Draw the rotors' and the avionics' power; the terminals sag by the inner resistance."""
     p = plant[0]

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.simulator.parameters import SimulatorParameters
@@ -83,12 +83,12 @@ class Noise:
         return row
 
 
-@njit(cache=True)
+@compiled
 def _count(value: float, low: int, high: int) -> int:
     return int(min(max(math.floor(value + 0.5), low), high))
 
 
-@njit(cache=True)
+@compiled
 def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
     """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
     p, s = plant[0], sensors[0]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from quadrotor.compiled import compiled
 from quadrotor.records import STATE, Record
 from vehicle.simulator.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
@@ -18,7 +18,7 @@ from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
 PORTS = 2
 
 
-@njit(cache=True)
+@compiled
 def _period(
     plant: Record, references: tuple[int, int, int, int], duration: float, sensors: Record,
     noise: npt.NDArray[np.float64], row: int, registers: npt.NDArray[np.int16],

@@ -1,0 +1,128 @@
+"""What every benchmark shares: fair timing, rows, targets, and the tables they become.
+
+Methods are timed in turns, round by round, so that whatever else the machine does meets all of
+them; a ratio is the median of the rounds' ratios. Accuracy stands beside time in each row.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds a call in each round."""
+
+    rounds: tuple[float, ...]
+
+    @property
+    def median(self) -> float:
+        return statistics.median(self.rounds)
+
+    @property
+    def spread(self) -> tuple[float, float]:
+        """Fastest and slowest round, s."""
+        return min(self.rounds), max(self.rounds)
+
+    def over(self, other: Timing) -> float:
+        """How many times as long as `other`: median of the rounds' ratios."""
+        return statistics.median(a / b for a, b in zip(self.rounds, other.rounds, strict=True))
+
+
+def time_in_turns(
+    methods: Mapping[str, tuple[Callable[[], object], int]], rounds: int = 9
+) -> dict[str, Timing]:
+    """Times each `(function, calls a round)`; a function that does the work of many is given as
+    (function, 1) and its figure divided by the caller."""
+    for function, _ in methods.values():
+        function()  # compile, fill caches
+    found: dict[str, list[float]] = {name: [] for name in methods}
+    for _ in range(rounds):
+        for name, (function, calls) in methods.items():
+            began = time.perf_counter()
+            for _ in range(calls):
+                function()
+            found[name].append((time.perf_counter() - began) / calls)
+    return {name: Timing(tuple(values)) for name, values in found.items()}
+
+
+@dataclass
+class Row:
+    """One method in one table; a figure that does not apply is left out."""
+
+    method: str
+    figures: dict[str, float | str]
+
+
+@dataclass
+class Target:
+    """What was to be reached and what was."""
+
+    what: str
+    reached: float
+    limit: float
+    at_most: bool = True
+
+    @property
+    def met(self) -> bool:
+        return self.reached <= self.limit if self.at_most else self.reached >= self.limit
+
+
+@dataclass
+class Report:
+    """The outcome of one benchmark: its conditions, one table, its targets, its plot data."""
+
+    name: str
+    title: str
+    conditions: list[str]
+    rows: list[Row] = field(default_factory=list)
+    targets: list[Target] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    plot: dict[str, Any] | None = None  # {"kind": "accuracy over time"|"bars", "x": ..., "y": ...}
+
+    def columns(self) -> list[str]:
+        names: dict[str, None] = {}
+        for row in self.rows:
+            names.update(dict.fromkeys(row.figures))
+        return list(names)
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "title": self.title,
+            "conditions": self.conditions,
+            "rows": [{"method": row.method, **row.figures} for row in self.rows],
+            "targets": [
+                {"what": t.what, "reached": t.reached, "limit": t.limit, "met": t.met}
+                for t in self.targets
+            ],
+            "notes": self.notes,
+        }
+
+    def as_markdown(self) -> str:
+        columns = self.columns()
+        lines = [f"## {self.title}", "", *(f"- {one}" for one in self.conditions), ""]
+        lines.append("| method | " + " | ".join(columns) + " |")
+        lines.append("|---|" + "---:|" * len(columns))
+        for row in self.rows:
+            cells = [_text(row.figures.get(column)) for column in columns]
+            lines.append(f"| {row.method} | " + " | ".join(cells) + " |")
+        if self.targets:
+            lines += ["", "| target | limit | reached | |", "|---|---:|---:|---|"]
+            for t in self.targets:
+                sign = "≤" if t.at_most else "≥"
+                verdict = "met" if t.met else "**missed**"
+                lines.append(f"| {t.what} | {sign} {t.limit:g} | {t.reached:.4g} | {verdict} |")
+        if self.notes:
+            lines += ["", *(f"- {one}" for one in self.notes)]
+        return "\n".join(lines) + "\n"
+
+
+def _text(value: float | str | None) -> str:
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else f"{value:.4g}"

@@ -1,0 +1,105 @@
+"""`@compiled`: numba's njit with a cache that knows everything a function was compiled from.
+
+numba's own cache looks at the file of the function alone. A function it calls, or a constant it
+took from another file, may have changed since, and old machine code would go on flying. Here the
+code of a module is kept under a digest of its source and of every source of this project that it
+imports, directly or not. Division by zero gives inf or NaN, as in numpy and on the motors' side of
+every limit, instead of an exception in the middle of a tick.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., object])
+
+ROOT = Path(__file__).resolve().parents[1]
+KEPT = 3
+"""Versions of one module whose machine code is kept: two branches do not evict each other."""
+
+_IMPORT = re.compile(
+    rb"^\s*(?:from|import) ((?:quadrotor|control|estimation|bearing_sim|vehicle)\b[\w.]*)", re.M
+)
+
+
+def compiled(function: Function) -> Function:
+    """`function` compiled at its first call, or loaded if this very source was compiled before."""
+    config: Any = numba.config
+    chosen = config.CACHE_DIR
+    config.CACHE_DIR = str(_folder(function.__module__, chosen))
+    try:
+        out: Any = numba.njit(cache=True, error_model="numpy")(function)
+    finally:
+        config.CACHE_DIR = chosen
+    return cast(Function, out)
+
+
+def digest(module: str) -> str:
+    """Of the sources of `module` and of all that it imports from this project."""
+    found: set[str] = set()
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            waiting.extend(_source(name)[1])
+    hashes = b"".join(_source(name)[0] for name in sorted(found))
+    return hashlib.sha256(hashes).hexdigest()[:16]
+
+
+@cache
+def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
+    """Hash and project imports of a module; of a package, all its modules count as imported."""
+    path = ROOT.joinpath(*module.split("."))
+    file = getattr(sys.modules.get(module), "__file__", None) or path.with_suffix(".py")
+    if path.is_dir():
+        files = sorted(path.glob("*.py"))
+        inside = tuple(f"{module}.{f.stem}" for f in files if f.stem != "__init__")
+        return b"", inside
+    try:
+        text = Path(file).read_bytes()
+    except FileNotFoundError:  # typed at a prompt: nothing to read
+        return b"", ()
+    imports = tuple(sorted({name.decode() for name in _IMPORT.findall(text)}))
+    return hashlib.sha256(text).digest(), imports
+
+
+@cache
+def _folder(module: str, chosen: str) -> Path:
+    """Where this module's machine code is; `chosen` is the user's NUMBA_CACHE_DIR or empty."""
+    root = Path(chosen) if chosen else _default_root()
+    folder = root / f"{module}-{digest(module)}"
+    if not folder.exists():
+        old = sorted(root.glob(f"{module}-*"), key=_age)
+        for one in old[KEPT - 1 :]:
+            shutil.rmtree(one, ignore_errors=True)
+    return folder
+
+
+@cache
+def _default_root() -> Path:
+    """Beside Python's own compiled files, or in the user's cache where those cannot be written."""
+    root = ROOT / "__pycache__" / "kernels"
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        import platformdirs
+
+        root = platformdirs.user_cache_path("quadlab") / "kernels"
+    return root
+
+
+def _age(folder: Path) -> float:
+    try:
+        return -folder.stat().st_mtime
+    except FileNotFoundError:  # another process was quicker
+        return 0.0
