@@ -4,19 +4,30 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from control.parameters import Item
 from quadrotor.compiled import compiled
-from quadrotor.vehicle_model import GRAVITY, thrusts_of_wrench
-
-Array = npt.NDArray[np.float64]
+from quadrotor.vehicle_model import GRAVITY, Four, thrusts_of_wrench
 
 
 @compiled
-def allocate(wrench: Array, model: Item, thrusts: Array) -> float:
-    """Feasible thrusts (N, (4,)) into `thrusts`; returns the scaling lambda, 0..1.
+def _largest_share(rest: float, low: float, high: float) -> float:
+    """Largest share, 0..1, of `rest` (N) within low <= 0 <= high; 0 for what is not finite."""
+    if rest > high:
+        return high / rest if rest < math.inf else 0.0
+    if rest < low:
+        return low / rest if rest > -math.inf else 0.0
+    return 0.0 if math.isnan(rest) else 1.0
+
+
+@compiled
+def _thrust(gravity: float, scaling: float, rest: float, low: float, high: float) -> float:
+    # The clamp only takes back the last bit of rounding.
+    return min(high, max(low, gravity + scaling * rest)) if scaling > 0.0 else gravity
+
+
+@compiled
+def allocate(wrench: Four, model: Item) -> tuple[Four, float]:
+    """Feasible thrusts (N, motors front, left, rear, right) and the scaling lambda, 0..1.
 
     The paper's problem in one variable has the closed form
     lambda = min(1, (f_max - f_g) / f_r where f_r > 0, (f_min - f_g) / f_r where f_r < 0)
@@ -27,23 +38,21 @@ def allocate(wrench: Array, model: Item, thrusts: Array) -> float:
     A wrench that is not finite gives f_g and lambda = 0: never a NaN to the motors.
 
     Args:
-        wrench: (4,) thrust (N) and torques (N m).
+        wrench: thrust (N) and torques (N m).
         model: one MODEL record.
     """
     low, high = model.thrust_min, model.thrust_max
-    gravity = min(high, max(low, 0.25 * model.mass * GRAVITY))
-    wanted = thrusts_of_wrench(wrench, model.arm, model.torque_ratio)
-    scaling = 1.0
-    for i in range(4):
-        rest = wanted[i] - gravity
-        if not math.isfinite(rest):
-            scaling = 0.0
-        elif rest > high - gravity:
-            scaling = min(scaling, (high - gravity) / rest)
-        elif rest < low - gravity:
-            scaling = min(scaling, (low - gravity) / rest)
-    for i in range(4):
-        # The clamp only takes back the last bit of rounding.
-        share = scaling * (wanted[i] - gravity) if scaling > 0.0 else 0.0
-        thrusts[i] = min(high, max(low, gravity + share))
-    return scaling
+    g = min(high, max(low, 0.25 * model.mass * GRAVITY))
+    a, b, c, d = thrusts_of_wrench(wrench, model.arm, model.torque_ratio)
+    a, b, c, d = a - g, b - g, c - g, d - g
+    down, up = low - g, high - g
+    s = min(_largest_share(a, down, up), _largest_share(b, down, up))
+    s = min(s, _largest_share(c, down, up))
+    s = min(s, _largest_share(d, down, up))
+    thrusts = (
+        _thrust(g, s, a, low, high),
+        _thrust(g, s, b, low, high),
+        _thrust(g, s, c, low, high),
+        _thrust(g, s, d, low, high),
+    )
+    return thrusts, s

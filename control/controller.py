@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from control.allocation import allocate
-from control.attitude_law import attitude_torque
-from control.desired_attitude import attitude_of_force
+from control.attitude_law import attitude_error, attitude_torque
+from control.desired_attitude import attitude_of_force, axes_of_force
 from control.parameters import ControlParameters, Item, control_record
 from control.position_law import desired_force, force_rates, limit_force
 from quadrotor.compiled import compiled
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
-from quadrotor.rotations import quaternion_to_matrix
-from quadrotor.vehicle_model import GRAVITY, reference_of_thrust, wrench_of_thrusts
+from quadrotor.vectors import Axes, Vector, axes_of, dot, quaternion, scale, subtract, vector
+from quadrotor.vehicle_model import GRAVITY, Four, reference_of_thrust, wrench_of_thrusts
 
 Array = npt.NDArray[np.float64]
 
@@ -42,10 +42,28 @@ def new_control_memory(size: int = 1) -> Record:
 
 
 @compiled
-def _wind(integral: Array, error: Array, dt: float, bound: float) -> None:
+def _wind(integral: Array, error: Vector, dt: float, bound: float) -> None:
     for i in range(3):
         if math.isfinite(error[i]):
             integral[i] = min(bound, max(-bound, integral[i] + error[i] * dt))
+
+
+@compiled
+def _remembered(memory: Item) -> Axes:
+    m = memory.desired_attitude
+    return (
+        (m[0, 0], m[1, 0], m[2, 0]),
+        (m[0, 1], m[1, 1], m[2, 1]),
+        (m[0, 2], m[1, 2], m[2, 2]),
+    )
+
+
+@compiled
+def _remember(memory: Item, axes: Axes) -> None:
+    m = memory.desired_attitude
+    for j in range(3):
+        for i in range(3):
+            m[i, j] = axes[j][i]
 
 
 @compiled
@@ -61,81 +79,74 @@ def step_one(
 ) -> None:
     """One vehicle: records, not arrays. See `step`."""
     mass = model.mass
-    J = model.inertia_b
     weight = mass * GRAVITY
-    R_wb = quaternion_to_matrix(state.quaternion_wb)
-    R_wd = np.empty((3, 3))
-    R_n = np.empty((3, 3))
-    force = np.zeros((3, 3))  # rows f, f', f''
-    w_d = np.zeros(3)
-    w_dot_d = np.zeros(3)
-    error = np.empty(3)
-    e_R = np.empty(3)
-    wrench = np.empty(4)
+    axes = axes_of(quaternion(state.quaternion_wb))
+    omega_b = vector(state.angular_velocity_b)
+    acceleration_w = vector(reference.acceleration_w)
+    e_p = subtract(vector(reference.position_w), vector(state.position_w))
+    e_v = subtract(vector(reference.velocity_w), vector(state.velocity_w))
 
-    desired_force(state, reference, memory.position_integral_w, gains, mass, force[0])
-    limited = limit_force(force[0], weight, gains.tan_tilt_max)
+    integral_w = vector(memory.position_integral_w)
+    wanted = desired_force(e_p, e_v, integral_w, acceleration_w, gains, mass)
+    force, limited = limit_force(wanted, weight, gains.tan_tilt_max)
     memory.tilt_limited = 1 if limited else 0
-    square = 0.0
-    thrust = 0.0
-    for i in range(3):
-        square += force[0, i] * force[0, i]
-        thrust += force[0, i] * R_wb[i, 2]
-    for i in range(3):
-        for j in range(3):
-            R_wd[i, j] = memory.desired_attitude[i, j]
+
+    omega_d = omega_dot_d = (0.0, 0.0, 0.0)
     # Print leaves f_d = 0 open. A force too small (or not finite) keeps the last R_d, at rest.
-    if square >= (DIRECTION_MIN * weight) ** 2 and math.isfinite(square + reference.yaw):
-        attitude_of_force(force, reference.yaw, 0.0, 0.0, R_wd, w_d, w_dot_d)
-        for i in range(3):
-            for j in range(3):
-                memory.desired_attitude[i, j] = R_wd[i, j]
+    square = dot(force, force)
+    yaw = reference.yaw
+    if square >= (DIRECTION_MIN * weight) ** 2 and math.isfinite(square + yaw):
+        desired = axes_of_force(force, yaw)
+        _remember(memory, desired)
         # omega_d from the nominal force m (r_t'' + g z), which is what the paper's text says
         # ("derivatives up to the fourth order"); from the exact one as an option.
         if gains.exact_rates == 1:
-            force_rates(state, reference, gains, mass, R_wb, force)
+            f = force
+            f_dot, f_ddot = force_rates(e_p, e_v, reference, gains, mass, axes, omega_b, force)
         else:
-            for i in range(3):
-                force[0, i] = mass * reference.acceleration_w[i]
-                force[1, i] = mass * reference.jerk_w[i]
-                force[2, i] = mass * reference.snap_w[i]
-            force[0, 2] += weight
-        if force[0, 2] >= DIRECTION_MIN * weight:
-            attitude_of_force(
-                force,
-                reference.yaw,
-                reference.yaw_rate,
-                reference.yaw_acceleration,
-                R_n,
-                w_d,
-                w_dot_d,
+            f = (acceleration_w[0], acceleration_w[1], acceleration_w[2] + GRAVITY)
+            f_dot, f_ddot = vector(reference.jerk_w), vector(reference.snap_w)
+            f = scale(mass, f)
+            f_dot, f_ddot = scale(mass, f_dot), scale(mass, f_ddot)
+        if f[2] >= DIRECTION_MIN * weight:
+            _, omega_d, omega_dot_d = attitude_of_force(
+                f, f_dot, f_ddot, yaw, reference.yaw_rate, reference.yaw_acceleration
             )
+    else:
+        desired = _remembered(memory)
 
     # u_1 = f_d . z_B. Departs from print: not below zero. Upside down it would be negative, no
     # rotor can give that, and the common scaling would take the torques that turn it upright.
-    wrench[0] = 0.0 if thrust < 0.0 else thrust  # keeps a NaN, which max() would hide
-    w_b = state.angular_velocity_b
-    attitude_torque(
-        R_wb, w_b, R_wd, w_d, w_dot_d, memory.attitude_integral_b, gains, J, e_R, wrench
+    thrust = dot(force, axes[2])
+    thrust = 0.0 if thrust < 0.0 else thrust  # keeps a NaN, which max() would hide
+    e_R = attitude_error(axes, desired)
+    integral_b = vector(memory.attitude_integral_b)
+    J = vector(model.inertia_b)
+    x, y, z = attitude_torque(
+        axes, omega_b, desired, omega_d, omega_dot_d, e_R, integral_b, gains, J
     )
     # Departs from print: yaw has a thirtieth of the others' authority, and through the common
     # scaling an unbounded yaw torque would take theirs.
     bound = gains.yaw_torque_max
-    wrench[3] = min(bound, max(-bound, wrench[3]))
-    scaling = allocate(wrench, model, actuators.thrusts)
+    z = min(bound, max(-bound, z))
+    thrusts, scaling = allocate((thrust, x, y, z), model)
 
     # Wind-up, unspecified in print: clamped, and frozen on the ground and while anything limits.
     if airborne and scaling == 1.0 and not limited:
-        for i in range(3):
-            error[i] = reference.position_w[i] - state.position_w[i]
-        _wind(memory.position_integral_w, error, dt, gains.position_integral_max)
+        _wind(memory.position_integral_w, e_p, dt, gains.position_integral_max)
         _wind(memory.attitude_integral_b, e_R, dt, gains.attitude_integral_max)
+    command(thrusts, scaling, model, actuators)
 
-    applied = wrench_of_thrusts(actuators.thrusts, model.arm, model.torque_ratio)
+
+@compiled
+def command(thrusts: Four, scaling: float, model: Item, actuators: Item) -> None:
+    """Thrusts (N), the wrench they make and their motor references into one ACTUATORS record."""
+    wrench = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)
     for i in range(4):
-        actuators.wrench[i] = applied[i]
+        actuators.thrusts[i] = thrusts[i]
+        actuators.wrench[i] = wrench[i]
         actuators.motor_references[i] = reference_of_thrust(
-            actuators.thrusts[i], model.motor_slope, model.motor_offset
+            thrusts[i], model.motor_slope, model.motor_offset
         )
     actuators.scaling = scaling
 

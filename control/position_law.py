@@ -4,14 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-import numpy.typing as npt
-
 from control.parameters import Item
 from quadrotor.compiled import compiled
+from quadrotor.vectors import Axes, Vector, add, along, dot, scale, subtract, times, vector
 from quadrotor.vehicle_model import GRAVITY
-
-Array = npt.NDArray[np.float64]
 
 LIFT_MIN = 0.3
 """Smallest upward part of the desired force, as a share of the weight."""
@@ -19,26 +15,27 @@ LIFT_MIN = 0.3
 
 @compiled
 def desired_force(
-    state: Item, reference: Item, integral_w: Array, gains: Item, mass: float, out: Array
-) -> None:
-    """f_d (N, world axes, shape (3,)) of eq. 4 into out, one record each.
+    e_p: Vector, e_v: Vector, integral_w: Vector, acceleration_w: Vector, gains: Item, mass: float
+) -> Vector:
+    """f_d (N, world axes) of eq. 4.
 
     Departs from print: eq. 4 writes K_v before the integral; it is K_i, a gain of its own.
 
     Args:
-        integral_w: (3,) m s, the integral of e_p.
+        e_p, e_v: m and m/s, reference minus state, world axes.
+        integral_w: m s, the integral of e_p.
+        acceleration_w: m/s^2, of the reference.
+        gains: one CONTROL record.
     """
-    for i in range(3):
-        e_p = reference.position_w[i] - state.position_w[i]
-        e_v = reference.velocity_w[i] - state.velocity_w[i]
-        feedback = gains.kp[i] * e_p + gains.ki[i] * integral_w[i] + gains.kv[i] * e_v
-        out[i] = mass * (reference.acceleration_w[i] + feedback)
-    out[2] += mass * GRAVITY
+    feedback = add(times(vector(gains.kp), e_p), times(vector(gains.kv), e_v))
+    feedback = add(feedback, times(vector(gains.ki), integral_w))
+    x, y, z = add(acceleration_w, feedback)
+    return mass * x, mass * y, mass * (z + GRAVITY)
 
 
 @compiled
-def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
-    """Clamp force_w in place; True when anything was cut.
+def limit_force(force_w: Vector, weight: float, tan_tilt_max: float) -> tuple[Vector, bool]:
+    """The force within its limits, and whether anything was cut.
 
     Departs from print, where f_d = 0 has no direction and f_d below the horizon flips the
     vehicle: first f_z >= 0.3 m g, then |f_xy| <= f_z tan(tilt_max), keeping its direction.
@@ -46,52 +43,52 @@ def limit_force(force_w: Array, weight: float, tan_tilt_max: float) -> bool:
     Args:
         weight: m g, N.
     """
+    x, y, z = force_w
     limited = False
-    if force_w[2] < LIFT_MIN * weight:
-        force_w[2] = LIFT_MIN * weight
+    if z < LIFT_MIN * weight:
+        z = LIFT_MIN * weight
         limited = True
-    sideways = math.sqrt(force_w[0] * force_w[0] + force_w[1] * force_w[1])
-    allowed = force_w[2] * tan_tilt_max
+    sideways = math.sqrt(x * x + y * y)
+    allowed = z * tan_tilt_max
     if sideways > allowed:
-        force_w[0] *= allowed / sideways
-        force_w[1] *= allowed / sideways
+        x *= allowed / sideways
+        y *= allowed / sideways
         limited = True
-    return limited
+    return (x, y, z), limited
 
 
 @compiled
 def force_rates(
-    state: Item,
+    e_p: Vector,
+    e_v: Vector,
     reference: Item,
     gains: Item,
     mass: float,
-    R_wb: Array,
-    force: Array,
-) -> None:
-    """f_d' and f_d'' (world axes) along the model into rows 1, 2 of `force` (3, 3); row 0 is f_d.
+    axes: Axes,
+    omega_b: Vector,
+    force_w: Vector,
+) -> tuple[Vector, Vector]:
+    """f_d' (N/s) and f_d'' (N/s^2), world axes, along the model.
 
     With u_1 = f_d . z_B and z_B' = R (omega x z), eq. 2 gives the acceleration and the jerk
     that eq. 4, differentiated twice, asks for: a = u_1 z_B / m - g z_W, and
     a' = (u_1' z_B + u_1 z_B') / m with u_1' = f_d' . z_B + f_d . z_B'.
+
+    Args:
+        axes: columns of R_wb. omega_b: rad/s, body axes. force_w: f_d, N.
     """
-    wx = state.angular_velocity_b[0]
-    wy = state.angular_velocity_b[1]
-    thrust = force[0, 0] * R_wb[0, 2] + force[0, 1] * R_wb[1, 2] + force[0, 2] * R_wb[2, 2]
-    thrust_dot = 0.0
-    for i in range(3):
-        acceleration = thrust * R_wb[i, 2] / mass - (GRAVITY if i == 2 else 0.0)
-        e_p = reference.position_w[i] - state.position_w[i]
-        e_v = reference.velocity_w[i] - state.velocity_w[i]
-        e_a = reference.acceleration_w[i] - acceleration
-        feedback = gains.kp[i] * e_v + gains.ki[i] * e_p + gains.kv[i] * e_a
-        force[1, i] = mass * (reference.jerk_w[i] + feedback)
-        z_dot = R_wb[i, 0] * wy - R_wb[i, 1] * wx
-        thrust_dot += force[1, i] * R_wb[i, 2] + force[0, i] * z_dot
-    for i in range(3):
-        acceleration = thrust * R_wb[i, 2] / mass - (GRAVITY if i == 2 else 0.0)
-        z_dot = R_wb[i, 0] * wy - R_wb[i, 1] * wx
-        e_v = reference.velocity_w[i] - state.velocity_w[i]
-        e_a = reference.acceleration_w[i] - acceleration
-        e_j = reference.jerk_w[i] - (thrust_dot * R_wb[i, 2] + thrust * z_dot) / mass
-        feedback = gains.kp[i] * e_a + gains.ki[i] * e_v + gains.kv[i] * e_j
-        force[2, i] = mass * (reference.snap_w[i] + feedback)
+    kp, kv, ki = vector(gains.kp), vector(gains.kv), vector(gains.ki)
+    x_b, y_b, z_b = axes
+    z_b_dot = subtract(scale(omega_b[1], x_b), scale(omega_b[0], y_b))
+    thrust = dot(force_w, z_b)
+    acceleration = scale(thrust / mass, z_b)
+    e_a = subtract(vector(reference.acceleration_w), acceleration)
+    e_a = (e_a[0], e_a[1], e_a[2] + GRAVITY)
+    rate = add(add(times(kp, e_v), times(ki, e_p)), times(kv, e_a))
+    force_dot = scale(mass, add(vector(reference.jerk_w), rate))
+    thrust_dot = dot(force_dot, z_b) + dot(force_w, z_b_dot)
+    jerk = scale(1.0 / mass, along(scale(thrust_dot, z_b), thrust, z_b_dot))
+    e_j = subtract(vector(reference.jerk_w), jerk)
+    rate = add(add(times(kp, e_a), times(ki, e_v)), times(kv, e_j))
+    force_ddot = scale(mass, add(vector(reference.snap_w), rate))
+    return force_dot, force_ddot

@@ -16,6 +16,8 @@ from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
+Four = tuple[float, float, float, float]
+"""A wrench (thrust in N; torques about body x, y, z in N m), or one number a motor."""
 
 GRAVITY = 9.81
 """m/s^2, along -z_W."""
@@ -100,30 +102,20 @@ def mixing_matrix(arm: float, torque_ratio: float) -> Array:
 
 
 @compiled
-def wrench_of_thrusts(thrusts: Array, arm: float, torque_ratio: float) -> Array:
+def wrench_of_thrusts(thrusts: Four, arm: float, torque_ratio: float) -> Four:
     """u = M f, eq. 1."""
-    f1, f2, f3, f4 = thrusts[0], thrusts[1], thrusts[2], thrusts[3]
-    out = np.empty(4)
-    out[0] = f1 + f2 + f3 + f4
-    out[1] = arm * (f2 - f4)
-    out[2] = arm * (f3 - f1)
-    out[3] = torque_ratio * (f1 - f2 + f3 - f4)
-    return out
+    a, b, c, d = thrusts[0], thrusts[1], thrusts[2], thrusts[3]
+    return a + b + c + d, arm * (b - d), arm * (c - a), torque_ratio * (a - b + c - d)
 
 
 @compiled
-def thrusts_of_wrench(wrench: Array, arm: float, torque_ratio: float) -> Array:
+def thrusts_of_wrench(wrench: Four, arm: float, torque_ratio: float) -> Four:
     """f = M^-1 u: M M^T is diagonal, so the inverse is M^T diag(1/4, 1/2l^2, 1/2l^2, 1/4c^2)."""
     a = 0.25 * wrench[0]
     roll = 0.5 * wrench[1] / arm
     pitch = 0.5 * wrench[2] / arm
     yaw = 0.25 * wrench[3] / torque_ratio
-    out = np.empty(4)
-    out[0] = a - pitch + yaw
-    out[1] = a + roll - yaw
-    out[2] = a + pitch + yaw
-    out[3] = a - roll - yaw
-    return out
+    return a - pitch + yaw, a + roll - yaw, a + pitch + yaw, a - roll - yaw
 
 
 @compiled

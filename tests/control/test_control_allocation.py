@@ -14,8 +14,8 @@ M = mixing_matrix(0.25, 0.0174)
 
 
 def run(wrench, model=MODEL):
-    thrusts = np.empty(4)
-    return allocate(np.array(wrench, dtype=float), model[0], thrusts), thrusts
+    thrusts, scaling = allocate(tuple(map(float, wrench)), model[0])
+    return scaling, np.array(thrusts)
 
 
 def gravity(model):

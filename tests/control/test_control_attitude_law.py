@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from control.attitude_law import attitude_torque
+from control.attitude_law import attitude_error, attitude_torque
 from control.parameters import ControlParameters, control_record
 from quadrotor.rotations import rotation_exp
 
@@ -14,11 +14,11 @@ KR, KW, KF = np.array([60, 60, 12]), np.array([12, 12, 5]), np.array([10, 10, 2]
 
 
 def torque(R, w, R_d, w_d=(0, 0, 0), w_dot_d=(0, 0, 0), integral=(0, 0, 0)):
-    arrays = [np.array(a, dtype=float) for a in (R, w, R_d, w_d, w_dot_d, integral)]
-    e_R, out = np.empty(3), np.full(4, 7.0)
-    attitude_torque(*arrays, GAINS[0], J, e_R, out)
-    assert out[0] == 7.0
-    return out[1:], e_R
+    axes, desired = (tuple(map(tuple, np.asarray(a, dtype=float).T)) for a in (R, R_d))
+    w, w_d, w_dot_d, integral = (tuple(map(float, v)) for v in (w, w_d, w_dot_d, integral))
+    e_R = attitude_error(axes, desired)
+    u = attitude_torque(axes, w, desired, w_d, w_dot_d, e_R, integral, GAINS[0], tuple(J))
+    return np.array(u), np.array(e_R)
 
 
 def test_aligned_and_at_rest_asks_for_no_torque():

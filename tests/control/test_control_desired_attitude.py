@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control.desired_attitude import attitude_of_force
+from control.desired_attitude import attitude_of_force, axes_of_force
 from quadrotor.rotations import hat, quaternion_from_matrix, yaw_of
 
 
 def desired(force, yaw, yaw_rate=0.0, yaw_acceleration=0.0):
-    R, w, w_dot = np.empty((3, 3)), np.empty(3), np.empty(3)
     force = np.asarray(force, dtype=float)
     if force.ndim == 1:
         force = np.vstack([force, np.zeros((2, 3))])
-    attitude_of_force(force, yaw, yaw_rate, yaw_acceleration, R, w, w_dot)
-    return R, w, w_dot
+    f, f_dot, f_ddot = map(tuple, force)
+    axes, w, w_dot = attitude_of_force(f, f_dot, f_ddot, yaw, yaw_rate, yaw_acceleration)
+    np.testing.assert_allclose(axes_of_force(f, yaw), axes, atol=1e-15)
+    return np.array(axes).T, np.array(w), np.array(w_dot)
 
 
 def above_horizon(rng):
