@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -42,7 +43,8 @@ def new_control_memory(size: int = 1) -> Record:
 
 
 @compiled
-def _wind(integral: Array, error: Vector, dt: float, bound: float) -> None:
+def wind(integral: Array, error: Vector, dt: float, bound: float) -> None:
+    """Add error dt to an integral (3,), each axis within +-bound; NaN adds nothing."""
     for i in range(3):
         if math.isfinite(error[i]):
             integral[i] = min(bound, max(-bound, integral[i] + error[i] * dt))
@@ -133,8 +135,8 @@ def step_one(
 
     # Wind-up, unspecified in print: clamped, and frozen on the ground and while anything limits.
     if airborne and scaling == 1.0 and not limited:
-        _wind(memory.position_integral_w, e_p, dt, gains.position_integral_max)
-        _wind(memory.attitude_integral_b, e_R, dt, gains.attitude_integral_max)
+        wind(memory.position_integral_w, e_p, dt, gains.position_integral_max)
+        wind(memory.attitude_integral_b, e_R, dt, gains.attitude_integral_max)
     command(thrusts, scaling, model, actuators)
 
 
@@ -185,6 +187,10 @@ def step(
         )
 
 
+Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], None]
+"""The arguments of `step`."""
+
+
 class Controller(Protocol):
     """What the vehicle's tick needs of a controller; plain Python is allowed."""
 
@@ -205,9 +211,14 @@ class Controller(Protocol):
 
 
 class GeometricController:
-    """The paper's controller behind the `Controller` protocol; records of shape (1,)."""
+    """The paper's controller behind the `Controller` protocol; records of shape (1,).
 
-    def __init__(self) -> None:
+    Args:
+        law: another compiled law of the same arguments.
+    """
+
+    def __init__(self, law: Law = step) -> None:
+        self._law = law
         self.memory = new_control_memory()
         self._tilt_limited = self.memory["tilt_limited"]  # a view, made once
         self._gains = control_record(ControlParameters())
@@ -228,7 +239,8 @@ class GeometricController:
         self._idle["scaling"] = 1.0
         if not compiled:  # here and not in the first tick, which would be seconds late
             out, memory = np.zeros(1, ACTUATORS), new_control_memory()
-            step(memory, new_state(), new_reference(), self._gains, self._model, False, 0.002, out)
+            state, reference = new_state(), new_reference()
+            self._law(memory, state, reference, self._gains, self._model, False, 0.002, out)
 
     def reset(self) -> None:
         """Empty the integrals."""
@@ -243,8 +255,8 @@ class GeometricController:
     ) -> None:
         """One tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
-            raise RuntimeError("GeometricController.step before configure")
-        step(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
+            raise RuntimeError(f"{type(self).__name__}.step before configure")
+        self._law(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:
         """All motors at their smallest reference: armed, on the ground."""

@@ -1,0 +1,132 @@
+"""The near-hovering law: small angles, linear, as the microcontroller's own mode (Secs. 3.2, 4).
+
+The paper names it ("a standard linearized hovering controller") and prints nothing. Two halves,
+as on the vehicle: the outer one turns a desired force into thrust, roll, pitch and yaw rate, the
+four numbers of the near-hovering command; the inner one holds them with PID on the angles and P
+on the yaw rate. It shares gains and integrals with the geometric law, without its feed-forward
+and without the coupling of large angles: what that buys can be flown side by side.
+"""
+
+from __future__ import annotations
+
+import math
+
+from control.allocation import allocate
+from control.controller import GeometricController, command, wind
+from control.parameters import Item
+from control.position_law import desired_force, limit_force
+from quadrotor.compiled import compiled
+from quadrotor.records import Record
+from quadrotor.rotations import wrap_angle
+from quadrotor.vectors import Vector, axes_of, quaternion, subtract, vector
+from quadrotor.vehicle_model import GRAVITY, Four
+
+ANGLE_MAX = math.radians(127 / 4)
+"""rad of roll and pitch, the largest the command's bytes carry."""
+YAW_RATE_MAX = math.radians(127)
+"""rad/s."""
+
+
+@compiled
+def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float) -> Four:
+    """Thrust (N), roll, pitch (rad) and yaw rate (rad/s) for a desired force.
+
+    Linear about hover: f_w = R_z(yaw) (weight pitch, -weight roll, thrust).
+
+    Args:
+        force_w: N, world axes. yaw: rad, of the vehicle. yaw_rate: rad/s, wanted.
+    """
+    c, s = math.cos(yaw), math.sin(yaw)
+    pitch = (c * force_w[0] + s * force_w[1]) / weight
+    roll = (s * force_w[0] - c * force_w[1]) / weight
+    return (
+        force_w[2],
+        min(ANGLE_MAX, max(-ANGLE_MAX, roll)),
+        min(ANGLE_MAX, max(-ANGLE_MAX, pitch)),
+        min(YAW_RATE_MAX, max(-YAW_RATE_MAX, yaw_rate)),
+    )
+
+
+@compiled
+def hovering_torque(
+    error: Vector, omega_b: Vector, integral: Vector, gains: Item, J: Vector
+) -> Vector:
+    """Torque (N m, body axes) that holds angles and yaw rate.
+
+    Args:
+        error: (roll, pitch) rad and yaw rate rad/s, wanted minus present.
+        omega_b: rad/s. integral: rad s, of the first two errors.
+        gains: one CONTROL record, per unit inertia. J: kg m^2.
+    """
+    kr, kw, kf = vector(gains.kr), vector(gains.kw), vector(gains.kf)
+    return (
+        J[0] * (kr[0] * error[0] + kf[0] * integral[0] - kw[0] * omega_b[0]),
+        J[1] * (kr[1] * error[1] + kf[1] * integral[1] - kw[1] * omega_b[1]),
+        J[2] * kw[2] * error[2],
+    )
+
+
+@compiled
+def hover_one(
+    memory: Item,
+    state: Item,
+    reference: Item,
+    gains: Item,
+    model: Item,
+    airborne: bool,
+    dt: float,
+    actuators: Item,
+) -> None:
+    """One vehicle, as control.controller.step_one; position, velocity and yaw of the reference."""
+    weight = model.mass * GRAVITY
+    x_b, y_b, z_b = axes_of(quaternion(state.quaternion_wb))
+    omega_b = vector(state.angular_velocity_b)
+    e_p = subtract(vector(reference.position_w), vector(state.position_w))
+    e_v = subtract(vector(reference.velocity_w), vector(state.velocity_w))
+    integral_w, acceleration_w = (
+        vector(memory.position_integral_w),
+        vector(reference.acceleration_w),
+    )
+    force = desired_force(e_p, e_v, integral_w, acceleration_w, gains, model.mass)
+    force, limited = limit_force(force, weight, gains.tan_tilt_max)
+    memory.tilt_limited = 1 if limited else 0
+
+    yaw = math.atan2(x_b[1], x_b[0])
+    roll, pitch = math.atan2(y_b[2], z_b[2]), -math.asin(min(1.0, max(-1.0, x_b[2])))
+    stiffness = gains.kr[2] / gains.kw[2] if gains.kw[2] > 0.0 else 0.0
+    turn = reference.yaw_rate + stiffness * wrap_angle(reference.yaw - yaw)
+    wanted = hovering_command(force, weight, yaw, turn)
+    error = (wanted[1] - roll, wanted[2] - pitch, wanted[3] - omega_b[2])
+    integral_b, J = vector(memory.attitude_integral_b), vector(model.inertia_b)
+    x, y, z = hovering_torque(error, omega_b, integral_b, gains, J)
+    bound = gains.yaw_torque_max
+    thrusts, scaling = allocate((wanted[0], x, y, min(bound, max(-bound, z))), model)
+
+    if airborne and scaling == 1.0 and not limited:
+        wind(memory.position_integral_w, e_p, dt, gains.position_integral_max)
+        angles = (error[0], error[1], 0.0)
+        wind(memory.attitude_integral_b, angles, dt, gains.attitude_integral_max)
+    command(thrusts, scaling, model, actuators)
+
+
+@compiled
+def step(
+    memory: Record,
+    state: Record,
+    reference: Record,
+    gains: Record,
+    model: Record,
+    airborne: bool,
+    dt: float,
+    actuators: Record,
+) -> None:
+    """As control.controller.step, for arrays of records, shape (N,); gains, model (1,)."""
+    for k in range(state.shape[0]):
+        hover_one(memory[k], state[k], reference[k], gains[0], model[0], airborne, dt, actuators[k])
+
+
+class NearHoveringController(GeometricController):
+    """The near-hovering law behind the `Controller` protocol; records of shape (1,)."""
+
+    def __init__(self) -> None:
+        super().__init__(step)

@@ -1,0 +1,43 @@
+"""Named gain sets. What margin each has is computed (control.margins), not written here."""
+
+from __future__ import annotations
+
+from control.parameters import ControlParameters
+from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import ParameterValue
+
+PRESETS: dict[str, dict[str, ParameterValue]] = {
+    # The defaults: fly the paper's vehicle at any loop rate from 60 Hz.
+    "standard": {},
+    # Holds a wind better and follows faster; wants 250 Hz and a clean estimate.
+    "stiff": {
+        "position.kp_xy": 6.0,
+        "position.kv_xy": 4.5,
+        "attitude.kr_xy": 100.0,
+        "attitude.kw_xy": 17.0,
+    },
+    # Soft enough for poses that come from bearings, tens of millimetres wrong.
+    "gentle": {
+        "position.kp_xy": 2.0,
+        "position.kv_xy": 2.6,
+        "position.ki_xy": 0.4,
+        "position.kp_z": 5.0,
+        "position.kv_z": 4.0,
+        "position.ki_z": 1.0,
+    },
+    # Desired rates from the exact force: damped, but softer against a constant force by
+    # 1 + k_w k_v / k_R.
+    "damped": {"attitude.rates": "exact"},
+}
+"""Name -> what differs from the defaults of `ControlParameters`."""
+
+
+def preset(name: str) -> ControlParameters:
+    """The whole gain set. Raises OutOfBoundsError for a name that is none."""
+    if name not in PRESETS:
+        raise OutOfBoundsError(f"no gain set is called {name!r}: there are {', '.join(PRESETS)}")
+    out = ControlParameters().model_copy(deep=True)
+    for path, value in PRESETS[name].items():
+        group, field = path.split(".")
+        setattr(getattr(out, group), field, value)
+    return out
