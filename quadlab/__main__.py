@@ -49,12 +49,24 @@ def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
                 prog="quadlab",
                 config=(tyro.conf.FlagCreatePairsOff,),
                 description="Base station and experiment console of a quadrotor laboratory.",
-                args=list(words),
+                args=_one_setting_each(words),
             )
     except SystemExit as stop:
         if stop.code in (0, None):
             raise
         raise UsageError(_one_line(complaint.getvalue())) from None
+
+
+def _one_setting_each(words: Sequence[str]) -> list[str]:
+    """`--set a=1 b=2` as `--set a=1 --set b=2`: both are how people write it."""
+    out: list[str] = []
+    setting = False
+    for word in words:
+        if setting and not word.startswith("-") and "=" in word and out[-1] != "--set":
+            out.append("--set")
+        setting = word == "--set" or (setting and "=" in word)
+        out.append(word)
+    return out
 
 
 def _one_line(boxed: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from quadlab.fly import Fly
+from quadlab.gains import Gains
 from quadlab.log import LogCommand
 from quadlab.processes import Simulator, Station, Vehicle, Web
 from quadlab.up import Up
@@ -20,6 +21,7 @@ COMMANDS: dict[str, type[Command]] = {
     "up": Up,
     "fly": Fly,
     "log": LogCommand,
+    "gains": Gains,
     "vehicle": Vehicle,
     "simulator": Simulator,
     "station": Station,

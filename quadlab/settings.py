@@ -1,4 +1,7 @@
-"""`--set name=value` words, checked against the parameters they set."""
+"""`--set name=value` words, checked against the parameters they set.
+
+`control.preset=NAME` stands for all gains of a named set; words after it change single ones.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,15 @@ from collections.abc import Sequence
 
 from quadrotor.errors import ParameterError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parse_text
+
+PRESET = "control.preset"
+
+
+def _preset_values(name: str) -> dict[str, ParameterValue]:
+    """All gains of the named set, by parameter name. Raises ParameterError."""
+    from control.presets import preset
+
+    return {f"control.{k}": v for k, v in ParameterStore(preset(name)).values().items()}
 
 
 def parse_settings(
@@ -28,6 +40,12 @@ def parse_settings(
             raise UsageError(
                 f"--set {prefix}{word}: write it as name=value, like {store.names[0]}=1"
             )
+        if name == PRESET and isinstance(parameters, VehicleParameters):
+            try:
+                values |= _preset_values(text)
+            except ParameterError as error:
+                raise UsageError(f"--set {prefix}{word}: {error}") from None
+            continue
         try:
             values[name] = parse_text(store.description(name), text)
         except ParameterError as error:

@@ -66,6 +66,16 @@ class VehicleModel(Parameters):
     motor_offset: float = parameter(
         14.267, unit="count", ge=-50, le=50, step=0.01, description="offset of the affine motor law"
     )
+    battery_nominal: float = parameter(
+        15.2, unit="V", ge=5.0, le=30.0, step=0.1, description="battery voltage of the motor law"
+    )
+    battery_exponent: float = parameter(
+        0.0,
+        ge=0.0,
+        le=1.5,
+        step=0.05,
+        description="rotor speed follows voltage to this power; 0: not compensated",
+    )
     motor_reference_min: float = parameter(
         30.0, unit="count", ge=0, le=100, step=1, description="smallest reference in flight"
     )
@@ -73,23 +83,39 @@ class VehicleModel(Parameters):
         180.0, unit="count", ge=100, le=255, step=1, description="largest reference in flight"
     )
 
-    def record(self) -> Record:
-        """The model as one MODEL record, shape (1,)."""
+    def record(self, voltage: float | None = None) -> Record:
+        """The model as one MODEL record, shape (1,).
+
+        Args:
+            voltage: V, of the battery; None is the nominal one. Speed is affine in the reference
+                at any voltage, so that only the slope and the thrust limits follow.
+        """
+        slope = self.motor_slope
+        if voltage is not None:
+            slope *= self.battery_gain(voltage)
         out = np.zeros(1, MODEL)
         out["mass"] = self.mass
         out["inertia_b"] = (self.inertia_xx, self.inertia_yy, self.inertia_zz)
         out["arm"] = self.arm
         out["torque_ratio"] = self.torque_ratio
         out["motor_time_constant"] = self.motor_time_constant
-        out["motor_slope"] = self.motor_slope
+        out["motor_slope"] = slope
         out["motor_offset"] = self.motor_offset
         out["thrust_min"] = thrust_of_reference(
-            self.motor_reference_min, self.motor_slope, self.motor_offset
+            self.motor_reference_min, slope, self.motor_offset
         )
         out["thrust_max"] = thrust_of_reference(
-            self.motor_reference_max, self.motor_slope, self.motor_offset
+            self.motor_reference_max, slope, self.motor_offset
         )
         return out
+
+    def battery_gain(self, voltage: float) -> float:
+        """Rotor speed at `voltage` (V) over that at the nominal one, for the same reference.
+
+        A voltage beyond half and one and a half of the nominal is a broken reading: clamped.
+        """
+        share = min(1.5, max(0.5, voltage / self.battery_nominal))
+        return float(share**self.battery_exponent)
 
 
 def mixing_matrix(arm: float, torque_ratio: float) -> Array:

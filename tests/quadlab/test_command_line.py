@@ -10,8 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from quadlab.__main__ import main
+from control.margins import margins
+from control.presets import PRESETS, preset
+from quadlab.__main__ import main, parse
 from quadlab.commands import COMMANDS
+from quadlab.settings import parse_settings
+from quadrotor.errors import UsageError
+from vehicle.parameters import new_parameters
 
 
 def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int) -> str:
@@ -141,3 +146,41 @@ def test_the_module_runs_as_a_program() -> None:
     )  # fmt: skip
     assert ran.returncode == 2
     assert ran.stderr.count("\n") == 1
+
+
+def test_gains_prints_the_computed_margin_of_every_preset(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["gains"]) == 0
+    out = capsys.readouterr().out
+    expected = margins(preset("stiff"), 0.047)
+    row = next(line for line in out.splitlines() if line.startswith("stiff"))
+    for one in expected:
+        assert f"{one.phase:.0f}° ({1e3 * one.delay:.0f} ms)" in row
+    assert all(name in out for name in PRESETS)
+
+
+def test_gains_that_oscillate_are_said_to(capsys: pytest.CaptureFixture[str]) -> None:
+    bad = ["kp_xy=9", "kv_xy=5"]
+    words = [f"control.position.{one}" for one in bad]
+    words += ["control.attitude.kr_xy=30", "control.attitude.kw_xy=7.5"]
+    assert main(["gains", "--set", *words]) == 0
+    assert "do not fly it" in capsys.readouterr().out
+
+
+def test_settings_may_follow_one_set_or_have_one_each() -> None:
+    together = parse(["fly", "hover", "--set", "model.mass=1.2", "tracker.seed=3", "--json"])
+    apart = parse(["fly", "hover", "--set", "model.mass=1.2", "--set", "tracker.seed=3", "--json"])
+    assert together == apart
+    assert together.set == ("model.mass=1.2", "tracker.seed=3")
+
+
+def test_a_preset_sets_all_its_gains_and_later_words_change_them() -> None:
+    parameters = new_parameters()
+    words = ["control.preset=stiff", "control.attitude.kw_xy=18"]
+    values = parse_settings(parameters, words)
+    assert parameters.control.position.kp_xy == 6.0
+    assert parameters.control.attitude.kw_xy == 18.0
+    assert values["control.attitude.kr_xy"] == 100.0
+    with pytest.raises(UsageError, match="'sporty'"):
+        parse_settings(parameters, ["control.preset=sporty"])

@@ -95,3 +95,23 @@ def test_every_allowed_mass_can_hover():
 def test_a_mass_that_cannot_be_is_refused(mass):
     with pytest.raises(ValidationError):
         VehicleModel(mass=mass)
+
+
+def test_without_an_exponent_the_voltage_changes_nothing():
+    model = VehicleModel()
+    assert model.record(12.0).tobytes() == model.record().tobytes()
+
+
+def test_a_low_battery_asks_for_more_counts_and_allows_less_thrust():
+    model = VehicleModel(battery_exponent=1.0)
+    full, low = model.record()[0], model.record(0.9 * 15.2)[0]
+    assert low["motor_slope"] == pytest.approx(0.9 * full["motor_slope"])
+    assert low["thrust_max"] == pytest.approx(0.81 * full["thrust_max"])
+    count = reference_of_thrust(3.21, low["motor_slope"], OFFSET)
+    # The counts asked for turn the rotor, at 0.9 of the speed for a count, at the wanted speed.
+    assert 0.9 * (count + OFFSET) == pytest.approx(np.sqrt(3.21) / SLOPE, rel=1e-5)
+
+
+@pytest.mark.parametrize(("voltage", "share"), [(0.0, 0.5), (1e9, 1.5)])
+def test_a_broken_voltage_reading_is_clamped(voltage, share):
+    assert VehicleModel(battery_exponent=1.0).battery_gain(voltage) == pytest.approx(share)

@@ -1,0 +1,131 @@
+"""Runs the benchmarks and writes their tables and plots.
+
+    .venv/bin/python -m benchmarks [pose filters onboard closed_loop start] [--quick] [--out DIR]
+
+Without --out the tables are printed only. With it DIR gets performance.md, performance.json and
+one PNG a plot (matplotlib, from the extra `bench`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import platform
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness import Report
+
+NAMES = ("onboard", "closed_loop", "pose", "filters", "start")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
+    parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
+    parser.add_argument("--out", type=Path, help="folder for performance.md, .json and plots")
+    options = parser.parse_args()
+    unknown = [name for name in options.names if name not in NAMES]
+    if unknown:
+        parser.error(f"no benchmark is called {unknown[0]!r}: there are {', '.join(NAMES)}")
+    conditions = machine()
+    reports = []
+    for name in options.names or NAMES:
+        print(f"{name} …", file=sys.stderr, flush=True)
+        began = time.perf_counter()
+        report: Report = importlib.import_module(f"benchmarks.{name}").run(quick=options.quick)
+        print(f"{name}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
+        print(report.as_markdown(), flush=True)
+        reports.append(report)
+    if options.out:
+        write(options.out, reports, conditions, options.quick)
+    return 0 if all(t.met for report in reports for t in report.targets) else 1
+
+
+def machine() -> dict[str, str]:
+    """What the figures depend on."""
+    model = next(
+        (line.split(":")[1].strip() for line in _cpu_lines() if line.startswith("model name")),
+        platform.processor(),
+    )
+    packages = ", ".join(f"{p} {version(p)}" for p in ("numpy", "numba", "opencv-python-headless"))
+    return {
+        "date": time.strftime("%Y-%m-%d"),
+        "processor": f"{model}, {os.cpu_count()} cores",
+        "python": f"{platform.python_version()}, {packages}",
+        "load before": " ".join(f"{x:.2f}" for x in os.getloadavg()),
+    }
+
+
+def _cpu_lines() -> list[str]:
+    file = Path("/proc/cpuinfo")
+    return file.read_text().splitlines() if file.exists() else []
+
+
+def write(out: Path, reports: list[Report], conditions: dict[str, str], quick: bool) -> None:
+    """performance.md, performance.json and the plots into the folder `out`."""
+    out.mkdir(parents=True, exist_ok=True)
+    lines = [
+        "# Performance",
+        "",
+        "Written by `python -m benchmarks --out docs/performance`; every peer ran in the same run,",
+        "in turns with ours. Times are medians of rounds, ratios medians of the rounds' ratios.",
+        "",
+        *(f"- {key}: {value}" for key, value in conditions.items()),
+        *(["- **quick run: too few samples for a result**"] if quick else []),
+        "",
+    ]
+    for report in reports:
+        lines.append(report.as_markdown())
+        if report.plot and draw(report.plot, out / f"{report.name}.png"):
+            lines.append(f"![{report.title}]({report.name}.png)\n")
+    (out / "performance.md").write_text("\n".join(lines))
+    document = {"conditions": conditions, "reports": [r.as_json() for r in reports]}
+    (out / "performance.json").write_text(json.dumps(document, indent=1, default=float) + "\n")
+
+
+def draw(plot: dict[str, Any], path: Path) -> bool:
+    """One scatter of accuracy over time, or bars; False where matplotlib is not installed.
+
+    Args:
+        plot: kind "scatter" (x, y, labels), or "bars" (values, labels); x_label, y_label, and
+            optionally limit: a horizontal line with the text limit_label.
+    """
+    try:
+        import matplotlib
+    except ImportError:
+        print("no plots: matplotlib is not installed (extra `bench`)", file=sys.stderr)
+        return False
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")
+    if plot["kind"] == "scatter":
+        axes.loglog(plot["x"], plot["y"], "o", color="#1f6f8b")
+        for x, y, label in zip(plot["x"], plot["y"], plot["labels"], strict=True):
+            axes.annotate(label, (x, y), xytext=(6, 4), textcoords="offset points", fontsize=8)
+        axes.margins(x=0.25, y=0.2)
+    else:
+        axes.barh(plot["labels"], plot["values"], color="#1f6f8b")
+        axes.set_xscale("log")
+        axes.invert_yaxis()
+    if "limit" in plot:
+        line = axes.axhline if plot["kind"] == "scatter" else axes.axvline
+        line(plot["limit"], color="#b3402e", linewidth=1.0, linestyle="--")
+        axes.plot([], [], color="#b3402e", linestyle="--", label=plot.get("limit_label", "limit"))
+        axes.legend(frameon=False, loc="best")
+    axes.set_xlabel(plot["x_label"])
+    axes.set_ylabel(plot.get("y_label", ""))
+    axes.grid(True, which="major", alpha=0.3)
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

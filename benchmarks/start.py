@@ -1,0 +1,83 @@
+"""Time to the first step: from a fresh interpreter, with compiled code kept and without."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks.harness import Report, Row, Target, Timing
+
+ROOT = Path(__file__).resolve().parents[1]
+FLIGHT = """
+import time; began = time.perf_counter()
+import vehicle.kernels as k
+k.prepare(say=lambda line: None)
+print(time.perf_counter() - began)
+"""
+STEP = """
+import time; began = time.perf_counter()
+import numpy as np
+from control.controller import GeometricController
+from control.parameters import ControlParameters
+from control.trajectories.figure_eight import FigureEight
+from estimation.complementary import ComplementaryEstimator
+from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, new_reference, new_state
+from quadrotor.vehicle_model import VehicleModel
+controller, estimator = GeometricController(), ComplementaryEstimator()
+controller.configure(ControlParameters(), VehicleModel().record())
+state, reference, actuators = new_state(), new_reference(), np.zeros(1, ACTUATORS)
+pose, imu = np.zeros(1, POSE_SAMPLE), np.zeros(1, IMU_SAMPLE)
+pose["quaternion_wb"][0, 0], imu["specific_force_b"][0, 2], imu["stamp_ns"] = 1.0, 9.81, 2_000_000
+estimator.initialize(pose)
+estimator.predict(imu, 0.002, state)
+FigureEight((0.0, 0.0, 1.0)).sample(0.0, reference)
+controller.step(state, reference, True, 0.002, actuators)
+print(time.perf_counter() - began)
+"""
+
+
+def run(quick: bool = False) -> Report:
+    """Both programs, cold and from the cache, each in its own interpreter."""
+    rounds = 2 if quick else 5
+    report = Report(
+        "start",
+        "Start: import, compile, first step",
+        [
+            "each figure is one fresh interpreter, timed from its first line",
+            "first step: estimate, figure 8, control, allocation called once from Python",
+            "all flight kernels: everything the vehicle's tick can call, as at its start",
+            f"cold: an empty folder of compiled code; {rounds} rounds each",
+        ],
+    )
+    for name, program, cold_limit, warm_limit in (
+        ("first step", STEP, None, 0.8),
+        ("all flight kernels", FLIGHT, 5.0, None),
+    ):
+        with tempfile.TemporaryDirectory() as folder:
+            cold = Timing(tuple(_once(program, f"{folder}/{k}") for k in range(rounds)))
+            _once(program, f"{folder}/kept")
+            warm = Timing(tuple(_once(program, f"{folder}/kept") for _ in range(2 * rounds)))
+        figures: dict[str, float | str] = {}
+        for label, timing in (("cold", cold), ("from cache", warm)):
+            low, high = timing.spread
+            figures[f"{label}, s"] = round(timing.median, 2)
+            figures[f"{label}, range"] = f"{low:.2f}–{high:.2f}"
+        report.rows.append(Row(name, figures))
+        if cold_limit:
+            report.targets.append(Target(f"{name}, cold, s", cold.median, cold_limit))
+        if warm_limit:
+            report.targets.append(Target(f"{name}, from cache, s", warm.median, warm_limit))
+    return report
+
+
+def _once(program: str, cache: str) -> float:
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
+    environment |= {"NUMBA_CACHE_DIR": cache, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, cwd=ROOT, check=True,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    return float(done.stdout.split()[-1])
