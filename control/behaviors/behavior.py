@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import ClassVar, Protocol, TypeVar
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
+from control.trajectories.polynomial import Polynomial
 from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
 from quadrotor.parameters import (
@@ -22,6 +23,7 @@ from quadrotor.parameters import (
     coerce,
 )
 from quadrotor.records import Record
+from quadrotor.vehicle_model import VehicleModel
 
 Joy = tuple[int, Sequence[float], bool]
 """Stamp (ns), axes (forward, left, up, yaw) in -1..1, dead-man held."""
@@ -37,6 +39,8 @@ class Context:
     reference: Record  # a copy of the present one; on the ground, where the vehicle stands
     parameters: BehaviorParameters
     hover_thrust: float  # N, the weight
+    model: Record = field(default_factory=lambda: VehicleModel().record())  # MODEL, shape (1,)
+    trajectories: Mapping[str, Polynomial] = field(default_factory=dict)  # loaded from files
 
     @property
     def point(self) -> Point:

@@ -1,4 +1,4 @@
-"""Fly a trajectory by name, about where the vehicle hovers."""
+"""Fly a trajectory by name, from where the vehicle hovers, if the vehicle can."""
 
 from __future__ import annotations
 
@@ -6,107 +6,127 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Self
 
-import numpy as np
-
-from control.behaviors.behavior import Context, TrajectoryBehavior, check_inside, read_arguments
+from control.behaviors.behavior import (
+    Context,
+    TrajectoryBehavior,
+    argument_descriptions,
+    read_arguments,
+)
+from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
-from control.trajectories.figure_eight import FigureEight
-from control.trajectories.trajectory import sample_many
-from quadrotor.errors import OutOfBoundsError, RefusedError
-from quadrotor.parameters import Parameters, ParameterValue, parameter
+from control.behaviors.trajectory_arguments import FollowTrajectoryArguments, WhichTrajectory
+from control.behaviors.trajectory_choice import CHOICES, Choice
+from control.trajectories.feasibility import Feasibility, examine, fits, refusal
+from control.trajectories.limits import WALLS, Limits, with_margin
+from quadrotor.errors import RefusedError, UnknownParameterError
+from quadrotor.parameters import Parameters, ParameterValue, coerce
+from quadrotor.records import Record
 
-TRAJECTORIES = ("figure_eight",)
+_NAMES = {
+    **dict.fromkeys((0, 1), "behavior.volume_x_min, behavior.volume_x_max"),
+    **dict.fromkeys((2, 3), "behavior.volume_y_min, behavior.volume_y_max"),
+    **dict.fromkeys((4, 5), "behavior.volume_z_min, behavior.volume_z_max"),
+    6: "behavior.trajectory_speed_max",
+    7: "behavior.trajectory_acceleration_max",
+    8: "behavior.yaw_rate_max",
+    9: "behavior.yaw_acceleration_max",
+    10: "behavior.trajectory_tilt_max",
+    11: "the motors' least and behavior.trajectory_thrust_margin",
+    12: "the motors' most and behavior.trajectory_thrust_margin",
+    13: "behavior.trajectory_body_rate_max",
+    14: "behavior.trajectory_yaw_torque_max",
+}
+"""limits.QUANTITIES index -> the parameters that set its limit."""
 
-
-class FollowTrajectoryArguments(Parameters):
-    """Of follow_trajectory; the defaults are the 8 of the paper's second experiment."""
-
-    trajectory: str = parameter("figure_eight", choices=TRAJECTORIES, description="which one")
-    laps: int = parameter(3, ge=1, le=1000, step=1, description="whole laps")
-    period: float = parameter(
-        8.0, unit="s", ge=2.0, le=60.0, step=0.5, description="time of one lap"
-    )
-    width: float = parameter(1.0, unit="m", ge=0.0, le=20.0, step=0.1, description="size in x")
-    height: float = parameter(1.0, unit="m", ge=0.0, le=20.0, step=0.1, description="size in y")
-    z_amplitude: float = parameter(
-        0.2, unit="m", ge=0.0, le=5.0, step=0.05, description="up and down by this"
-    )
-    yaw_amplitude: float = parameter(
-        1.0, unit="rad", ge=0.0, le=3.1, step=0.1, description="yaw to both sides by this"
-    )
-    ramp: float = parameter(
-        3.0, unit="s", ge=0.5, le=30.0, step=0.5, description="time to the full rate and back"
-    )
+_SLOWEST = 8.0
+"""No slower pace than this factor is proposed."""
 
 
 class FollowTrajectory(TrajectoryBehavior):
-    """From rest to rest; centre and middle yaw are the present reference."""
+    """From rest to rest, starting from the present reference; see `trajectory_choice.CHOICES`."""
 
     name: ClassVar[BehaviorName] = BehaviorName.FOLLOW_TRAJECTORY
     arguments: ClassVar[type[Parameters]] = FollowTrajectoryArguments
 
     @classmethod
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
-        return cls(context, read_arguments(cls.name, FollowTrajectoryArguments(), given))
+        form = argument_descriptions(FollowTrajectoryArguments)
+        which = form["trajectory"]
+        name = str(coerce(which, given.get("trajectory", which.default)))
+        choice = CHOICES[name]
+        taken = argument_descriptions(choice.arguments)
+        for other in given:
+            if other in form and other not in taken:
+                raise UnknownParameterError(
+                    f"follow_trajectory {name} takes no {other}: it takes {', '.join(taken)}"
+                )
+        # Not validated: the present reference may be anywhere.
+        defaults = choice.arguments().model_copy(update=dict(choice.defaults(context)))
+        return cls(context, choice, read_arguments(cls.name, defaults, given))
 
-    def __init__(self, context: Context, arguments: FollowTrajectoryArguments) -> None:
-        a = arguments
-        if a.ramp > a.laps * a.period:
-            raise OutOfBoundsError(
-                f"ramp = {a.ramp:g} s does not fit into {a.laps} laps of {a.period:g} s; "
-                f"allowed up to {a.laps * a.period:g} s"
-            )
-        x, y, z, yaw = context.point
-        eight = FigureEight(
-            (x, y, z),
-            yaw,
-            width=a.width,
-            height=a.height,
-            z_amplitude=a.z_amplitude,
-            yaw_amplitude=a.yaw_amplitude,
-            period=a.period,
-            laps=a.laps,
-            ramp=a.ramp,
-        )
-        _check(eight, a, context)
-        super().__init__(eight)
+    def __init__(self, context: Context, choice: Choice, arguments: WhichTrajectory) -> None:
+        limits = limits_of(context.parameters, context.model)
+        trajectory = choice.make(context, arguments)
+        self.report: Feasibility = examine(trajectory, context.model, limits)
+        breach = self.report.breach
+        if breach is not None:
+            slow = breach.index >= WALLS
+            advice = _advice(context, choice, arguments, limits) if slow else ""
+            raise RefusedError(refusal(self.report, breach, "follow_trajectory", advice))
+        super().__init__(trajectory)
 
 
-def _check(eight: FigureEight, a: FollowTrajectoryArguments, context: Context) -> None:
-    """Raises RefusedError for what the volume or the vehicle cannot take."""
-    p = context.parameters
-    # The ramp and one lap hold every extreme: later laps repeat, the end mirrors the start.
-    last = min(eight.duration, a.ramp + a.period)
-    samples = sample_many(eight, np.linspace(0.0, last, 160))
-    check_inside(
-        BehaviorName.FOLLOW_TRAJECTORY,
-        "the path's",
-        samples["position_w"],
-        p,
+def limits_of(p: BehaviorParameters, model: Record) -> Limits:
+    """What trajectories may ask for, by the parameters and the vehicle's MODEL (shape (1,))."""
+    low, high = with_margin(
+        float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
     )
-    acceleration = float(np.linalg.norm(samples["acceleration_w"], axis=1).max())
-    yaw_rate = float(np.abs(samples["yaw_rate"]).max())
-    yaw_acceleration = float(np.abs(samples["yaw_acceleration"]).max())
-    for what, value, limit, unit, name in (
-        (
-            "acceleration",
-            acceleration,
-            p.trajectory_acceleration_max,
-            "m/s²",
-            "trajectory_acceleration_max",
-        ),
-        ("yaw rate", yaw_rate, p.yaw_rate_max, "rad/s", "yaw_rate_max"),
-        (
-            "yaw acceleration",
-            yaw_acceleration,
-            p.yaw_acceleration_max,
-            "rad/s²",
-            "yaw_acceleration_max",
-        ),
-    ):
-        if value > limit:
-            slower = math.ceil(10.0 * a.period * (value / limit)) / 10.0
-            raise RefusedError(
-                f"follow_trajectory refused: its {what} reaches {value:.2f} {unit}; allowed up "
-                f"to {limit:g} {unit} (behavior.{name}); try a period of {slower:g} s"
-            )
+    return Limits(
+        low_w=(p.volume_x_min, p.volume_y_min, p.volume_z_min),
+        high_w=(p.volume_x_max, p.volume_y_max, p.volume_z_max),
+        speed=p.trajectory_speed_max,
+        acceleration=p.trajectory_acceleration_max,
+        yaw_rate=p.yaw_rate_max,
+        yaw_acceleration=p.yaw_acceleration_max,
+        tilt=math.radians(p.trajectory_tilt_max),
+        thrust_low=low,
+        thrust_high=high,
+        body_rate=p.trajectory_body_rate_max,
+        yaw_torque=p.trajectory_yaw_torque_max,
+        source=_NAMES,
+    )
+
+
+def _advice(context: Context, choice: Choice, arguments: WhichTrajectory, limits: Limits) -> str:
+    """The quickest pace found that fits, in the words of the arguments that set it."""
+    taken = argument_descriptions(type(arguments))
+
+    def changes(factor: float) -> dict[str, float] | None:
+        """The arguments of a pace that fits, else None."""
+        found = choice.slower(arguments, factor)
+        for name, value in found.items():
+            low, high = taken[name].minimum, taken[name].maximum
+            if (low is not None and value < low) or (high is not None and value > high):
+                return None
+        slower = choice.make(context, arguments.model_copy(update=found))
+        return found if fits(slower, context.model, limits) else None
+
+    low, high = 1.0, 1.5
+    best = changes(high)
+    while best is None and high < _SLOWEST:
+        low, high = high, 1.6 * high
+        best = changes(high)
+    if best is None:
+        return "no slower pace helps; make it smaller"
+    for _ in range(4):
+        middle = math.sqrt(low * high)
+        found = changes(middle)
+        if found is None:
+            low = middle
+        else:
+            best, high = found, middle
+    words = []
+    for name, value in best.items():
+        unit = f" {taken[name].unit}" if taken[name].unit else ""
+        words.append(f"{'an' if name[0] in 'aeiou' else 'a'} {name} of {value:g}{unit}")
+    return f"try {' and '.join(words)}"

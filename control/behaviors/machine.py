@@ -25,12 +25,15 @@ from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName, behavior_of, check_transition
 from control.behaviors.take_off import TakeOff
 from control.behaviors.velocity import Velocity
+from control.trajectories.feasibility import examine
 from control.trajectories.figure_eight import FigureEight
+from control.trajectories.limits import Limits
+from control.trajectories.polynomial import Polynomial
 from control.trajectories.retarget import stop
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from quadrotor.records import REFERENCE, Record, new_reference, new_state
-from quadrotor.vehicle_model import GRAVITY
+from quadrotor.vehicle_model import GRAVITY, VehicleModel
 
 BEHAVIORS: dict[BehaviorName, type[Startable]] = {
     BehaviorName.TAKE_OFF: TakeOff,
@@ -57,11 +60,23 @@ class BehaviorMachine:
     Args:
         parameters: kept, not copied; walls and limits count from the next request on.
         hover_thrust: N, the weight; set it anew when the model's mass changes.
+        model: MODEL, shape (1,), by which trajectories are checked; set it anew as the weight.
+            The paper's vehicle if left out.
+        trajectories: those loaded from files before the flight, by name.
     """
 
-    def __init__(self, parameters: BehaviorParameters, hover_thrust: float = 1.308 * GRAVITY):
+    def __init__(
+        self,
+        parameters: BehaviorParameters,
+        hover_thrust: float = 1.308 * GRAVITY,
+        *,
+        model: Record | None = None,
+        trajectories: Mapping[str, Polynomial] | None = None,
+    ) -> None:
         self.parameters = parameters
         self.hover_thrust = hover_thrust
+        self.model = VehicleModel().record() if model is None else model
+        self.trajectories: Mapping[str, Polynomial] = trajectories or {}
         self.landed = False
         self._behavior: Behavior = Ground()
         self._reference = new_reference()
@@ -105,7 +120,7 @@ class BehaviorMachine:
                     "check the tracker and wait for a pose"
                 )
             stand(state, self._reference)
-        context = Context(self._reference.copy(), self.parameters, self.hover_thrust)
+        context = self._context()
         if wanted is BehaviorName.HOVER and self._moving():
             wanted = BehaviorName.BRAKE
         self._behavior = BEHAVIORS[wanted].start(context, arguments)
@@ -140,8 +155,16 @@ class BehaviorMachine:
         if self.name is BehaviorName.LAND:
             self._behavior, self.landed = Ground(), True
         else:
-            context = Context(self._reference.copy(), self.parameters, self.hover_thrust)
-            self._behavior = Hover.start(context, {})
+            self._behavior = Hover.start(self._context(), {})
+
+    def _context(self) -> Context:
+        return Context(
+            self._reference.copy(),
+            self.parameters,
+            self.hover_thrust,
+            self.model,
+            self.trajectories,
+        )
 
     def _moving(self) -> bool:
         return bool(self._floats[3:15].any() or self._floats[16:].any())
@@ -165,5 +188,5 @@ def _compile(parameters: BehaviorParameters) -> None:
     context = Context(reference.copy(), parameters, 1.0)
     for behavior in (Brake.start(context, {}), Land.start(context, {}), Hover.start(context, {})):
         behavior.step(0, 0.0, state, None, 0.0, reference)
-    FigureEight((0.0, 0.0, 0.0)).sample(0.0, reference)
+    examine(FigureEight((0.0, 0.0, 0.0)), VehicleModel().record(), Limits())
     stop(reference, 1.0)[0].sample(0.0, reference)

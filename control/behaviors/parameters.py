@@ -41,6 +41,41 @@ class BehaviorParameters(Parameters):
     trajectory_acceleration_max: float = parameter(
         4.0, unit="m/s²", ge=0.1, le=8.0, step=0.1, description="steepest trajectory accepted"
     )
+    trajectory_speed_max: float = parameter(
+        3.0, unit="m/s", ge=0.1, le=10.0, step=0.1, description="quickest trajectory accepted"
+    )
+    trajectory_tilt_max: float = parameter(
+        35.0,
+        unit="deg",
+        ge=5.0,
+        le=60.0,
+        step=1.0,
+        description="largest tilt a trajectory may ask for; leave some to the feedback",
+    )
+    trajectory_body_rate_max: float = parameter(
+        3.5,
+        unit="rad/s",
+        ge=0.5,
+        le=10.0,
+        step=0.1,
+        description="largest body rate a trajectory may ask for; the gyroscopes end at 5.2",
+    )
+    trajectory_yaw_torque_max: float = parameter(
+        0.07,
+        unit="N m",
+        ge=0.005,
+        le=1.0,
+        step=0.005,
+        description="largest yaw torque a trajectory may ask for; the motors give about 0.1",
+    )
+    trajectory_thrust_margin: float = parameter(
+        0.1,
+        ge=0.0,
+        le=0.45,
+        step=0.01,
+        description="share of each motor's thrust range that trajectories leave to the feedback, "
+        "at both ends",
+    )
     yaw_rate_max: float = parameter(
         1.5, unit="rad/s", ge=0.1, le=4.0, step=0.1, description="largest yaw rate of a reference"
     )

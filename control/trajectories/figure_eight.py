@@ -8,21 +8,20 @@ lap of 8 s would ask for 37° of tilt, a constant rate for 8°.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from control.trajectories.ramped_phase import ramped_phase
+from control.trajectories.laps import check_ramp, lap_rates, lap_stretches
+from control.trajectories.ramped_phase import Derivatives, ramped_phase
+from control.trajectories.trajectory import Stretch
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-
-Array = npt.NDArray[np.float64]
 
 FIGURE_EIGHT = np.dtype(
     [
         ("center", "f8", 4),  # m, m, m, rad
         ("amplitude", "f8", 4),  # m, m, m, rad
-        ("multiple", "f8", 4),  # cycles a lap
         ("rate", "f8"),  # rad/s of the phase
         ("ramp", "f8"),  # s
         ("total", "f8"),  # rad
@@ -32,42 +31,53 @@ FIGURE_EIGHT = np.dtype(
 
 
 @compiled
-def _sine(multiple: float, phase: Array, out: Array) -> None:
-    """sin(multiple phase(t)) and four time derivatives into out (5,), by Faà di Bruno."""
-    s = math.sin(multiple * phase[0])
-    c = math.cos(multiple * phase[0])
-    a = multiple * phase[1]
-    b = multiple * phase[2]
-    d = multiple * phase[3]
-    e = multiple * phase[4]
-    out[0] = s
-    out[1] = c * a
-    out[2] = c * b - s * a * a
-    out[3] = c * (d - a * a * a) - 3.0 * s * a * b
-    out[4] = c * (e - 6.0 * a * a * b) - s * (4.0 * a * d + 3.0 * b * b - a * a * a * a)
+def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Derivatives:
+    """sin of an angle and four time derivatives, by Faa di Bruno.
+
+    Args:
+        s, c: its sine and cosine; for the cosine's derivatives give c and -s.
+        a, b, d, e: the angle's time derivatives, first to fourth.
+    """
+    aa = a * a
+    return (
+        s,
+        c * a,
+        c * b - s * aa,
+        c * (d - aa * a) - 3.0 * s * a * b,
+        c * (e - 6.0 * aa * b) - s * (4.0 * a * d + 3.0 * b * b - aa * aa),
+    )
 
 
 @compiled
-def sample_figure_eight(eight: Record, t: float, reference: Record) -> None:
-    """The reference at t (s) on eight[0], into reference[0]; both shape (1,)."""
-    a = eight[0]
-    r = reference[0]
-    phase = np.empty(5)
-    s = np.empty(5)
-    ramped_phase(t, a.rate, a.ramp, a.total, phase)
-    for i in range(4):
-        _sine(a.multiple[i], phase, s)
-        d = a.amplitude[i]
-        if i < 3:
-            r.position_w[i] = a.center[i] + d * s[0]
-            r.velocity_w[i] = d * s[1]
-            r.acceleration_w[i] = d * s[2]
-            r.jerk_w[i] = d * s[3]
-            r.snap_w[i] = d * s[4]
-        else:
-            r.yaw = a.center[i] + d * s[0]
-            r.yaw_rate = d * s[1]
-            r.yaw_acceleration = d * s[2]
+def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
+    """The reference at t (s) on one FIGURE_EIGHT record, into one REFERENCE record.
+
+    One sine and one cosine: those of twice the phase follow from them.
+    """
+    q, a, b, d, e = ramped_phase(t, eight.rate, eight.ramp, eight.total)
+    s = math.sin(q)
+    c = math.cos(q)
+    one = circling(s, c, a, b, d, e)
+    two = circling(2.0 * s * c, c * c - s * s, 2.0 * a, 2.0 * b, 2.0 * d, 2.0 * e)
+    for i in range(3):
+        k = eight.amplitude[i]
+        p, v, acceleration, j, snap = two if i == 1 else one
+        reference.position_w[i] = eight.center[i] + k * p
+        reference.velocity_w[i] = k * v
+        reference.acceleration_w[i] = k * acceleration
+        reference.jerk_w[i] = k * j
+        reference.snap_w[i] = k * snap
+    k = eight.amplitude[3]
+    reference.yaw = eight.center[3] + k * one[0]
+    reference.yaw_rate = k * one[1]
+    reference.yaw_acceleration = k * one[2]
+
+
+@compiled
+def sample_figure_eight(eights: Record, t: float, references: Record, step: float = 0.0) -> None:
+    """references[k] at t + k step (s) on eights[k], or on the last of them; shapes (M,), (N,)."""
+    for k in range(references.shape[0]):
+        figure_eight_at(eights[min(k, eights.shape[0] - 1)], t + k * step, references[k])
 
 
 class FigureEight:
@@ -98,19 +108,44 @@ class FigureEight:
         laps: int = 3,
         ramp: float = 3.0,
     ) -> None:
-        if not 0.0 < ramp <= laps * period:
-            raise ValueError(
-                f"a ramp of {ramp:g} s does not fit into {laps} laps of {period:g} s: "
-                f"give one up to {laps * period:g} s"
-            )
+        check_ramp(laps, period, ramp)
         self._eight = np.zeros(1, FIGURE_EIGHT)
-        self._eight["center"] = (*center, yaw)
-        self._eight["amplitude"] = (0.5 * width, 0.5 * height, z_amplitude, yaw_amplitude)
-        self._eight["multiple"] = (1.0, 2.0, 1.0, 1.0)
-        self._eight["rate"] = 2.0 * math.pi / period
-        self._eight["ramp"] = ramp
-        self._eight["total"] = 2.0 * math.pi * laps
+        rate, total = lap_rates(laps, period)
+        swing = (0.5 * width, 0.5 * height, z_amplitude, yaw_amplitude)
+        self._eight[0] = ((*center, yaw), swing, rate, ramp, total)
+        self._stretches = lap_stretches(laps, period, ramp)
         self.duration = laps * period + ramp
 
+    @classmethod
+    def in_one_lap(
+        cls,
+        center: tuple[float, float, float],
+        yaw: float = 0.0,
+        *,
+        width: float = 1.0,
+        height: float = 1.0,
+        z_amplitude: float = 0.2,
+        yaw_amplitude: float = 1.0,
+        duration: float = 8.0,
+    ) -> FigureEight:
+        """Rest to rest in one lap of `duration` s: a ramp up to the middle, a ramp down from it."""
+        return cls(
+            center,
+            yaw,
+            width=width,
+            height=height,
+            z_amplitude=z_amplitude,
+            yaw_amplitude=yaw_amplitude,
+            period=0.5 * duration,
+            laps=1,
+            ramp=0.5 * duration,
+        )
+
     def sample(self, t: float, reference: Record) -> None:
-        sample_figure_eight(self._eight, t, reference)
+        sample_figure_eight(self._eight, t, reference, 0.0)
+
+    def sample_grid(self, t: float, step: float, references: Record) -> None:
+        sample_figure_eight(self._eight, t, references, step)
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        return self._stretches

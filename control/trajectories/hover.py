@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from control.trajectories.line import LINE, sample_line
+from control.trajectories.phase_curve import PHASE_CURVE, sample_phase_curve
 from quadrotor.records import Record
 
 
@@ -17,11 +17,12 @@ class Hover:
     """
 
     def __init__(self, position_w: tuple[float, float, float], yaw: float) -> None:
-        self._line = np.zeros(1, LINE)
-        self._line["start"] = (*position_w, yaw)
+        self._line = np.zeros(1, PHASE_CURVE)
+        self._line["center"] = (*position_w, yaw)
         self._line["rate"] = 1.0
         self._line["ramp"] = 1.0
+        self._line["total"] = 1.0
         self.duration = float("inf")
 
     def sample(self, t: float, reference: Record) -> None:
-        sample_line(self._line, t, reference)
+        sample_phase_curve(self._line, t, reference, 0.0)

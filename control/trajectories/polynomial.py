@@ -6,10 +6,12 @@ Ten coefficients an axis meet position to snap at both ends, so that pieces join
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from control.trajectories.trajectory import SAMPLES_MAX, UNKNOWN_RATE, Stretch, around
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.rotations import wrap_angle
@@ -29,40 +31,50 @@ _LOW = np.array([[_falling(n, k) if n >= k else 0.0 for n in range(5)] for k in 
 
 
 @compiled
-def sample_polynomial(times: Array, coefficients: Array, t: float, reference: Record) -> None:
-    """The reference at t (s) into reference[0].
+def sample_polynomial(
+    times: Array, coefficients: Array, t: float, references: Record, step: float = 0.0
+) -> None:
+    """References at t + n step (s) into references[n], shape (N,).
 
     Args:
         times: (S + 1,) s, ends of the segments, from 0, growing.
         coefficients: (S, 4, 10) of powers of the share of each segment's time, axes x, y, z, yaw.
     """
-    r = reference[0]
-    k = 0
-    while k < coefficients.shape[0] - 1 and t >= times[k + 1]:
-        k += 1
-    span = times[k + 1] - times[k]
-    x = min(1.0, max(0.0, (t - times[k]) / span))
-    out = np.zeros((4, 5))
-    for i in range(4):
-        scale = 1.0
-        for d in range(5):
-            total = 0.0
-            for n in range(ORDER, d - 1, -1):  # Horner on the d-th derivative
-                factor = 1.0
-                for m in range(d):
-                    factor *= n - m
-                total = total * x + factor * coefficients[k, i, n]
-            out[i, d] = total * scale
-            scale /= span
-    for i in range(3):
-        r.position_w[i] = out[i, 0]
-        r.velocity_w[i] = out[i, 1]
-        r.acceleration_w[i] = out[i, 2]
-        r.jerk_w[i] = out[i, 3]
-        r.snap_w[i] = out[i, 4]
-    r.yaw = out[3, 0]
-    r.yaw_rate = out[3, 1]
-    r.yaw_acceleration = out[3, 2]
+    last = coefficients.shape[2] - 1
+    for m in range(references.shape[0]):
+        r = references[m]
+        at = t + m * step
+        k = 0
+        after = coefficients.shape[0]
+        while after - k > 1:
+            middle = (k + after) >> 1
+            if at >= times[middle]:
+                k = middle
+            else:
+                after = middle
+        per = 1.0 / (times[k + 1] - times[k])
+        x = min(1.0, max(0.0, (at - times[k]) * per))
+        for i in range(coefficients.shape[1]):
+            # Horner's scheme, repeated: the derivatives over their factorials.
+            p = v = a = j = s = 0.0
+            for n in range(last + 1):
+                s = s * x + j
+                j = j * x + a
+                a = a * x + v
+                v = v * x + p
+                p = p * x + coefficients[k, i, last - n]
+            v *= per
+            a *= 2.0 * per * per
+            if i == 3:
+                r.yaw = p
+                r.yaw_rate = v
+                r.yaw_acceleration = a
+            else:
+                r.position_w[i] = p
+                r.velocity_w[i] = v
+                r.acceleration_w[i] = a
+                r.jerk_w[i] = 6.0 * j * per * per * per
+                r.snap_w[i] = 24.0 * s * (per * per) * (per * per)
 
 
 def hermite(start: Array, end: Array, duration: float) -> Array:
@@ -71,6 +83,12 @@ def hermite(start: Array, end: Array, duration: float) -> Array:
     low = start * scale / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
     high = np.linalg.solve(_HIGH, (end * scale).T - _LOW @ low.T).T
     return np.hstack([low, high])
+
+
+def ends_to_coefficients() -> Array:
+    """(10, 10): coefficients of a piece of unit time from value to 4th derivative at both ends."""
+    units = np.eye(10)
+    return np.array([hermite(u[None, :5], u[None, 5:], 1.0)[0] for u in units]).T
 
 
 def motion_of(reference: Record) -> Array:
@@ -88,15 +106,56 @@ class Polynomial:
     Args:
         times: (S + 1,) s, from 0, growing.
         coefficients: (S, 4, 10), see `hermite`.
+        extremes: times (s) known to hold extremes; a path of many segments is then looked at
+            there and, between them, no more densely than a look in flight affords.
     """
 
-    def __init__(self, times: Array, coefficients: Array) -> None:
+    def __init__(self, times: Array, coefficients: Array, extremes: tuple[float, ...] = ()) -> None:
         self._times = np.ascontiguousarray(times, dtype=float)
         self._coefficients = np.ascontiguousarray(coefficients, dtype=float)
+        self.extremes = extremes
         self.duration = float(times[-1])
 
+    @property
+    def times(self) -> Array:
+        """(S + 1,) s."""
+        return self._times
+
+    @property
+    def coefficients(self) -> Array:
+        """(S, 4, 10), see `sample_polynomial`."""
+        return self._coefficients
+
+    def slowed(self, factor: float) -> Polynomial:
+        """The same path in `factor` times the time."""
+        extremes = tuple(factor * t for t in self.extremes)
+        return Polynomial(self._times * factor, self._coefficients, extremes)
+
+    def moved(self, start: tuple[float, float, float, float]) -> Polynomial:
+        """The same path, shifted and turned about z_W to begin at (x, y, z, yaw)."""
+        first = self._coefficients[0, :, 0]
+        angle = start[3] - float(first[3])
+        s, c = math.sin(angle), math.cos(angle)
+        out = self._coefficients.copy()
+        x, y = self._coefficients[:, 0], self._coefficients[:, 1]
+        out[:, 0], out[:, 1] = c * x - s * y, s * x + c * y
+        out[:, :, 0] += np.array(start) - out[0, :, 0]
+        return Polynomial(self._times, out, self.extremes)
+
     def sample(self, t: float, reference: Record) -> None:
-        sample_polynomial(self._times, self._coefficients, t, reference)
+        sample_polynomial(self._times, self._coefficients, t, reference, 0.0)
+
+    def sample_grid(self, t: float, step: float, references: Record) -> None:
+        sample_polynomial(self._times, self._coefficients, t, references, step)
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        """Each segment where they are few; an even grid, finer at known extremes, where many."""
+        if len(self._coefficients) <= 20:
+            return tuple((a, b, 48) for a, b in pairwise(self._times.tolist()))
+        if not self.extremes:
+            count = min(SAMPLES_MAX, max(1000, round(self.duration * UNKNOWN_RATE)))
+            return ((0.0, self.duration, count),)
+        return around(self.extremes, self.duration)
 
 
 def to_rest(start: Record, end: tuple[float, float, float, float], duration: float) -> Polynomial:

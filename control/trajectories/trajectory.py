@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +13,19 @@ import numpy.typing as npt
 from quadrotor.records import REFERENCE, Record
 
 Array = npt.NDArray[np.float64]
+Stretch = tuple[float, float, int]
+"""Start and end (s) and how many samples show it well."""
+
+UNKNOWN_RATE = 100.0
+"""Hz: how densely a trajectory is looked at that says nothing of its own pace."""
+
+SAMPLES_MAX = 200_000
+
+COARSE_SAMPLES = 600
+"""Of a long path whose extremes are known: what can be looked at between two ticks."""
+
+NEIGHBOURHOOD = 0.1
+"""s to either side of a known extreme."""
 
 
 class Trajectory(Protocol):
@@ -26,6 +42,58 @@ class Trajectory(Protocol):
         Before 0 and after `duration` the ends are held.
         """
         ...
+
+
+@runtime_checkable
+class Surveyed(Protocol):
+    """A trajectory that can be looked at as a whole, in few calls: all built-in ones."""
+
+    def sample_grid(self, t: float, step: float, references: Record) -> None:
+        """Fill references[k] (shape (N,)) for t + k step (s)."""
+        ...
+
+    def stretches(self) -> tuple[Stretch, ...]:
+        """Times that hold every extreme, in order; what lies between repeats what was shown."""
+        ...
+
+
+def grid_sampler(trajectory: Trajectory) -> Callable[[float, float, Record], None]:
+    """A function of t, step (s) and references (shape (N,)) that fills them at t + k step."""
+    if isinstance(trajectory, Surveyed):
+        return trajectory.sample_grid
+    sample = trajectory.sample
+
+    def one_by_one(t: float, step: float, references: Record) -> None:
+        for k in range(len(references)):
+            sample(t + k * step, references[k : k + 1])
+
+    return one_by_one
+
+
+def stretches_of(trajectory: Trajectory) -> tuple[Stretch, ...]:
+    """Where to look for the extremes of a trajectory. Raises ValueError when it has no end."""
+    if isinstance(trajectory, Surveyed):
+        return trajectory.stretches()
+    end = trajectory.duration
+    if not math.isfinite(end):
+        raise ValueError("a trajectory without an end cannot be looked at as a whole")
+    return ((0.0, end, min(SAMPLES_MAX, max(64, round(end * UNKNOWN_RATE)))),)
+
+
+def around(times: Sequence[float], duration: float) -> tuple[Stretch, ...]:
+    """An even grid over 0..duration (s) that is half as dense as UNKNOWN_RATE near some times."""
+    step = max(2.0 / UNKNOWN_RATE, duration / COARSE_SAMPLES)
+    ends = {0.0, duration}
+    for t in times:
+        ends.update((max(0.0, t - NEIGHBOURHOOD), min(duration, t + NEIGHBOURHOOD)))
+    out = []
+    for a, b in pairwise(sorted(ends)):
+        middle = 0.5 * (a + b)
+        near = any(abs(t - middle) <= NEIGHBOURHOOD for t in times)
+        fine = 2.0 / UNKNOWN_RATE if near else step
+        if b - a > 1e-9:
+            out.append((a, b, max(2, math.ceil((b - a) / fine))))
+    return tuple(out)
 
 
 def sample_many(trajectory: Trajectory, times: Array) -> Record:

@@ -6,15 +6,20 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from control.trajectories.figure_eight import FigureEight
+from control.trajectories.circle import Circle
+from control.trajectories.figure_eight import FigureEight, sample_figure_eight
+from control.trajectories.helix import Helix
 from control.trajectories.hover import Hover
 from control.trajectories.line import Line
+from control.trajectories.minimum_snap import minimum_snap, within
 from control.trajectories.polynomial import motion_of, through, to_rest
 from control.trajectories.ramped_phase import ramped_phase
 from control.trajectories.retarget import Retarget
-from control.trajectories.trajectory import sample_many
-from quadrotor.records import new_reference
+from control.trajectories.trajectory import grid_sampler, sample_many, stretches_of
+from quadrotor.records import REFERENCE, new_reference
 
 CHAIN = ["position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w"]
 YAW_CHAIN = ["yaw", "yaw_rate", "yaw_acceleration"]
@@ -40,7 +45,15 @@ def trajectories():
         "line": Line((0, 0, 1, 0), (2, -1, 1.5, 1.0), **limits),
         "short line": Line((0, 0, 1, 0), (0.1, 0, 1, 0), **limits),
         "turn": Line((0, 0, 1, 0), (0, 0, 1, 2.0), **limits),
+        "gentle line": Line((0, 0, 1, 0), (2, -1, 1.5, 1.0), jerk=1.0, **limits),
         "eight": FigureEight((1.0, 2.0, 1.5), 0.4, laps=1, ramp=3.0),
+        "eight in one lap": FigureEight.in_one_lap((1.0, 2.0, 1.5), 0.4, duration=8.0),
+        "circle": Circle((1.0, 2.0, 1.5, 0.4), laps=1),
+        "tangent circle": Circle((1.0, 2.0, 1.5, 0.4), laps=1, nose="tangent", side="right"),
+        "inward circle": Circle((1.0, 2.0, 1.5, 0.4), laps=1, nose="center"),
+        "helix": Helix((1.0, 2.0, 1.5, 0.4), laps=1, nose="tangent", rise=-0.4),
+        "least snap": minimum_snap(points, np.array([0.0, 2.0, 3.5, 6.0])),
+        "least snap within": within(points, **limits, **yaw_limits),
         "to rest": to_rest(moving(), (1.0, 1.0, 1.5, -3.0), 3.0),
         "retarget": Retarget(moving(), (-1.0, 1.0, 1.5, -3.0), **limits, **yaw_limits),
         "through": through(points, np.array([0.0, 2.0, 3.5, 6.0])),
@@ -74,13 +87,14 @@ def test_position_to_snap_and_yaw_to_its_acceleration_are_continuous(name):
         assert jumps < 0.03 * scale, field
 
 
-@pytest.mark.parametrize("name", ["line", "short line", "turn", "eight", "through"])
+@pytest.mark.parametrize("name", sorted(set(trajectories()) - {"hover", "to rest", "retarget"}))
 def test_it_starts_and_ends_at_rest_and_stays(name):
     trajectory = trajectories()[name]
     for t in (-1.0, 0.0, trajectory.duration, trajectory.duration + 5.0):
         sample = sample_many(trajectory, np.array([t]))
         for field in CHAIN[1:] + YAW_CHAIN[1:]:
-            np.testing.assert_allclose(sample[field], 0.0, atol=1e-8, err_msg=field)
+            # What Horner's scheme leaves of coefficients of 1e3 is 1e-10 or so, over seconds^4.
+            np.testing.assert_allclose(sample[field], 0.0, atol=1e-7, err_msg=field)
 
 
 def test_a_line_ends_where_it_was_sent_within_its_limits(rng):
@@ -104,6 +118,47 @@ def test_a_line_ends_where_it_was_sent_within_its_limits(rng):
         assert np.linalg.norm(s["acceleration_w"], axis=1).max() <= acceleration * (1 + 1e-9)
         assert np.abs(s["yaw_rate"]).max() <= 0.7 + 1e-9
         assert np.abs(s["yaw_acceleration"]).max() <= 1.1 + 1e-9
+
+
+LENGTH = st.floats(-30.0, 30.0).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
+BOUND = st.floats(0.05, 20.0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(LENGTH, LENGTH, LENGTH, st.floats(-9.0, 9.0), BOUND, BOUND, BOUND)
+def test_a_line_of_any_length_keeps_to_velocity_acceleration_and_jerk(
+    x, y, z, yaw, speed, acceleration, jerk
+):
+    line = Line((0, 0, 0, 0), (x, y, z, yaw), speed=speed, acceleration=acceleration, jerk=jerk)
+    s = np.zeros(2000, REFERENCE)
+    line.sample_grid(0.0, line.duration / 1999, s)
+    np.testing.assert_allclose(s["position_w"][-1], [x, y, z], atol=1e-9)
+    for field, bound in (("velocity_w", speed), ("acceleration_w", acceleration), ("jerk_w", jerk)):
+        assert np.linalg.norm(s[field], axis=1).max() <= bound * (1 + 1e-9), field
+
+
+@pytest.mark.parametrize(
+    ("distance", "bounds", "reached"),
+    [
+        (10.0, (1.0, 2.0, 100.0), ("velocity_w", "acceleration_w")),
+        (10.0, (1.0, 100.0, 2.0), ("velocity_w", "jerk_w")),
+        (0.5, (9.0, 0.3, 100.0), ("acceleration_w",)),
+        (0.5, (9.0, 9.0, 0.3), ("jerk_w",)),
+    ],
+)
+def test_a_line_is_as_quick_as_its_tightest_bounds(distance, bounds, reached):
+    line = Line(
+        (0, 0, 0, 0),
+        (distance, 0, 0, 0),
+        speed=bounds[0],
+        acceleration=bounds[1],
+        jerk=bounds[2],
+    )
+    s = sample_many(line, np.linspace(0, line.duration, 4001))
+    fields = ("velocity_w", "acceleration_w", "jerk_w")
+    for field, bound in zip(fields, bounds, strict=True):
+        share = np.abs(s[field]).max() / bound
+        assert share == pytest.approx(1.0, abs=1e-3) if field in reached else share < 1.0
 
 
 def test_a_long_line_reaches_its_speed():
@@ -130,10 +185,138 @@ def test_a_ramp_that_does_not_fit_is_refused():
         FigureEight((0, 0, 1), period=2.0, laps=1, ramp=3.0)
 
 
+def test_one_lap_from_rest_to_rest_takes_its_time_and_the_whole_eight():
+    lap = FigureEight.in_one_lap((0.0, 0.0, 1.0), duration=8.0)
+    assert lap.duration == pytest.approx(8.0)
+    s = sample_many(lap, np.linspace(0, 8, 4001))
+    np.testing.assert_allclose(np.ptp(s["position_w"], axis=0), [1.0, 1.0, 0.4], atol=1e-4)
+    middle = sample_many(lap, np.array([4.0]))
+    np.testing.assert_allclose(middle["position_w"][0], [0.0, 0.0, 1.0], atol=1e-12)
+
+
+NOSES, SIDES = ("fixed", "tangent", "center"), ("left", "right")
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(-3, 3),
+    st.floats(0.05, 5),
+    st.sampled_from(NOSES),
+    st.sampled_from(SIDES),
+    st.floats(-1, 1),
+    st.integers(1, 4),
+)
+def test_a_helix_stays_on_its_cylinder_with_the_nose_where_it_was_told(
+    yaw, radius, nose, side, rise, laps
+):
+    start = (1.0, -2.0, 1.5, yaw)
+    helix = Helix(start, radius=radius, nose=nose, side=side, rise=rise, laps=laps)
+    s = np.zeros(1000, REFERENCE)
+    grid_sampler(helix)(0.0, helix.duration / 999, s)
+    turn = 1.0 if side == "left" else -1.0
+    bearing = yaw if nose == "center" else yaw + turn * np.pi / 2
+    center = np.array([1.0 + radius * np.cos(bearing), -2.0 + radius * np.sin(bearing)])
+    arm = s["position_w"][:, :2] - center
+    np.testing.assert_allclose(np.linalg.norm(arm, axis=1), radius, rtol=1e-9)
+    np.testing.assert_allclose(s["position_w"][0], start[:3], atol=1e-9)
+    np.testing.assert_allclose(
+        s["position_w"][-1], [1.0, -2.0, 1.5 + laps * rise], atol=1e-9 * radius + 1e-9
+    )
+    about = arm[:, 0] * s["velocity_w"][:, 1] - arm[:, 1] * s["velocity_w"][:, 0]
+    assert (turn * about >= -1e-12).all()
+    ahead = np.stack([np.cos(s["yaw"]), np.sin(s["yaw"])], axis=1)
+    if nose == "tangent":
+        speed = np.linalg.norm(s["velocity_w"][:, :2], axis=1)
+        np.testing.assert_allclose(
+            (ahead * s["velocity_w"][:, :2]).sum(axis=1), speed, atol=1e-9 * (1 + radius)
+        )
+    elif nose == "center":
+        np.testing.assert_allclose(ahead, -arm / radius, atol=1e-9)
+    else:
+        assert not s["yaw_rate"].any()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(2, 9), st.floats(2, 20), st.floats(0.5, 18), st.sampled_from(NOSES))
+def test_the_stretches_of_laps_hold_the_extremes_of_the_whole(laps, period, ramp, nose):
+    ramp = min(ramp, laps * period)
+    for path in (
+        FigureEight((0, 0, 1), period=period, laps=laps, ramp=ramp),
+        Circle((0, 0, 1, 0), period=period, laps=laps, ramp=ramp, nose=nose),
+    ):
+        whole, seen = np.zeros(20000, REFERENCE), []
+        grid_sampler(path)(0.0, path.duration / 19999, whole)
+        last = 0.0
+        for begin, end, count in stretches_of(path):
+            assert last - 1e-9 <= begin < end <= path.duration + 1e-9
+            part = np.zeros(count, REFERENCE)
+            grid_sampler(path)(begin, (end - begin) / (count - 1), part)
+            seen.append(part)
+            last = end
+        samples = np.concatenate(seen)
+        for field in CHAIN[1:4]:
+            most = np.linalg.norm(whole[field], axis=1).max()
+            assert np.linalg.norm(samples[field], axis=1).max() >= 0.985 * most, field
+        for axis in range(3):
+            for sign in (-1, 1):
+                most = (sign * whole["acceleration_w"][:, axis]).max()
+                assert (sign * samples["acceleration_w"][:, axis]).max() >= 0.98 * most - 1e-9
+
+
+@pytest.mark.parametrize("name", trajectories())
+def test_a_grid_is_the_same_as_its_samples_one_by_one(name):
+    trajectory = trajectories()[name]
+    grid = np.zeros(50, REFERENCE)
+    grid_sampler(trajectory)(0.3, 0.07, grid)
+    single = sample_many(trajectory, 0.3 + 0.07 * np.arange(50))
+    np.testing.assert_array_equal(grid.view("f8"), single.view("f8"))
+
+
+def test_many_eights_are_sampled_at_once():
+    eights = [FigureEight((k, 0, 1), period=6.0 + k) for k in range(3)]
+    out = np.zeros(3, REFERENCE)
+    sample_figure_eight(np.concatenate([e._eight for e in eights]), 2.5, out, 0.0)
+    for k, eight in enumerate(eights):
+        one = sample_many(eight, np.array([2.5]))
+        np.testing.assert_array_equal(out[k : k + 1].view("f8"), one.view("f8"))
+
+
+def moved_points(rng, points, angle, shift):
+    c, s = np.cos(angle), np.sin(angle)
+    out = points.copy()
+    out[:, :2] = points[:, :2] @ np.array([[c, s], [-s, c]])
+    return out + shift
+
+
+@pytest.mark.parametrize("kind", ["circle", "moved", "least snap"])
+def test_turning_and_shifting_the_start_turns_and_shifts_the_path(kind, rng):
+    angle, shift = 0.8, np.array([1.0, -2.0, 0.5, 0.8])
+    points = rng.normal(size=(4, 4))
+    times = np.array([0.0, 1.5, 2.5, 4.0])
+    if kind == "circle":
+        a = Circle((0, 0, 0, 0), nose="tangent", rise=0.2)
+        b = Circle(tuple(shift), nose="tangent", rise=0.2)
+    else:
+        a = minimum_snap(points, times)
+        if kind == "moved":
+            b = a.moved(tuple(moved_points(rng, points[:1], angle, shift)[0]))
+        else:
+            b = minimum_snap(moved_points(rng, points, angle, shift), times)
+    t = np.linspace(0.0, a.duration, 101)
+    one, two = sample_many(a, t), sample_many(b, t)
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    for field in CHAIN:
+        wanted = one[field] @ turn.T
+        if field == "position_w":
+            wanted = wanted + shift[:3]
+        np.testing.assert_allclose(two[field], wanted, atol=1e-7 * (1 + np.abs(wanted).max()))
+    np.testing.assert_allclose(two["yaw"], one["yaw"] + angle, atol=1e-9)
+    np.testing.assert_allclose(two["yaw_rate"], one["yaw_rate"], atol=1e-9)
+
+
 def test_the_phase_has_no_end_when_its_total_is_infinite():
-    out = np.empty(5)
-    ramped_phase(1e6, 2.0, 1.0, np.inf, out)
-    assert out.tolist() == [2.0 * (1e6 - 0.5), 2.0, 0.0, 0.0, 0.0]
+    assert ramped_phase(1e6, 2.0, 1.0, np.inf) == (2.0 * (1e6 - 0.5), 2.0, 0.0, 0.0, 0.0)
 
 
 def test_a_polynomial_meets_both_ends_and_turns_the_short_way():

@@ -1,0 +1,110 @@
+"""Trajectories: what a sample costs, what the check before a start costs, and how little snap."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.harness import Report, Row, Target, time_in_turns
+from control.behaviors.behavior import Context
+from control.behaviors.follow_trajectory import FollowTrajectory
+from control.behaviors.parameters import BehaviorParameters
+from control.trajectories.circle import Circle
+from control.trajectories.feasibility import examine
+from control.trajectories.figure_eight import FigureEight
+from control.trajectories.limits import Limits
+from control.trajectories.line import Line
+from control.trajectories.minimum_snap import minimum_snap, snap_cost
+from control.trajectories.polynomial import through
+from control.trajectories.trajectory import Surveyed
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import REFERENCE, new_reference
+from quadrotor.vehicle_model import VehicleModel
+
+GRID = 20_000
+STARTS: dict[str, dict[str, ParameterValue]] = {
+    "figure_eight": {},
+    "circle": {"nose": "tangent"},
+    "line": {"x": 2.0, "yaw": 2.0},
+    "waypoints": {"waypoints": "1 0 1 1; 1 1 1.5; 0 1 1; -1 0 1 0"},
+    "figure_eight, refused": {"period": 3.0},
+}
+
+
+def run(quick: bool = False) -> Report:
+    """Times and costs; seeds fixed."""
+    rounds = 3 if quick else 9
+    rng = np.random.default_rng(7)
+    points = np.column_stack(
+        [rng.uniform((-1.5, -1.5, 0.5), (1.5, 1.5, 3.5), (8, 3)), rng.normal(size=8)]
+    )
+    times = np.concatenate([[0.0], np.cumsum(rng.uniform(1.0, 2.5, 7))])
+    least, hermite = minimum_snap(points, times), through(points, times)
+    report = Report(
+        "trajectories",
+        "Trajectories",
+        [
+            f"one sample: position to snap and yaw to acceleration, mean of a grid of {GRID}",
+            "one tick: one sample asked from Python",
+            "check: all extremes through the inverse dynamics, and their times",
+            "start: arguments, path and check of follow_trajectory; 2 ms is a period at 500 Hz",
+        ],
+    )
+    paths: dict[str, Surveyed] = {
+        "figure of eight, 3 laps": FigureEight((0.0, 0.0, 1.0)),
+        "circle, nose along the tangent": Circle((0.0, 0.0, 1.0, 0.0), nose="tangent"),
+        "line": Line((0.0, 0.0, 1.0, 0.0), (2.0, 1.0, 1.5, 1.0), speed=1.0, acceleration=2.0),
+        "least snap, 8 way-points": least,
+    }
+    grid, one = np.zeros(GRID, REFERENCE), new_reference()
+    model, limits = VehicleModel().record(), Limits()
+    for name, path in paths.items():
+        methods: dict[str, tuple[Callable[[], object], int]] = {
+            "sample": (lambda p=path: p.sample_grid(1.0, 1e-4, grid), 2),  # type: ignore[misc]
+            "tick": (lambda p=path: p.sample(1.0, one), 2000),  # type: ignore[misc]
+            "check": (lambda p=path: examine(p, model, limits), 20),  # type: ignore[misc]
+        }
+        t = time_in_turns(methods, rounds)
+        report.rows.append(
+            Row(
+                name,
+                {
+                    "one sample (ns)": 1e9 * t["sample"].median / GRID,
+                    "one tick (µs)": 1e6 * t["tick"].median,
+                    "check (ms)": 1e3 * t["check"].median,
+                },
+            )
+        )
+    _starts(report, rounds)
+    for name, path in (("least snap", least), ("Catmull-Rom velocities", hermite)):
+        report.rows.append(
+            Row(f"{name}, same points and times", {"∫ snap² (m²/s⁷)": snap_cost(path)})
+        )
+    ratio = snap_cost(least) / snap_cost(hermite)
+    report.targets.append(Target("snap cost over that of Catmull-Rom velocities", ratio, 0.9))
+    return report
+
+
+def _starts(report: Report, rounds: int) -> None:
+    reference = new_reference()
+    reference["position_w"][0, 2] = 1.2
+    context = Context(reference, BehaviorParameters(), 12.8)
+
+    def start(name: str, arguments: dict[str, ParameterValue]) -> None:
+        try:
+            FollowTrajectory.start(context, {"trajectory": name.partition(",")[0], **arguments})
+        except RefusedError:
+            if "refused" not in name:
+                raise
+
+    methods: dict[str, tuple[Callable[[], object], int]] = {
+        name: (lambda n=name, a=arguments: start(n, a), 10)  # type: ignore[misc]
+        for name, arguments in STARTS.items()
+    }
+    found = time_in_turns(methods, rounds)
+    for name, timing in found.items():
+        report.rows.append(Row(f"start {name}", {"start (ms)": 1e3 * timing.median}))
+    slowest = max(t.median for name, t in found.items() if "refused" not in name)
+    report.targets.append(Target("slowest start of those accepted (ms)", 1e3 * slowest, 1.0))

@@ -1,0 +1,269 @@
+"""Whether the vehicle can fly a trajectory: its largest demands, and when they break a limit.
+
+Every stretch of the trajectory is sampled, each sample taken through the inverse dynamics
+(`flatness`), and the neighbourhood of each extreme and of each first breach sampled again, finer.
+A figure of eight takes 0.3 ms: it may be asked between two ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from control.trajectories.flatness import wrench_of_reference
+from control.trajectories.limits import QUANTITIES, WALLS, Limits
+from control.trajectories.trajectory import Trajectory, grid_sampler, stretches_of
+from quadrotor.compiled import compiled
+from quadrotor.errors import RefusedError
+from quadrotor.records import REFERENCE, Record
+from quadrotor.vectors import length, vector
+from quadrotor.vehicle_model import thrusts_of_wrench
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+FINER = 17
+"""Samples of the second look at an extreme or a breach."""
+
+TIME_RESOLUTION = 1e-3
+"""s: as exactly the time of the first breach is found."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extreme:
+    """The worst value of one quantity, and the first time its limit is broken, None if never."""
+
+    index: int  # into limits.QUANTITIES
+    value: float  # as shown: degrees for the tilt, else SI
+    limit: float
+    time: float  # s, of the worst value
+    first: float | None  # s
+
+    @property
+    def name(self) -> str:
+        return QUANTITIES[self.index].name
+
+    @property
+    def unit(self) -> str:
+        return QUANTITIES[self.index].unit
+
+
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """All extremes in the order of limits.QUANTITIES."""
+
+    extremes: tuple[Extreme, ...]
+    limits: Limits
+
+    @property
+    def feasible(self) -> bool:
+        return all(e.first is None for e in self.extremes)
+
+    @property
+    def breach(self) -> Extreme | None:
+        """The first in the order of QUANTITIES: what asks too much comes before what follows."""
+        return next((e for e in self.extremes if e.first is not None), None)
+
+    def of(self, name: str) -> Extreme:
+        """The extreme of this name; of a coordinate the largest. Raises KeyError."""
+        for extreme in reversed(self.extremes):
+            if extreme.name == name:
+                return extreme
+        raise KeyError(name)
+
+
+@compiled
+def survey(
+    references: Record,
+    model: Record,
+    limits: Array,
+    values: Array,
+    worst: Array,
+    worst_at: Indices,
+    first: Indices,
+    stop: bool,
+) -> None:
+    """The largest of each demand, at which sample, and the first sample above its limit, else -1.
+
+    Demands, in the order of limits.QUANTITIES: -x, x, -y, y, -z, z, speed, acceleration,
+    |yaw rate|, |yaw acceleration|, tilt, -(least motor thrust), largest motor thrust, |body rate|,
+    |yaw torque|. What is not a number counts as inf.
+
+    Args:
+        references: REFERENCE, shape (N,), N at least 1. model: MODEL, shape (1,).
+        limits, values, worst: (15,), the first read, the second scratch, the third written.
+        worst_at, first: (15,), written.
+        stop: end at the first sample that breaks a limit.
+    """
+    m = model[0]
+    for q in range(values.shape[0]):
+        worst[q] = -math.inf
+        worst_at[q] = 0
+        first[q] = -1
+    broken = False
+    for k in range(references.shape[0]):
+        r = references[k]
+        axes, omega_b, _, wrench = wrench_of_reference(r, m)
+        for i in range(3):
+            values[2 * i] = -r.position_w[i]
+            values[2 * i + 1] = r.position_w[i]
+        values[6] = length(vector(r.velocity_w))
+        values[7] = length(vector(r.acceleration_w))
+        values[8] = abs(r.yaw_rate)
+        values[9] = abs(r.yaw_acceleration)
+        z = axes[2]
+        values[10] = math.atan2(math.sqrt(z[0] * z[0] + z[1] * z[1]), z[2])
+        values[11] = -math.inf
+        values[12] = -math.inf
+        for thrust in thrusts_of_wrench(wrench, m.arm, m.torque_ratio):
+            values[11] = max(values[11], -thrust)
+            values[12] = max(values[12], thrust)
+        values[13] = length(omega_b)
+        values[14] = abs(wrench[3])
+        for q in range(values.shape[0]):
+            value = values[q] if values[q] == values[q] else math.inf
+            if value > worst[q]:
+                worst[q] = value
+                worst_at[q] = k
+            if value > limits[q] and first[q] < 0:
+                first[q] = k
+                broken = True
+        if broken and stop:
+            return
+
+
+class _Look:
+    """The buffers of one examination."""
+
+    def __init__(self, trajectory: Trajectory, model: Record, limits: Limits) -> None:
+        self.trajectory, self.model, self.limits = trajectory, model, limits.as_array()
+        self.sample = grid_sampler(trajectory)
+        count = len(QUANTITIES)
+        self.values, self.worst = np.empty(count), np.empty(count)
+        self.worst_at, self.first = np.empty(count, np.int64), np.empty(count, np.int64)
+        self.fine = np.empty(FINER, REFERENCE)
+
+    def survey(self, references: Record, stop: bool = False) -> None:
+        survey(
+            references,
+            self.model,
+            self.limits,
+            self.values,
+            self.worst,
+            self.worst_at,
+            self.first,
+            stop,
+        )
+
+    def between(self, low: float, high: float) -> float:
+        """Survey FINER samples of low..high; returns their step (s)."""
+        step = (high - low) / (FINER - 1)
+        self.sample(low, step, self.fine)
+        self.survey(self.fine)
+        return step
+
+    def grid(self) -> tuple[Record, Array]:
+        """References and times of all stretches."""
+        stretches = stretches_of(self.trajectory)
+        references = np.empty(sum(count for _, _, count in stretches), REFERENCE)
+        times = np.empty(len(references))
+        at = 0
+        for begin, end, count in stretches:
+            times[at : at + count] = np.linspace(begin, end, count)
+            self.sample(begin, (end - begin) / (count - 1), references[at : at + count])
+            at += count
+        return references, times
+
+    def breach(self, q: int, low: float, high: float) -> float:
+        """The time in low..high from which quantity q is above its limit, as it is at `high`."""
+        while high - low > TIME_RESOLUTION:
+            step = self.between(low, high)
+            k = int(self.first[q])
+            if k <= 0:
+                return low if k == 0 else high
+            low, high = low + (k - 1) * step, low + k * step
+        return high
+
+
+def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibility:
+    """The extremes of a trajectory with an end, flown by the vehicle of `model` (MODEL, (1,))."""
+    look = _Look(trajectory, model, limits)
+    references, times = look.grid()
+    look.survey(references)
+    worst, worst_at, first = look.worst.copy(), look.worst_at.copy(), look.first.copy()
+    at = times[worst_at]
+    broken: dict[int, tuple[float, float]] = {
+        q: (float(times[max(k - 1, 0)]), float(times[k]))
+        for q, k in enumerate(first.tolist())
+        if k >= 0
+    }
+    last = len(times) - 1
+    for k in sorted(set(worst_at.tolist())):
+        low, high = float(times[max(k - 1, 0)]), float(times[min(k + 1, last)])
+        # The gap between two stretches repeats what is seen elsewhere.
+        step = look.between(low, high)
+        for q in np.flatnonzero(worst_at == k).tolist():
+            if look.worst[q] > worst[q]:
+                worst[q] = look.worst[q]
+                at[q] = low + step * int(look.worst_at[q])
+            f = int(look.first[q])
+            if f >= 0 and q not in broken:
+                broken[q] = (low + step * max(f - 1, 0), low + step * f)
+    found = {q: look.breach(q, low, high) for q, (low, high) in broken.items()}
+    bounds = limits.as_array()
+    extremes = []
+    for q, quantity in enumerate(QUANTITIES):
+        shown = quantity.sign * quantity.scale
+        limit = float(bounds[q]) - (1e-6 if q < WALLS else 0.0)
+        extremes.append(
+            Extreme(q, shown * float(worst[q]), shown * limit, float(at[q]), found.get(q))
+        )
+    return Feasibility(tuple(extremes), limits)
+
+
+def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
+    """Whether all samples keep to the limits; a quicker look than `examine`, for searches."""
+    look = _Look(trajectory, model, limits)
+    look.survey(look.grid()[0], stop=True)
+    return bool((look.first < 0).all())
+
+
+def check(
+    trajectory: Trajectory, model: Record, limits: Limits, *, what: str, advice: str = ""
+) -> Feasibility:
+    """The report of `examine`. Raises RefusedError for a breach, with numbers, time and advice."""
+    report = examine(trajectory, model, limits)
+    if report.breach is not None:
+        raise RefusedError(refusal(report, report.breach, what, advice))
+    return report
+
+
+def refusal(report: Feasibility, breach: Extreme, what: str, advice: str = "") -> str:
+    """One line: what is asked, since when, what is allowed and by which parameter."""
+    q, since = breach.index, f"from {breach.first:.2f} s on"
+    names = report.limits.source.get(q, "")
+    if q < WALLS:
+        other = report.extremes[q + 1 if QUANTITIES[q].sign < 0.0 else q - 1]
+        low, high = sorted((breach.limit, other.limit))
+        beyond = abs(breach.value - breach.limit)
+        towards = "+" if QUANTITIES[q].sign < 0.0 else "-"
+        return (
+            f"{what} refused: the path's {breach.name} = {breach.value:.2f} m is outside the "
+            f"flight volume {since}; allowed {low:g} to {high:g} m{_by(names)}; "
+            f"make it smaller or start {beyond:.2f} m further towards {towards}{breach.name}"
+        )
+    least = QUANTITIES[q].sign < 0.0
+    allowed = "at least" if least else "up to"
+    unit = breach.unit
+    return (
+        f"{what} refused: its {breach.name} reaches {breach.value:.3g} {unit} (beyond the limit "
+        f"{since}); allowed {allowed} {breach.limit:.3g} {unit}{_by(names)}"
+        f"{'; ' + advice if advice else ''}"
+    )
+
+
+def _by(names: str) -> str:
+    return f" ({names})" if names else ""

@@ -1,0 +1,37 @@
+"""Inverse dynamics: the attitude, rates, thrust and torques that a reference asks for.
+
+Position and yaw are flat outputs of eqs. 2 and 3. The force m (r'' + g z_W) gives the thrust and
+with the yaw the attitude; its first and second derivative give the rates (Sec. 4); eq. 3 turned
+round gives the torques, and eq. 1 turned round the thrust of each motor.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from control.desired_attitude import attitude_of_force
+from quadrotor.compiled import compiled
+from quadrotor.vectors import Axes, Quaternion, Vector, add, cross, length, scale, times, vector
+from quadrotor.vehicle_model import GRAVITY
+
+
+@compiled
+def wrench_of_reference(reference: Any, model: Any) -> tuple[Axes, Vector, Vector, Quaternion]:
+    """What one REFERENCE record asks of the vehicle of one MODEL record.
+
+    Returns the columns of R_wb, the body rate (rad/s) and its derivative in body axes, and the
+    wrench: thrust (N) and torques (N m) about body axes. Not finite in free fall, r'' = -g z_W.
+    """
+    mass = model.mass
+    force = scale(mass, add(vector(reference.acceleration_w), (0.0, 0.0, GRAVITY)))
+    axes, omega_b, omega_dot_b = attitude_of_force(
+        force,
+        scale(mass, vector(reference.jerk_w)),
+        scale(mass, vector(reference.snap_w)),
+        reference.yaw,
+        reference.yaw_rate,
+        reference.yaw_acceleration,
+    )
+    J = vector(model.inertia_b)
+    torque = add(times(J, omega_dot_b), cross(omega_b, times(J, omega_b)))
+    return axes, omega_b, omega_dot_b, (length(force), torque[0], torque[1], torque[2])

@@ -1,0 +1,60 @@
+"""The trajectories of a folder, loaded before the flight: one file, one trajectory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from control.trajectories.csv_file import load_csv
+from control.trajectories.feasibility import examine
+from control.trajectories.limits import Limits
+from control.trajectories.polynomial import Polynomial
+from control.trajectories.python_file import load_python
+from quadrotor.errors import QuadlabError, RefusedError, StorageError
+from quadrotor.vehicle_model import VehicleModel
+
+LOADERS = {".csv": load_csv, ".py": load_python}
+
+
+def load_trajectory(path: Path) -> Polynomial:
+    """The trajectory of a .csv or .py file, and when it asks most of the vehicle.
+
+    Finding those times takes a dense look at all of it, which a start in flight could not afford.
+    Raises RefusedError or StorageError.
+    """
+    loader = LOADERS.get(path.suffix.lower())
+    if loader is None:
+        raise RefusedError(
+            f"{path.name}: {path.suffix or 'no ending'} is no kind of trajectory file; there are "
+            f"{', '.join(LOADERS)}"
+        )
+    found = loader(path)
+    report = examine(found, VehicleModel().record(), Limits())
+    times = tuple(sorted({extreme.time for extreme in report.extremes}))
+    return Polynomial(found.times, found.coefficients, times)
+
+
+def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
+    """Name (the file's, without ending) -> trajectory, and one line for each that was refused.
+
+    Takes .csv and .py files whose name starts with a letter or digit, not those of folders inside.
+    Never called in flight: it runs Python files and takes as long as they do.
+    Raises StorageError when the folder cannot be read.
+    """
+    try:
+        files = sorted(p for p in folder.iterdir() if p.suffix.lower() in LOADERS)
+    except OSError as error:
+        raise StorageError(
+            f"the trajectory folder {folder} cannot be read: {error.strerror}"
+        ) from None
+    loaded: dict[str, Polynomial] = {}
+    refused: list[str] = []
+    for path in files:
+        if not path.stem[:1].isalnum():
+            continue
+        try:
+            if path.stem in loaded:
+                raise RefusedError(f"{path.name}: there is another file called {path.stem}")
+            loaded[path.stem] = load_trajectory(path)
+        except QuadlabError as error:
+            refused.append(str(error))
+    return loaded, refused

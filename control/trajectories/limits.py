@@ -1,0 +1,95 @@
+"""What a trajectory may ask for, quantity by quantity."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One of the numbers of `feasibility.survey`, as people read it."""
+
+    name: str
+    unit: str
+    sign: float = 1.0  # -1: its least value counts
+    scale: float = 1.0  # shown = sign * scale * demanded
+
+
+QUANTITIES = (
+    Quantity("x", "m", -1.0),
+    Quantity("x", "m"),
+    Quantity("y", "m", -1.0),
+    Quantity("y", "m"),
+    Quantity("z", "m", -1.0),
+    Quantity("z", "m"),
+    Quantity("speed", "m/s"),
+    Quantity("acceleration", "m/s²"),
+    Quantity("yaw rate", "rad/s"),
+    Quantity("yaw acceleration", "rad/s²"),
+    Quantity("tilt", "deg", scale=math.degrees(1.0)),
+    Quantity("least motor thrust", "N", -1.0),
+    Quantity("largest motor thrust", "N"),
+    Quantity("body rate", "rad/s"),
+    Quantity("yaw torque", "N m"),
+)
+"""In the order of `feasibility.survey`, which is the order in which breaches are reported."""
+
+WALLS = 6
+"""The first six are the flight volume."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The largest and least values allowed, SI; what is left out has no limit.
+
+    Args:
+        thrust_low, thrust_high: N a motor; leave a margin to the motors' own limits for the
+            feedback, see `with_margin`.
+        tilt: rad.
+        source: quantity index -> the name of the parameter that sets it, for messages.
+    """
+
+    low_w: tuple[float, float, float] = (-math.inf, -math.inf, -math.inf)  # m
+    high_w: tuple[float, float, float] = (math.inf, math.inf, math.inf)  # m
+    speed: float = math.inf
+    acceleration: float = math.inf
+    yaw_rate: float = math.inf
+    yaw_acceleration: float = math.inf
+    tilt: float = math.inf
+    thrust_low: float = -math.inf
+    thrust_high: float = math.inf
+    body_rate: float = math.inf
+    yaw_torque: float = math.inf
+    source: dict[int, str] = field(default_factory=dict)
+
+    def as_array(self) -> Array:
+        """(15,) in the order and with the signs of `feasibility.survey`."""
+        (x0, y0, z0), (x1, y1, z1) = self.low_w, self.high_w
+        # A rounding error beyond a wall is no flight beyond it.
+        walls = [w + 1e-6 for w in (-x0, x1, -y0, y1, -z0, z1)]
+        return np.array(
+            [
+                *walls,
+                self.speed,
+                self.acceleration,
+                self.yaw_rate,
+                self.yaw_acceleration,
+                self.tilt,
+                -self.thrust_low,
+                self.thrust_high,
+                self.body_rate,
+                self.yaw_torque,
+            ]
+        )
+
+
+def with_margin(thrust_min: float, thrust_max: float, margin: float) -> tuple[float, float]:
+    """The motors' range (N) less `margin` (share of the range) at both ends, for the feedback."""
+    reserve = margin * (thrust_max - thrust_min)
+    return thrust_min + reserve, thrust_max - reserve
