@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,7 +46,7 @@ class Fly:
         from quadlab.flight_log import FlightLog
         from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
         from quadrotor.parameters import ParameterStore
-        from vehicle.flight_warm_up import warm_up
+        from vehicle.kernels import prepare
         from vehicle.simulator.simulated_vehicle import SimulatedVehicle
         from vehicle_link.messages import typestore
 
@@ -63,7 +64,7 @@ class Fly:
         estimator = TrueState(simulated) if self.true_state else None
         # Everything that is loaded or compiled at its first use, so that the figures below are
         # of flying alone.
-        warm_up()
+        prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
         typestore()
         flight = SimulatedFlight(parameters, simulated, log, estimator)
         began, processor = time.perf_counter(), time.process_time()

@@ -14,9 +14,9 @@ import re
 import shutil
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, overload
 
 import numba
 
@@ -31,16 +31,24 @@ _IMPORT = re.compile(
 )
 
 
-def compiled(function: Function) -> Function:
-    """`function` compiled at its first call, or loaded if this very source was compiled before."""
+@overload
+def compiled(function: Function) -> Function: ...
+@overload
+def compiled(*, nogil: bool) -> Callable[[Function], Function]: ...
+def compiled(function: Any = None, *, nogil: bool = False) -> Any:
+    """`function` compiled at its first call, or loaded if this very source was compiled before.
+
+    Bare, or as `@compiled(nogil=True)`: then other Python threads run while it does.
+    """
+    if function is None:
+        return partial(compiled, nogil=nogil)
     config: Any = numba.config
     chosen = config.CACHE_DIR
     config.CACHE_DIR = str(_folder(function.__module__, chosen))
     try:
-        out: Any = numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=True, error_model="numpy", nogil=nogil)(function)
     finally:
         config.CACHE_DIR = chosen
-    return cast(Function, out)
 
 
 def digest(module: str) -> str:
@@ -103,3 +111,8 @@ def _age(folder: Path) -> float:
         return -folder.stat().st_mtime
     except FileNotFoundError:  # another process was quicker
         return 0.0
+
+
+def kept(module: str) -> bool:
+    """Whether machine code of this very source of `module` is kept: its functions will load."""
+    return any(_folder(module, numba.config.CACHE_DIR).glob("*/*.nbc"))  # type: ignore[attr-defined]

@@ -2,7 +2,8 @@
 
 State is a STATE record and four rotor speeds, in motor-reference counts (speed is linear in
 them). Integrated by the classical fourth-order Runge-Kutta scheme; the quaternion is renormalised
-once a step.
+once a step. The work is done on tuples (quadrotor/vectors.py), for loops that stay in registers;
+`rk4_step`, `motor_step` and `rotor_wrench` are the same on arrays.
 """
 
 from __future__ import annotations
@@ -13,9 +14,25 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
-from quadrotor.vehicle_model import GRAVITY, thrust_of_reference, wrench_of_thrusts
+from quadrotor.vectors import (
+    Quaternion,
+    Vector,
+    along,
+    normalized,
+    quaternion,
+    scale,
+    store,
+    times,
+    vector,
+)
+from quadrotor.vehicle_model import GRAVITY, Four, thrust_of_reference, wrench_of_thrusts
 
 Array = npt.NDArray[np.float64]
+Motion = tuple[Vector, Vector, Quaternion, Vector]
+"""position_w (m), velocity_w (m/s), quaternion_wb, angular_velocity_b (rad/s)."""
+
+STOPPED = 1.0
+"""Counts at and below which a rotor gives nothing."""
 
 
 @compiled
@@ -28,57 +45,180 @@ def derivative(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, o
         mass: kg.
         J: (3,) diagonal inertia, kg m^2.
     """
-    w, a, b, c = x[6], x[7], x[8], x[9]
-    p, q, r = x[10], x[11], x[12]
-    for i in range(3):
-        out[i] = x[3 + i]
+    q, w = quaternion(x[6:10]), vector(x[10:13])
+    lean, turning = _lean(q), _turning(q, w)
     thrust = wrench[0] / mass
-    out[3] = 2.0 * (a * c + w * b) * thrust + force_w[0] / mass
-    out[4] = 2.0 * (b * c - w * a) * thrust + force_w[1] / mass
-    out[5] = (1.0 - 2.0 * (a * a + b * b)) * thrust + force_w[2] / mass - GRAVITY
-    out[6] = 0.5 * (-a * p - b * q - c * r)
-    out[7] = 0.5 * (w * p + b * r - c * q)
-    out[8] = 0.5 * (w * q + c * p - a * r)
-    out[9] = 0.5 * (w * r + a * q - b * p)
-    out[10] = (wrench[1] - (J[2] - J[1]) * q * r) / J[0]
-    out[11] = (wrench[2] - (J[0] - J[2]) * r * p) / J[1]
-    out[12] = (wrench[3] - (J[1] - J[0]) * p * q) / J[2]
+    inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
+    store(vector(x[3:6]), out[0:3])
+    out[3] = 2.0 * lean[0] * thrust + force_w[0] / mass
+    out[4] = 2.0 * lean[1] * thrust + force_w[1] / mass
+    out[5] = (1.0 - 2.0 * lean[2]) * thrust + force_w[2] / mass - GRAVITY
+    for i in range(4):
+        out[6 + i] = 0.5 * turning[i]
+    turn = times(vector(wrench[1:4]), inverse)
+    store(_spin(w, turn, gyroscopic_ratios(vector(J), inverse)), out[10:13])
+
+
+@compiled
+def _lean(q: Quaternion) -> Vector:
+    """(a, b, c) with z_B = (2 a, 2 b, 1 - 2 c)."""
+    w, x, y, z = q
+    return x * z + w * y, y * z - w * x, x * x + y * y
+
+
+@compiled
+def _turning(q: Quaternion, omega: Vector) -> Quaternion:
+    """2 q' = q (x) (0, omega)."""
+    w, a, b, c = q
+    x, y, z = omega
+    return (
+        -a * x - b * y - c * z,
+        w * x + b * z - c * y,
+        w * y + c * x - a * z,
+        w * z + a * y - b * x,
+    )
+
+
+@compiled
+def _spin(omega: Vector, turn: Vector, ratios: Vector) -> Vector:
+    """omega' of eq. 3; `turn` is the torque over the inertia."""
+    x, y, z = omega
+    return turn[0] - ratios[0] * y * z, turn[1] - ratios[1] * z * x, turn[2] - ratios[2] * x * y
+
+
+@compiled
+def gyroscopic_ratios(J: Vector, inverse: Vector) -> Vector:
+    """((J_z - J_y) / J_x, ...), what omega x J omega is made of; `inverse` is 1 / J."""
+    return (J[2] - J[1]) * inverse[0], (J[0] - J[2]) * inverse[1], (J[1] - J[0]) * inverse[2]
+
+
+@compiled
+def _ahead(q: Quaternion, s: float, d: Quaternion) -> Quaternion:
+    """q + s d."""
+    return q[0] + s * d[0], q[1] + s * d[1], q[2] + s * d[2], q[3] + s * d[3]
+
+
+@compiled
+def rk4(
+    motion: Motion, lift: float, push_w: Vector, turn: Vector, ratios: Vector, dt: float
+) -> Motion:
+    """Motion after dt (s) with everything but the motion held.
+
+    The classical scheme, ordered by what depends on what: omega on nothing else, the attitude
+    on omega, the velocity on the attitude, the position on the velocity. Each stage is the one
+    the scheme has on all 13 numbers at once.
+
+    Args:
+        lift: thrust over mass, m/s^2.
+        push_w: further force over mass, m/s^2, without gravity.
+        turn: torque over inertia, rad/s^2.
+        ratios: see `gyroscopic_ratios`.
+    """
+    p, v, q, w1 = motion
+    half, sixth = 0.5 * dt, dt / 6.0
+    s1 = _spin(w1, turn, ratios)
+    w2 = along(w1, half, s1)
+    s2 = _spin(w2, turn, ratios)
+    w3 = along(w1, half, s2)
+    s3 = _spin(w3, turn, ratios)
+    w4 = along(w1, dt, s3)
+    s4 = _spin(w4, turn, ratios)
+    w = along(w1, sixth, along(along(s1, 1.0, s4), 2.0, along(s2, 1.0, s3)))
+
+    t1 = _turning(q, w1)
+    q2 = _ahead(q, 0.5 * half, t1)
+    t2 = _turning(q2, w2)
+    q3 = _ahead(q, 0.5 * half, t2)
+    t3 = _turning(q3, w3)
+    q4 = _ahead(q, half, t3)
+    t4 = _turning(q4, w4)
+    q_end = _ahead(q, 0.5 * sixth, _ahead(_ahead(t1, 1.0, t4), 2.0, _ahead(t2, 1.0, t3)))
+
+    # z_B of the four stages: their sum moves the velocity, that of the first three the position.
+    first = along(along(_lean(q), 1.0, _lean(q2)), 1.0, _lean(q3))
+    total = along(along(along(first, 1.0, _lean(q2)), 1.0, _lean(q3)), 1.0, _lean(q4))
+    a = 2.0 * lift * sixth
+    gain = (
+        push_w[0] * dt + a * total[0],
+        push_w[1] * dt + a * total[1],
+        (push_w[2] + lift - GRAVITY) * dt - a * total[2],
+    )
+    a *= dt
+    drop = half * dt
+    path = (
+        push_w[0] * drop + a * first[0],
+        push_w[1] * drop + a * first[1],
+        (push_w[2] + lift - GRAVITY) * drop - a * first[2],
+    )
+    return along(along(p, dt, v), 1.0, path), along(v, 1.0, gain), normalized(q_end), w
+
+
+@compiled
+def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt: float) -> None:
+    """Advance x (13,) in place by dt (s), with wrench and force held; see `derivative`."""
+    inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
+    ratios = gyroscopic_ratios(vector(J), inverse)
+    push_w = scale(1.0 / mass, vector(force_w))
+    turn = times(vector(wrench[1:4]), inverse)
+    store_motion(rk4(motion_of(x), wrench[0] / mass, push_w, turn, ratios, dt), x)
+
+
+@compiled
+def motion_of(x: Array) -> Motion:
+    """The tuples of x (13,)."""
+    return (
+        (x[0], x[1], x[2]),
+        (x[3], x[4], x[5]),
+        (x[6], x[7], x[8], x[9]),
+        (x[10], x[11], x[12]),
+    )
+
+
+@compiled
+def store_motion(motion: Motion, x: Array) -> None:
+    """The tuples into x (13,)."""
+    p, v, q, w = motion
+    x[0], x[1], x[2] = p
+    x[3], x[4], x[5] = v
+    x[6], x[7], x[8], x[9] = q
+    x[10], x[11], x[12] = w
+
+
+@compiled
+def motor_share(time_constant: float, dt: float) -> float:
+    """How much of the way to a held reference a rotor goes in dt (s): exact for any dt."""
+    return 1.0 - math.exp(-dt / time_constant)
 
 
 @compiled
 def motor_step(speeds: Array, references: Array, time_constant: float, dt: float) -> None:
     """Rotor speeds (counts) towards their references, exact for a held reference."""
-    share = 1.0 - math.exp(-dt / time_constant)
+    share = motor_share(time_constant, dt)
     for i in range(4):
         speeds[i] += share * (references[i] - speeds[i])
 
 
 @compiled
-def rotor_wrench(speeds: Array, slope: float, offset: float, arm: float, ratio: float) -> Array:
-    """Wrench (4,) of four rotors turning at `speeds` (counts); a stopped rotor gives nothing."""
-    thrusts = np.empty(4)
-    for i in range(4):
-        thrusts[i] = thrust_of_reference(speeds[i], slope, offset) if speeds[i] > 1.0 else 0.0
-    return wrench_of_thrusts(thrusts, arm, ratio)
+def rotor_thrust(speed: float, slope: float, offset: float) -> float:
+    """Thrust (N) of one rotor turning at `speed` (counts); a stopped one gives nothing."""
+    return thrust_of_reference(speed, slope, offset) if speed > STOPPED else 0.0
 
 
 @compiled
-def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt: float) -> None:
-    """Advance x (13,) in place by dt (s), with wrench and force held."""
-    k1, k2, k3, k4 = np.empty(13), np.empty(13), np.empty(13), np.empty(13)
-    y = np.empty(13)
-    derivative(x, wrench, force_w, mass, J, k1)
-    for i in range(13):
-        y[i] = x[i] + 0.5 * dt * k1[i]
-    derivative(y, wrench, force_w, mass, J, k2)
-    for i in range(13):
-        y[i] = x[i] + 0.5 * dt * k2[i]
-    derivative(y, wrench, force_w, mass, J, k3)
-    for i in range(13):
-        y[i] = x[i] + dt * k3[i]
-    derivative(y, wrench, force_w, mass, J, k4)
-    for i in range(13):
-        x[i] += dt * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
-    length = math.sqrt(x[6] * x[6] + x[7] * x[7] + x[8] * x[8] + x[9] * x[9])
-    for i in range(6, 10):
-        x[i] /= length
+def rotors(speeds: Four, slope: float, offset: float, arm: float, ratio: float) -> Four:
+    """Wrench of four rotors turning at `speeds` (counts): thrust (N), torques (N m), eq. 1."""
+    front = rotor_thrust(speeds[0], slope, offset)
+    left = rotor_thrust(speeds[1], slope, offset)
+    rear = rotor_thrust(speeds[2], slope, offset)
+    right = rotor_thrust(speeds[3], slope, offset)
+    return wrench_of_thrusts((front, left, rear, right), arm, ratio)
+
+
+@compiled
+def rotor_wrench(speeds: Array, slope: float, offset: float, arm: float, ratio: float) -> Array:
+    """`rotors` on arrays (4,)."""
+    wrench = rotors((speeds[0], speeds[1], speeds[2], speeds[3]), slope, offset, arm, ratio)
+    out = np.empty(4)
+    for i in range(4):
+        out[i] = wrench[i]
+    return out

@@ -12,7 +12,8 @@ import sys
 import time
 import traceback
 from collections.abc import Sequence
-from typing import Protocol
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
@@ -26,6 +27,9 @@ from vehicle.process_config import FlightConfig, Rings, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
+
+if TYPE_CHECKING:
+    from vehicle.stack import FlightStack
 
 POLL_MS = 50
 SILENCE_NS = 500_000_000
@@ -192,7 +196,10 @@ def say(line: str) -> None:
 def fly(config: FlightConfig) -> None:
     """Compile, ask for real time, then loop until a signal. Raises QuadlabError."""
     # Imported here: it brings numba and every law along, which the loop's tests need not.
-    from vehicle.flight_warm_up import warm_up
+    from vehicle.kernels import prepare
+
+    refusals = prepare(say)
+
     from vehicle.parameters import new_parameters
     from vehicle.stack import FlightStack
 
@@ -201,7 +208,9 @@ def fly(config: FlightConfig) -> None:
     parameters = new_parameters()
     ParameterStore(parameters).preset(config.parameters)
     stack = FlightStack(parameters)
-    for refusal in warm_up():
+    if config.trajectories:
+        load_trajectories(stack, Path(config.trajectories))
+    for refusal in refusals:
         say(f"not compiled before the flight: {refusal}")
     granted = become_real_time()
     if granted.refusal:
@@ -220,6 +229,20 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     loop.run()
+
+
+def load_trajectories(stack: FlightStack, folder: Path) -> None:
+    """The user's trajectory files, by now or not at all: never in flight."""
+    from control.trajectories.library import load_folder
+
+    if not folder.is_dir():
+        return
+    stack.behaviors.trajectories, refused = load_folder(folder)
+    for line in refused:
+        say(line)
+        stack.say(f"trajectory file refused: {line}", mailbox.WARN)
+    if stack.behaviors.trajectories:
+        say(f"trajectories loaded: {', '.join(stack.behaviors.trajectories)}")
 
 
 def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:

@@ -27,6 +27,8 @@ PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
 STABLE_S = 5.0  # a comms process that lived this long is started again after the short pause
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
+TRAJECTORIES = "trajectories"
+"""Folder, inside the data folder, of the user's trajectory files."""
 REPOSITORY = Path(__file__).resolve().parent.parent
 
 
@@ -127,7 +129,7 @@ def run_vehicle(
         recovery.start()
         children = _Children(
             rings,
-            FlightConfig(parent, rings, ports, values),
+            FlightConfig(parent, rings, ports, values, str(data.resolve() / TRAJECTORIES)),
             CommsConfig(parent, rings, name, str(data.resolve()), link_port, values),
         )
         try:

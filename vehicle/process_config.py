@@ -34,6 +34,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
     rings: RingDescriptors
     ports: list[str]  # of the microcontroller
     parameters: dict[str, ParameterValue] = {}  # set before the start
+    trajectories: str = ""  # folder of trajectory files, may be missing
 
 
 class CommsConfig(msgspec.Struct, frozen=True):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -79,13 +81,56 @@ def test_the_gyroscopic_term_is_that_of_eq_3():
     np.testing.assert_allclose(J * out[10:13] + np.cross(w, J * w), torque, atol=1e-12)
 
 
-def test_the_integrator_is_of_fourth_order():
+def classical(x, wrench, force, dt):
+    """The scheme on all 13 numbers at once, as it stands in the books."""
+
+    def rate(y):
+        out = np.empty(13)
+        derivative(y, wrench, force, MASS, J, out)
+        return out
+
+    k1 = rate(x)
+    k2 = rate(x + 0.5 * dt * k1)
+    k3 = rate(x + 0.5 * dt * k2)
+    k4 = rate(x + dt * k3)
+    y = x + dt * (k1 + 2.0 * k2 + 2.0 * k3 + k4) / 6.0
+    y[6:10] /= np.linalg.norm(y[6:10])
+    return y
+
+
+def test_the_step_is_the_classical_scheme_on_the_derivative():
+    rng = np.random.default_rng(13)
+    print("seed 13")
+    for dt in (1e-3, 1e-2, 0.1):
+        for _ in range(20):
+            x = state(rng.normal(size=3), rng.normal(size=3), 5.0 * rng.normal(size=3))
+            x[:3] = rng.normal(size=3)
+            wrench, force = rng.normal(size=4) * [20, 0.3, 0.3, 0.1], rng.normal(size=3)
+            expected = classical(x, wrench, force, dt)
+            rk4_step(x, wrench, force, MASS, J, dt)
+            np.testing.assert_allclose(x, expected, rtol=1e-12, atol=1e-12)
+
+
+def test_halving_the_step_divides_the_error_by_16():
     start = state(velocity=(1, 2, 3), rotation=(0.3, 0.2, 0.1), w=(3.0, -2.0, 1.0))
     wrench = [15.0, 0.1, -0.05, 0.02]
     exact = run(start, wrench, 0.4, dt=0.0005)
-    errors = [np.abs(run(start, wrench, 0.4, dt=dt) - exact).max() for dt in (0.04, 0.02)]
-    assert errors[0] / errors[1] > 11.0
-    assert errors[1] > 1e-12  # not just rounding
+    errors = [np.abs(run(start, wrench, 0.4, dt=dt) - exact).max() for dt in (0.02, 0.01, 0.005)]
+    for coarse, fine in pairwise(errors):
+        assert 13.0 < coarse / fine < 19.0
+    assert errors[-1] > 1e-12  # not just rounding
+
+
+def test_without_thrust_the_energy_of_a_tumbling_stone_is_kept():
+    before = state(velocity=(1, 0, 2), rotation=(0.3, 0.2, -0.1), w=(3.0, -2.0, 4.0))
+    after = run(before, [0, 0, 0, 0], 2.0)
+
+    def energy(x):
+        motion = 0.5 * MASS * (x[3:6] ** 2).sum() + 0.5 * (J * x[10:13] ** 2).sum()
+        return motion + MASS * G * x[2]
+
+    assert energy(after) == pytest.approx(energy(before), rel=1e-9)
+    assert after[2] < -10.0  # it did fall
 
 
 def test_the_quaternion_stays_of_unit_length():

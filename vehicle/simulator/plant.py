@@ -9,18 +9,43 @@ linearly with the slip up to the limit (stiction would need the feet's memory).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from quadrotor.rigid_body import motor_step, rk4_step, rotor_wrench
-from quadrotor.rotations import quaternion_to_matrix
-from quadrotor.vehicle_model import GRAVITY, MODEL, thrust_of_reference
+from quadrotor.rigid_body import (
+    Motion,
+    gyroscopic_ratios,
+    motion_of,
+    motor_share,
+    rk4,
+    rotor_thrust,
+    rotors,
+    store_motion,
+)
+from quadrotor.vectors import (
+    Axes,
+    Vector,
+    add,
+    along,
+    axes_of,
+    cross,
+    scale,
+    store,
+    times,
+    to_body,
+    to_world,
+    vector,
+)
+from quadrotor.vehicle_model import GRAVITY, MODEL, Four
 from vehicle.simulator.parameters import SimulatorParameters
 
 Array = npt.NDArray[np.float64]
+Item = Any
+"""One record `array[k]` inside compiled code."""
 
 FOOT = 0.15
 """m, from the body's z axis to a foot."""
@@ -95,83 +120,84 @@ def open_voltage(charge: float) -> float:
 def advance(plant: Record, references: tuple[int, int, int, int], duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
-    x = p.x
-    target = np.empty(4)
-    for i in range(4):
-        target[i] = references[i]
     steps = math.ceil(duration / SUBSTEP - 1e-9)
     dt = duration / steps
-    wrench, force_w = np.empty(4), np.empty(3)
-    for _ in range(steps):
-        motor_step(p.rotor_speeds, target, p.model.motor_time_constant, dt)
-        _forces(plant, wrench, force_w)
-        rk4_step(x, wrench, force_w, p.model.mass, p.model.inertia_b, dt)
-    _forces(plant, wrench, force_w)
-    _feel(plant, wrench, force_w)
+    target = (
+        float(references[0]), float(references[1]), float(references[2]), float(references[3])
+    )  # fmt: skip
+    move(p, target, steps, dt, motor_share(p.model.motor_time_constant, dt))
     _discharge(plant, duration)
 
 
 @compiled
-def _forces(plant: Record, wrench: Array, force_w: Array) -> None:
-    """Wrench (4,) about body axes and further force (3,) in world axes, both N and N m."""
-    p = plant[0]
-    m, x = p.model, p.x
-    rotors = rotor_wrench(p.rotor_speeds, m.motor_slope, m.motor_offset, m.arm, m.torque_ratio)
-    for i in range(4):
-        wrench[i] = rotors[i] * p.thrust_efficiency
-    for i in range(3):
-        force_w[i] = p.disturbance_w[i] - p.drag * x[3 + i]
-    if x[2] < CONTACT_HEIGHT:
-        _touch(plant, quaternion_to_matrix(x[6:10]), wrench, force_w)
+def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
+    """Rotors and body of one PLANT record over `steps` of dt (s), and what is felt at the end.
 
-
-@compiled
-def _touch(plant: Record, R: Array, wrench: Array, force_w: Array) -> None:
-    """Add what the ground does to the four feet at lever e, e = ±x_B or ±y_B, |lever| = FOOT.
-
-    With e along x_B (sign = 1) or y_B (sign = -1) and `other` the second horizontal axis:
-    omega x lever e = lever (sign omega_z) on `other` and lever (-omega_y or omega_x) on z_B;
-    the torque lever e x f has -sign lever f_z about `other` and sign lever f_other about z_B.
+    Args:
+        target: held motor references, counts.
+        share: `motor_share` of dt.
     """
-    p = plant[0]
-    x = p.x
-    velocity, force = np.empty(3), np.empty(3)
-    for foot in range(4):
-        axis, other = foot // 2, 1 - foot // 2
-        sign = 1.0 - 2.0 * axis
-        lever = FOOT if foot % 2 == 0 else -FOOT
-        depth = p.rest_depth - (x[2] + lever * R[2, axis])
-        if depth <= 0.0:
-            continue
-        along, up = sign * lever * x[12], -sign * lever * x[10 + other]
-        for i in range(3):
-            velocity[i] = x[3 + i] + R[i, other] * along + R[i, 2] * up
-        normal = p.stiffness * depth - p.damping * velocity[2]
-        if normal <= 0.0:
-            continue
-        slip = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
-        grip = SLIP_DAMPING
-        if grip * slip > p.friction * normal:
-            grip = p.friction * normal / slip
-        force[0], force[1], force[2] = -grip * velocity[0], -grip * velocity[1], normal
-        along, up = 0.0, 0.0
-        for i in range(3):
-            force_w[i] += force[i]
-            along += R[i, other] * force[i]
-            up += R[i, 2] * force[i]
-        wrench[1 + other] -= sign * lever * up
-        wrench[3] += sign * lever * along
+    m, s, pull = p.model, p.rotor_speeds, p.disturbance_w
+    inverse_mass = 1.0 / m.mass
+    J = m.inertia_b[0], m.inertia_b[1], m.inertia_b[2]
+    inverse = 1.0 / J[0], 1.0 / J[1], 1.0 / J[2]
+    ratios = gyroscopic_ratios(J, inverse)
+    motion = motion_of(p.x)
+    speeds = s[0], s[1], s[2], s[3]
+    for _ in range(steps):
+        speeds = (
+            speeds[0] + share * (target[0] - speeds[0]),
+            speeds[1] + share * (target[1] - speeds[1]),
+            speeds[2] + share * (target[2] - speeds[2]),
+            speeds[3] + share * (target[3] - speeds[3]),
+        )
+        thrust, torque_b, force_w = _forces(p, motion, speeds, pull)
+        push_w, turn = scale(inverse_mass, force_w), times(torque_b, inverse)
+        motion = rk4(motion, inverse_mass * thrust, push_w, turn, ratios, dt)
+    store_motion(motion, p.x)
+    s[0], s[1], s[2], s[3] = speeds
+    # Specific force: everything but gravity, over the mass, in B.
+    thrust, torque_b, force_w = _forces(p, motion, speeds, pull)
+    x, y, z = to_body(axes_of(motion[2]), force_w)
+    store((x * inverse_mass, y * inverse_mass, (z + thrust) * inverse_mass), p.specific_force_b)
 
 
 @compiled
-def _feel(plant: Record, wrench: Array, force_w: Array) -> None:
-    """Specific force in B: everything but gravity, over the mass."""
-    p = plant[0]
-    R = quaternion_to_matrix(p.x[6:10])
-    for i in range(3):
-        f = R[0, i] * force_w[0] + R[1, i] * force_w[1] + R[2, i] * force_w[2]
-        p.specific_force_b[i] = f / p.model.mass
-    p.specific_force_b[2] += wrench[0] / p.model.mass
+def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float, Vector, Vector]:
+    """Thrust (N), torque about body axes (N m) and further force in world axes (N)."""
+    m, e = p.model, p.thrust_efficiency
+    wrench = rotors(speeds, m.motor_slope, m.motor_offset, m.arm, m.torque_ratio)
+    torque_b = e * wrench[1], e * wrench[2], e * wrench[3]
+    force_w = along(vector(pull_w), -p.drag, motion[1])
+    if motion[0][2] < CONTACT_HEIGHT:
+        axes = axes_of(motion[2])
+        for lever in (FOOT, -FOOT):
+            for arm_b, along_w in (((lever, 0.0, 0.0), axes[0]), ((0.0, lever, 0.0), axes[1])):
+                foot_w = _touch(p, motion, axes, arm_b, lever * along_w[2])
+                force_w = add(force_w, foot_w)
+                torque_b = add(torque_b, cross(arm_b, to_body(axes, foot_w)))
+    return e * wrench[0], torque_b, force_w
+
+
+@compiled
+def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
+    """What the ground does (N, world axes) to a foot at arm_b (m), `height` (m) above the origin.
+
+    The foot moves with v + R (omega x arm).
+    """
+    position_w, velocity_w, _, omega_b = motion
+    depth = p.rest_depth - (position_w[2] + height)
+    if depth <= 0.0:
+        return 0.0, 0.0, 0.0
+    x, y, z = add(velocity_w, to_world(axes, cross(omega_b, arm_b)))
+    normal = p.stiffness * depth - p.damping * z
+    if normal <= 0.0:
+        return 0.0, 0.0, 0.0
+    slip = math.sqrt(x * x + y * y)
+    grip = SLIP_DAMPING
+    if grip * slip > p.friction * normal:
+        grip = p.friction * normal / slip
+    return -grip * x, -grip * y, normal
 
 
 @compiled
@@ -180,9 +206,8 @@ def _discharge(plant: Record, duration: float) -> None:
     p = plant[0]
     power = AVIONICS_POWER
     for i in range(4):
-        if p.rotor_speeds[i] > 1.0:
-            f = thrust_of_reference(p.rotor_speeds[i], p.model.motor_slope, p.model.motor_offset)
-            power += POWER_PER_THRUST * f * math.sqrt(f)
+        f = rotor_thrust(p.rotor_speeds[i], p.model.motor_slope, p.model.motor_offset)
+        power += POWER_PER_THRUST * f * math.sqrt(f)
     current = power / max(p.voltage, 1.0)
     p.charge = max(0.0, p.charge - current * duration)
     open_cell = CELL_EMPTY + (CELL_FULL - CELL_EMPTY) * p.charge / p.capacity

@@ -89,15 +89,30 @@ def _count(value: float, low: int, high: int) -> int:
 
 
 @compiled
+def accelerometer_count(force: float, bias: float, deviation: float, normal: float) -> int:
+    """Count of one axis for a specific force (m/s^2), with its noise's standard normal number."""
+    value = force + bias + deviation * normal
+    return _count(value / ACCELEROMETER_SCALE + ZERO, 0, FULL_SCALE)
+
+
+@compiled
+def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -> int:
+    """Count of one axis for an angular velocity (rad/s)."""
+    value = rate + bias + deviation * normal
+    return _count(value / GYROSCOPE_SCALE + ZERO, 0, FULL_SCALE)
+
+
+@compiled
 def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
     """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
     p, s = plant[0], sensors[0]
     for i in range(3):
-        force = p.specific_force_b[i] + s.accelerometer_bias[i]
-        force += s.accelerometer_noise * noise[row, i]
-        registers[_ACCELEROMETER + i] = _count(force / ACCELEROMETER_SCALE + ZERO, 0, FULL_SCALE)
-        rate = p.x[10 + i] + s.gyroscope_bias[i] + s.gyroscope_noise * noise[row, 3 + i]
-        registers[_GYROSCOPE + i] = _count(rate / GYROSCOPE_SCALE + ZERO, 0, FULL_SCALE)
+        registers[_ACCELEROMETER + i] = accelerometer_count(
+            p.specific_force_b[i], s.accelerometer_bias[i], s.accelerometer_noise, noise[row, i]
+        )
+        registers[_GYROSCOPE + i] = gyroscope_count(
+            p.x[10 + i], s.gyroscope_bias[i], s.gyroscope_noise, noise[row, 3 + i]
+        )
     pressure = s.ground_pressure - PRESSURE_LAPSE * p.x[2] + s.pressure_noise * noise[row, 6]
     registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)
     voltage = p.voltage + _VOLTAGE_NOISE * noise[row, 7]

@@ -1,0 +1,177 @@
+"""The closed loop: steps of 1 ms of plant with their share of sensors, filter and controller."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.harness import Report, Row, Target
+from benchmarks.peers.cpp_twin import NATIVE, PORTABLE, CppTwin
+from benchmarks.peers.crazyflow_flight import WORLDS, Crazyflow
+from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
+from vehicle.closed_loop.onboard import new_onboard
+
+SECONDS = 27.0
+HOVER = 8.0
+"""s before the 8 with sensors: the filter's biases settle."""
+TRUE, FULL = "compiled, true state", "compiled, sensors and filter"
+TWINS = {"C++ -O3, true state": PORTABLE, "C++ -O3 -march=native, true state": NATIVE}
+ROTORPY = "RotorPy Environment"
+
+Method = Callable[[], tuple[float, float | None, float | None]]
+"""Flies; returns steps of 1 ms done, the rms position error in m or None, and the seconds of
+processor time when they were spent in another process."""
+
+
+def run(quick: bool = False) -> Report:
+    """Rows of steps a second of wall time and of processor time, all threads together."""
+    report = Report(
+        "closed_loop",
+        "Closed-loop simulation",
+        [
+            "one step: 1 ms of plant (four rotors, rigid body by classical Runge-Kutta, drag, "
+            "ground) with its half of a 500 Hz control period, flying the 8",
+            "true state: reference, eqs. 4 and 5, allocation, plant, error statistics; "
+            "sensors and filter: also counted noisy IMU at 500 Hz, 100 Hz tracker with "
+            "corrections, complementary filter, whole motor references",
+            "RotorPy: Multirotor and SE3Control in its own Environment at 1 kHz, one control "
+            "update a step, its default sensors; crazyflow: 1024 worlds, JAX on the processor, "
+            "single precision, first principles at 1 kHz, state control at 500 Hz",
+        ],
+    )
+    vehicles, rounds = (2, 2) if quick else (8, 15)
+    rotorpy = _rotorpy(report, 0.3 if quick else 0.5)
+    methods: dict[str, Method] = {
+        TRUE: lambda: _batch(vehicles, True, 1),
+        FULL: lambda: _batch(vehicles, False, 1),
+    }
+    cores = os.cpu_count() or 1
+    together = f"{FULL}, {cores} threads"
+    if cores > 1:
+        methods[together] = lambda: _batch(vehicles * cores, False, cores)
+    for name, flags in TWINS.items():
+        try:
+            methods[name] = _twin(CppTwin(flags), vehicles)
+        except FileNotFoundError as error:
+            report.notes.append(str(error))
+    crazyflow: list[Crazyflow] = []
+    methods |= rotorpy | _crazyflow(report, crazyflow, 20 if quick else 100)
+
+    wall, cpu, errors = _in_turns(methods, rounds)
+    for peer in crazyflow:
+        peer.close()
+    for name in methods:
+        figures: dict[str, float | str] = {
+            "steps a second": float(np.median(wall[name])),
+            "a CPU second": float(np.median(cpu[name])),
+        }
+        rms = errors[name]
+        if rms is not None:
+            figures["error, mm rms"] = 1e3 * rms
+        report.rows.append(Row(name, figures))
+
+    def target(what: str, ratio: np.ndarray, limit: float) -> None:
+        report.targets.append(Target(what, float(np.median(ratio)), limit, at_most=False))
+
+    target("true state, steps a CPU second", cpu[TRUE], 3.3e6)
+    target("sensors and filter, steps a CPU second", cpu[FULL], 3.3e6)
+    if ROTORPY in methods:
+        target("true state, times RotorPy", cpu[TRUE] / cpu[ROTORPY], 3000.0)
+        target("sensors and filter, times RotorPy", cpu[FULL] / cpu[ROTORPY], 3000.0)
+    if cores > 1:
+        # Of the fastest rounds: the target is for idle cores, and others use them too.
+        target(f"{cores} threads over one", wall[together].max() / wall[FULL].max(), 0.9 * cores)
+        median = float(np.median(wall[together] / wall[FULL]))
+        report.notes.append(
+            f"threads over one: fastest round of each; the median of the rounds is {median:.2f}; "
+            f"load of the machine at the end {os.getloadavg()[0]:.2f}"
+        )
+    report.plot = {
+        "kind": "bars",
+        "labels": list(methods),
+        "values": [float(np.median(cpu[name])) for name in methods],
+        "x_label": "steps a CPU second",
+    }
+    return report
+
+
+def _in_turns(
+    methods: dict[str, Method], rounds: int
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, float | None]]:
+    """Steps a second of wall and of processor time (rounds,), and the last error, a method."""
+    for method in methods.values():
+        method()  # compile, fill caches
+    wall: dict[str, list[float]] = {name: [] for name in methods}
+    cpu: dict[str, list[float]] = {name: [] for name in methods}
+    errors: dict[str, float | None] = {}
+    for _ in range(rounds):
+        for name, method in methods.items():
+            began, busy = time.perf_counter(), time.process_time()
+            steps, errors[name], elsewhere = method()
+            wall[name].append(steps / (time.perf_counter() - began))
+            cpu[name].append(steps / (elsewhere or time.process_time() - busy))
+    return (
+        {name: np.array(values) for name, values in wall.items()},
+        {name: np.array(values) for name, values in cpu.items()},
+        errors,
+    )
+
+
+def _batch(vehicles: int, true_state: bool, threads: int) -> tuple[float, float, None]:
+    scenarios = [
+        Scenario(seed=k, true_state=true_state, whole_references=not true_state)
+        for k in range(vehicles)
+    ]
+    hover = 0.0 if true_state else HOVER
+    flights = fly_batch(scenarios, hover + SECONDS, hover=hover, threads=threads)
+    if flights.crashed.any():
+        raise RuntimeError(f"a flight of the benchmark crashed: {flights.summary()}")
+    error = float(np.median(flights.outcome["position_rms"]))
+    return vehicles * 1e3 * (hover + SECONDS), error, None
+
+
+def _twin(twin: CppTwin, vehicles: int) -> Method:
+    scenario = Scenario(true_state=True, whole_references=False)
+    cases, plants = prepare([scenario])
+
+    def fly() -> tuple[float, float, None]:
+        error = 0.0
+        for _ in range(vehicles):
+            ticks, plant = round(500 * SECONDS), plants.copy()
+            error = twin.fly_true_state(cases["settings"], plant, new_onboard(), ticks, 0.002)
+        return vehicles * 1e3 * SECONDS, error, None
+
+    return fly
+
+
+def _rotorpy(report: Report, seconds: float) -> dict[str, Method]:
+    try:
+        from benchmarks.peers.rotorpy_flight import RotorPy
+
+        flight = RotorPy()
+    except ImportError as error:
+        report.notes.append(f"RotorPy left out: {error}")
+        return {}
+    return {ROTORPY: lambda: (*flight.fly(seconds), None)}
+
+
+def _crazyflow(report: Report, started: list[Crazyflow], steps: int) -> dict[str, Method]:
+    try:
+        flights = {name: Crazyflow(name) for name in ("rk4", "symplectic_euler")}
+    except ImportError as error:
+        report.notes.append(f"crazyflow left out: {error}")
+        return {}
+
+    started.extend(flights.values())
+
+    def method(flight: Crazyflow) -> Method:
+        def fly() -> tuple[float, None, float]:
+            done, busy = flight.fly(steps)
+            return done, None, busy
+
+        return fly
+
+    return {f"crazyflow, {WORLDS} worlds, {name}": method(f) for name, f in flights.items()}

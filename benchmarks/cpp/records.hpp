@@ -1,0 +1,87 @@
+// The project's numpy records as C structs: the same memory, so both sides fly the same vehicle.
+#pragma once
+#include <cstdint>
+
+struct EstimationGains {
+    double position_bandwidth, accelerometer_bias_bandwidth, attitude_bandwidth;
+    double gyroscope_bias_bandwidth, rate_low_pass, norm_penalty;
+    double accelerometer_bias_limit, gyroscope_bias_limit;
+};
+
+struct ControlGains {
+    double kp[3], kv[3], ki[3], kr[3], kw[3], kf[3];
+    double tan_tilt_max, position_integral_max, attitude_integral_max, yaw_torque_max;
+    int64_t exact_rates;
+};
+
+struct Model {
+    double mass, inertia_b[3], arm, torque_ratio, motor_time_constant, motor_slope, motor_offset;
+    double thrust_min, thrust_max;
+};
+
+struct Eight {
+    double center[4], amplitude[4], rate, ramp, total;
+};
+
+struct Settings {
+    EstimationGains estimation;
+    ControlGains control;
+    Model model;
+    Eight eight;
+};
+
+constexpr int kHistory = 256;
+
+struct EstimatorMemory {
+    uint8_t initialized, primed;
+    int64_t stamp_ns, pose_stamp_ns, started_ns;
+    double position_spread, attitude_spread;
+    double pose[7], past[7], velocity_w[3], filtered_rate_b[3];
+    double accelerometer_bias_b[3], gyroscope_bias_b[3], specific_force_b[3], rate_b[3];
+    int64_t ring_next, ring_count, ring_stamp_ns[kHistory];
+    double ring_pose[kHistory][7];
+};
+
+struct ControlMemory {
+    double position_integral_w[3], attitude_integral_b[3], desired_attitude[3][3];
+    int64_t tilt_limited;
+};
+
+struct ImuSample {
+    int64_t stamp_ns;
+    double specific_force_b[3], angular_velocity_b[3];
+};
+
+struct State {
+    double position_w[3], velocity_w[3], quaternion_wb[4], angular_velocity_b[3];
+};
+
+struct Reference {
+    double position_w[3], velocity_w[3], acceleration_w[3], jerk_w[3], snap_w[3];
+    double yaw, yaw_rate, yaw_acceleration;
+};
+
+struct Actuators {
+    double wrench[4], thrusts[4], motor_references[4], scaling;
+};
+
+struct Estimate {
+    double mass, mass_variance, accelerometer_bias_b[3], gyroscope_bias_b[3];
+    double position_innovation_w[3], attitude_innovation_b[3], measurement_age;
+};
+
+struct Onboard {
+    EstimatorMemory estimator;
+    ControlMemory controller;
+    ImuSample imu;
+    State state;
+    Reference reference;
+    Actuators actuators;
+    Estimate estimate;
+};
+
+struct Plant {
+    double x[13], rotor_speeds[4], specific_force_b[3], disturbance_w[3], charge, voltage;
+    Model model;
+    double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, capacity, resistance;
+};

@@ -1,0 +1,89 @@
+"""The same algorithms written by hand in C++17, compiled on the spot and given the same memory."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import Record
+from vehicle.closed_loop.onboard import ONBOARD, SETTINGS
+from vehicle.simulator.plant import PLANT
+
+SOURCES = Path(__file__).parents[1] / "cpp"
+PORTABLE = ("-O3",)
+NATIVE = ("-O3", "-march=native")
+TUNED = ("-O3", "-fno-math-errno", "-fno-tree-slp-vectorize")
+"""The quickest set found for this code with g++ 12."""
+
+
+class CppTwin:
+    """The twin built with some optimisation flags.
+
+    Raises FileNotFoundError without g++, RuntimeError when the records' layouts differ.
+    """
+
+    def __init__(self, flags: tuple[str, ...] = PORTABLE) -> None:
+        self.flags = flags
+        self._library = ctypes.CDLL(str(_built(flags)))
+        for name, record in (("onboard", ONBOARD), ("settings", SETTINGS), ("plant", PLANT)):
+            size = getattr(self._library, f"size_of_{name}")()
+            if size != record.itemsize:
+                raise RuntimeError(f"{name} has {size} bytes in C++ and {record.itemsize} here")
+        self._library.fly_true_state.restype = ctypes.c_double
+
+    def step(self, onboard: Record, settings: Record, imu: Record, t: float, dt: float) -> None:
+        """One onboard step in flight, as `vehicle.closed_loop.onboard.onboard_step`."""
+        self._library.onboard_step(
+            _of(onboard), _of(settings), _of(imu), ctypes.c_double(t), 1, ctypes.c_double(dt)
+        )
+
+    def steps(
+        self,
+        onboard: Record,
+        settings: Record,
+        imu: Record,
+        thrusts: npt.NDArray[np.float64],
+        dt: float,
+    ) -> None:
+        """As `vehicle.closed_loop.onboard.onboard_steps`."""
+        count = ctypes.c_int64(len(imu))
+        self._library.onboard_steps(
+            _of(onboard), _of(settings), _of(imu), _of(thrusts), 1, ctypes.c_double(dt), count
+        )
+
+    def fly_true_state(
+        self, settings: Record, plant: Record, onboard: Record, ticks: int, period: float
+    ) -> float:
+        """A closed loop on the true state, in place; rms position error, m."""
+        error: float = self._library.fly_true_state(
+            _of(settings), _of(plant), _of(onboard), ctypes.c_int64(ticks),
+            ctypes.c_double(period), round(period / 0.001),
+        )  # fmt: skip
+        return error
+
+
+def _of(array: npt.NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def _built(flags: tuple[str, ...]) -> Path:
+    compiler = shutil.which("g++")
+    if compiler is None:
+        raise FileNotFoundError("g++ is not installed: the C++ twin is left out")
+    text = b"".join(path.read_bytes() for path in sorted(SOURCES.iterdir()))
+    name = hashlib.sha256(text + " ".join(flags).encode()).hexdigest()[:16]
+    library = Path(tempfile.gettempdir()) / f"quadlab-twin-{name}.so"
+    if not library.exists():
+        part = library.with_suffix(".part")
+        command = [compiler, "-std=c++17", "-shared", "-fPIC", *flags]
+        subprocess.run([*command, str(SOURCES / "twin.cpp"), "-o", str(part)], check=True)
+        part.replace(library)
+    return library

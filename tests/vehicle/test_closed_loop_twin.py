@@ -1,0 +1,50 @@
+"""The C++ twin does the same on the same records: two implementations check each other."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+from benchmarks.onboard import PERIOD, recorded, started
+from benchmarks.peers.cpp_twin import CppTwin
+from control.parameters import ControlParameters
+from control.trajectories.figure_eight import FigureEight
+from estimation.parameters import EstimationParameters
+from quadrotor.vehicle_model import VehicleModel
+from vehicle.closed_loop.batch import Scenario, fly_batch, prepare
+from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_steps
+
+pytestmark = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not installed")
+
+
+@pytest.fixture(scope="module")
+def twin() -> CppTwin:
+    return CppTwin()
+
+
+def test_a_recorded_flight_gives_both_the_same_thrusts(twin: CppTwin) -> None:
+    imu = recorded(1000)
+    settings = new_settings(
+        FigureEight((0.0, 0.0, 1.0)), VehicleModel(), ControlParameters(), EstimationParameters()
+    )
+    ours, theirs = started(imu), started(imu)
+    thrusts = np.zeros((2, len(imu), 4))
+    onboard_steps(ours, settings, imu, thrusts[0], True, PERIOD)
+    twin.steps(theirs, settings, imu, thrusts[1], PERIOD)
+    np.testing.assert_allclose(thrusts[1], thrusts[0], atol=1e-9)
+    for part in ("state", "reference", "actuators", "controller"):
+        for name in ours[part].dtype.names:
+            np.testing.assert_allclose(theirs[part][name], ours[part][name], atol=1e-9)
+    assert np.ptp(thrusts[0], axis=0).min() > 0.01
+
+
+def test_a_closed_loop_ends_where_the_twins_does(twin: CppTwin) -> None:
+    scenario = Scenario(true_state=True, whole_references=False, disturbance_w=(0.3, 0.0, 0.0))
+    flight = fly_batch([scenario], 10.0)
+    cases, plants = prepare([scenario])
+    error = twin.fly_true_state(cases["settings"], plants, new_onboard(), 5000, 0.002)
+    np.testing.assert_allclose(plants["x"][0, :3], flight.final["position_w"][0], atol=1e-9)
+    np.testing.assert_allclose(plants["x"][0, 6:10], flight.final["quaternion_wb"][0], atol=1e-9)
+    assert error == pytest.approx(flight.outcome["position_rms"][0], rel=0.01)

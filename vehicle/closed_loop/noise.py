@@ -1,0 +1,108 @@
+"""Random numbers inside compiled loops: one small generator a vehicle, kept in its record.
+
+xoshiro256++ (Blackman, Vigna 2021), started by splitmix64 as its authors advise, and normal
+numbers by the ziggurat (Marsaglia, Tsang 2000) with 256 layers and a position independent of
+the layer (Doornik 2005). A vehicle's numbers depend on its seed alone: not on its place in a
+batch, nor on the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.compiled import compiled
+
+Array = npt.NDArray[np.float64]
+Words = npt.NDArray[np.uint64]
+
+LAYERS = 256
+TAIL = 3.6541528853610088
+"""Where the tail begins when each of 256 layers has the same area."""
+
+_MASK = (1 << 64) - 1
+_R17, _R23, _R41, _R45, _R19 = (np.uint64(n) for n in (17, 23, 41, 45, 19))
+
+
+def _ziggurat() -> tuple[Array, Array]:
+    """Right edges (257,) of the layers, bottom first, and each edge over the one below it."""
+    density = math.exp(-0.5 * TAIL * TAIL)
+    area = TAIL * density + math.sqrt(0.5 * math.pi) * math.erfc(TAIL / math.sqrt(2.0))
+    edges = np.zeros(LAYERS + 1)
+    edges[0], edges[1] = area / density, TAIL
+    for i in range(2, LAYERS):
+        density += area / edges[i - 1]
+        edges[i] = math.sqrt(-2.0 * math.log(density))
+    return edges, edges[1:] / edges[:-1]
+
+
+EDGES, INNER = _ziggurat()
+
+
+def seeded(seeds: list[int]) -> Words:
+    """Generators, shape (len(seeds), 4), from whole numbers: splitmix64's next four words."""
+    out = np.empty((len(seeds), 4), np.uint64)
+    for k, seed in enumerate(seeds):
+        state = seed & _MASK
+        for i in range(4):
+            state = (state + 0x9E3779B97F4A7C15) & _MASK
+            z = ((state ^ (state >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
+            z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _MASK
+            out[k, i] = z ^ (z >> 31)
+    return out
+
+
+@compiled
+def word(s: Words) -> np.uint64:
+    """The next 64 random bits of one generator (4,), which moves on."""
+    a, b, c, d = s[0], s[1], s[2], s[3]
+    sum_ = a + d
+    out = ((sum_ << _R23) | (sum_ >> _R41)) + a
+    c ^= a
+    d ^= b
+    s[0], s[1], s[2] = a ^ d, b ^ c, c ^ (b << _R17)
+    s[3] = (d << _R45) | (d >> _R19)
+    return out
+
+
+@compiled
+def uniform(s: Words) -> float:
+    """A number in 0..1, 1 excluded."""
+    return np.int64(word(s) >> np.uint64(11)) * 2.0**-53
+
+
+@compiled
+def normal(s: Words) -> float:
+    """A standard normal number."""
+    while True:
+        bits = word(s)
+        layer = np.int64(bits & np.uint64(LAYERS - 1))
+        u = (np.int64(bits) >> 11) * 2.0**-52  # -1..1, from other bits than the layer's
+        x = u * EDGES[layer]
+        if abs(u) < INNER[layer]:
+            return x
+        if layer == 0:
+            return _tail(s) if u > 0.0 else -_tail(s)
+        low = math.exp(0.5 * (x * x - EDGES[layer] * EDGES[layer]))
+        high = math.exp(0.5 * (x * x - EDGES[layer + 1] * EDGES[layer + 1]))
+        if low + uniform(s) * (high - low) < 1.0:
+            return x
+
+
+@compiled
+def _tail(s: Words) -> float:
+    """A normal number beyond TAIL (Marsaglia 1964)."""
+    while True:
+        x = -math.log(1.0 - uniform(s)) / TAIL
+        y = -math.log(1.0 - uniform(s))
+        if 2.0 * y > x * x:
+            return TAIL + x
+
+
+@compiled
+def normals(s: Words, out: Array) -> None:
+    """Fill `out` (N,) with standard normal numbers."""
+    for i in range(out.shape[0]):
+        out[i] = normal(s)

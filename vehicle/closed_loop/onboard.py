@@ -1,0 +1,109 @@
+"""One onboard step as one compiled function: the same item-level laws as the vehicle's tick.
+
+estimate (Sec. 6.1) -> reference (the 8 to its fourth derivative) -> eqs. 4 and 5 with feed-forward
+-> allocation. `vehicle.stack` composes them in Python, with plugins, behaviors and safety.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from control.controller import CONTROL_MEMORY, new_control_memory, step_one
+from control.parameters import CONTROL, ControlParameters, control_record
+from control.trajectories.figure_eight import FIGURE_EIGHT, FigureEight, figure_eight_at
+from estimation.complementary_filter import predict_one
+from estimation.memory import ESTIMATOR_MEMORY, new_memory
+from estimation.parameters import ESTIMATION_GAINS, EstimationParameters, estimation_record
+from quadrotor.compiled import compiled
+from quadrotor.records import ACTUATORS, ESTIMATE, IMU_SAMPLE, REFERENCE, STATE, Record
+from quadrotor.vehicle_model import MODEL, VehicleModel
+
+Array = npt.NDArray[np.float64]
+Item = Any
+"""One record `array[k]` inside compiled code."""
+
+SETTINGS = np.dtype(
+    [
+        ("estimation", ESTIMATION_GAINS),
+        ("control", CONTROL),
+        ("model", MODEL),  # what the controller believes
+        ("eight", FIGURE_EIGHT),
+    ],
+    align=True,
+)
+"""What does not change in flight."""
+
+ONBOARD = np.dtype(
+    [
+        ("estimator", ESTIMATOR_MEMORY),
+        ("controller", CONTROL_MEMORY),
+        ("imu", IMU_SAMPLE),
+        ("state", STATE),
+        ("reference", REFERENCE),
+        ("actuators", ACTUATORS),
+        ("estimate", ESTIMATE),
+    ],
+    align=True,
+)
+"""What does."""
+
+
+def new_settings(
+    trajectory: FigureEight,
+    model: VehicleModel,
+    control: ControlParameters,
+    estimation: EstimationParameters,
+) -> Record:
+    """A SETTINGS record, shape (1,)."""
+    out = np.zeros(1, SETTINGS)
+    out["estimation"] = estimation_record(estimation)
+    out["control"] = control_record(control)
+    out["model"] = model.record()
+    out["eight"] = trajectory._eight
+    return out
+
+
+def new_onboard() -> Record:
+    """An ONBOARD record, shape (1,): filters waiting for a first pose, empty integrals."""
+    out = np.zeros(1, ONBOARD)
+    out["estimator"] = new_memory()
+    out["controller"] = new_control_memory()
+    out["state"]["quaternion_wb"][:, 0] = 1.0
+    return out
+
+
+@compiled
+def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
+    """Actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
+    figure_eight_at(s.eight, t, v.reference)
+    step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
+
+
+@compiled
+def onboard_one(v: Item, s: Item, imu: Item, t: float, airborne: bool, dt: float) -> None:
+    """One step of the ONBOARD record v by SETTINGS s, from an IMU_SAMPLE dt (s) after the last."""
+    predict_one(v.estimator, imu, s.estimation, dt, v.state)
+    steer(v, s, t, airborne, dt)
+
+
+@compiled
+def onboard_step(
+    onboard: Record, settings: Record, imu: Record, t: float, airborne: bool, dt: float
+) -> None:
+    """`onboard_one` for Python: records of shape (1,)."""
+    onboard_one(onboard[0], settings[0], imu[0], t, airborne, dt)
+
+
+@compiled
+def onboard_steps(
+    onboard: Record, settings: Record, imu: Record, thrusts: Array, airborne: bool, dt: float
+) -> None:
+    """The samples `imu` (N,) one after the other; the thrusts (N, 4) in N of each step."""
+    v, s = onboard[0], settings[0]
+    for k in range(imu.shape[0]):
+        onboard_one(v, s, imu[k], k * dt, airborne, dt)
+        for i in range(4):
+            thrusts[k, i] = v.actuators.thrusts[i]
