@@ -1,8 +1,14 @@
-"""Gauss-Newton refinement of a pose on the bearings themselves, in compiled loops.
+"""Gauss-Newton refinement of a pose on the bearings themselves, in compiled scalars.
 
 In world axes, with x = R_wb bearing, d the unit vector from r to the beacon and rho their
-distance, the residual of a beacon is x - d, a chord: monotone over the whole sphere. A rotation
-R <- exp(phi) R changes it by -[x] phi, a move of r by (I - d d^T) / rho.
+distance, the residual of a beacon is e = x - d, a chord: monotone over the whole sphere. A move of
+r changes it by P / rho, P = I - d d^T, a rotation R <- exp(phi) R by -[x]. With v = d x x,
+
+    J^T J = [ sum P / rho^2      B       ]     J^T e = [ sum (x - (x . d) d) / rho ]
+            [     B^T       sum I - x x^T ]             [ sum v                     ]
+
+with B = sum (d v^T - [x]) / rho. It is solved by the Schur complement of the rotation's block, both
+3 x 3 inverses in closed form. Rotations are stepped by Cayley's map, which is exp to third order.
 """
 
 from __future__ import annotations
@@ -12,190 +18,176 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from estimation.bearing_frame import SIGHTS, right, store_right
+from estimation.position_at_attitude import symmetric_inverse
 from quadrotor.compiled import compiled
-from quadrotor.rotations import norm, quaternion_to_matrix, rotation_exp
+from quadrotor.vectors import (
+    Quaternion,
+    Vector,
+    add,
+    along,
+    axes_of,
+    cross,
+    dot,
+    length,
+    multiply,
+    normalized,
+    scale,
+    store,
+    subtract,
+    to_world,
+    vector,
+)
 
 Array = npt.NDArray[np.float64]
+Rows = tuple[Vector, Vector, Vector]
 
-MAX_STEPS = 12
-"""Gauss-Newton steps; two do, except low above a beacon (1 in 3000 of the envelope)."""
-SETTLED = 0.02
-"""Share of the cost a step must take off to be followed by another."""
 MAX_MOVE = 0.5
 """Largest step, as a share of the mean distance to the beacons."""
 MAX_TURN = 0.5
 """Largest step, rad."""
+SETTLED = 0.1
+"""A step that promises to lower the cost by less than the square of so many sigma is the last."""
+UNSEEN = 1e-12
+"""Share of the information below which rounding has taken the rest."""
+NEAREST = 1e-9
+"""m; distances are taken as at least this."""
 
 
 @compiled
-def normalize(beacons: Array, bearings: Array, unit: Array) -> float:
-    """Bearings (N, 3) at length 1 into unit (N, 3); the length that was farthest from 1.
+def refine(
+    frame: Array, r: Vector, q: Quaternion, sigma: float, steps: int
+) -> tuple[bool, float, Vector, Quaternion]:
+    """Whether the pose is determined, cost (rad^2), r and q_wb of the best pose near (r, q).
 
-    Not finite when a number of the beacons (N, 3) or bearings is not.
-    """
-    worst, total = 1.0, 0.0
-    for k in range(bearings.shape[0]):
-        length = norm(bearings[k])
-        if not abs(length - 1.0) <= abs(worst - 1.0):
-            worst = length
-        for i in range(3):
-            unit[k, i] = bearings[k, i] / length
-            # Times 0, so that finite numbers leave nothing behind and others NaN.
-            total += 0.0 * beacons[k, i] + 0.0 * bearings[k, i]
-    return worst + total
-
-
-@compiled
-def linearize(
-    beacons: Array, bearings: Array, r: Array, R: Array, gradient: Array, information: Array
-) -> tuple[float, float]:
-    """Sum of squared residuals and mean distance (m); J^T e into gradient (6,), J^T J (6, 6).
+    Steps are clamped; one that raises the cost is halved.
 
     Args:
-        beacons: (N, 3) m, world. bearings: (N, 3) unit, body. r: (3,) m. R: (3, 3) R_wb.
+        frame: (13 + N, 6), see `bearing_frame`; its first six rows are written: (J^T J)^-1 at the
+            pose found (for sigma 1).
+        r: m, from the plane's centre. q: unit.
+        sigma: rad, the size of the noise, which says when to stop.
+        steps: at most; 0 evaluates the pose given.
     """
-    gradient[:] = 0.0
-    information[:] = 0.0
-    row = np.empty(6)
-    d, x = np.empty(3), np.empty(3)
-    cost, total = 0.0, 0.0
-    for k in range(beacons.shape[0]):
-        rho = 0.0
-        for i in range(3):
-            d[i] = beacons[k, i] - r[i]
-            rho += d[i] * d[i]
-            x[i] = R[i, 0] * bearings[k, 0] + R[i, 1] * bearings[k, 1] + R[i, 2] * bearings[k, 2]
-        rho = max(math.sqrt(rho), 1e-9)
-        total += rho
-        for i in range(3):
-            d[i] /= rho
-        for i in range(3):
-            j, m = (i + 1) % 3, (i + 2) % 3
-            for c in range(3):
-                row[c] = -d[i] * d[c] / rho
-            row[i] += 1.0 / rho
-            row[3 + i], row[3 + j], row[3 + m] = 0.0, x[m], -x[j]
-            e = x[i] - d[i]
-            cost += e * e
-            for a in range(6):
-                gradient[a] += row[a] * e
-                for b in range(6):
-                    information[a, b] += row[a] * row[b]
-    return cost, total / beacons.shape[0]
-
-
-@compiled
-def solve(information: Array, gradient: Array, step: Array) -> bool:
-    """-information^-1 gradient into step (6,), by Cholesky; False when it is not positive."""
-    L = np.zeros((6, 6))
-    for i in range(6):
-        for j in range(i + 1):
-            total = information[i, j]
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                if not total > 1e-14 * information[i, i]:
-                    return False
-                L[i, i] = math.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-    for i in range(6):
-        total = -gradient[i]
-        for k in range(i):
-            total -= L[i, k] * step[k]
-        step[i] = total / L[i, i]
-    for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            step[i] -= L[k, i] * step[k]
-        step[i] /= L[i, i]
-    return True
-
-
-@compiled
-def refine(beacons: Array, bearings: Array, r: Array, R: Array, information: Array) -> float:
-    """Moves r (3,) and R (3, 3) in place to the best pose near them; the cost left (rad^2).
-
-    Steps are clamped; one that does not lower the cost is halved, at most three times.
-    `information` (6, 6), for sigma 1, is written for the pose found.
-    """
-    gradient, step, trial_r = np.empty(6), np.empty(6), np.empty(3)
-    trial_gradient, trial_information = np.empty(6), np.empty((6, 6))
-    cost, distance = linearize(beacons, bearings, r, R, gradient, information)
-    for _ in range(MAX_STEPS):
-        before = cost
-        if not solve(information, gradient, step):
-            break  # no direction is better: the caller finds the pose unobserved
-        move = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-        turn = math.sqrt(step[3] ** 2 + step[4] ** 2 + step[5] ** 2)
-        share = 1.0 / max(1.0, move / (MAX_MOVE * distance), turn / MAX_TURN)
-        for _ in range(4):
-            for i in range(3):
-                trial_r[i] = r[i] + share * step[i]
-            turned = rotation_exp(share * step[3:])
-            trial_R = np.empty((3, 3))
-            for i in range(3):
-                for j in range(3):
-                    trial_R[i, j] = (
-                        turned[i, 0] * R[0, j] + turned[i, 1] * R[1, j] + turned[i, 2] * R[2, j]
-                    )
-            trial, trial_distance = linearize(
-                beacons, bearings, trial_r, trial_R, trial_gradient, trial_information
-            )
-            if trial < cost:
-                r[:], R[:], gradient[:] = trial_r, trial_R, trial_gradient
-                information[:] = trial_information
-                cost, distance = trial, trial_distance
+    move, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    kept_r, kept_q, cost = r, q, math.inf
+    enough = (SETTLED * sigma) ** 2
+    determined = False
+    for k in range(steps + 1):
+        trial, distance, A, B, D, g_r, g_phi = normal_equations(frame, r, q)
+        if not trial <= cost:
+            move, turn = scale(0.5, move), scale(0.5, turn)
+        else:
+            kept_r, kept_q, cost = r, q, trial
+            determined, S, E, F = inverse(A, B, D)
+            if not determined:
                 break
-            share *= 0.5
-        if before - cost <= SETTLED * before:
-            break
-    return cost
+            g = subtract(apply(E, g_phi), g_r)
+            move = apply(S, g)
+            turn = scale(-1.0, add(apply(F, g_phi), transposed(E, move)))
+            promise = -dot(move, g_r) - dot(turn, g_phi)
+            if promise <= enough or k == steps:
+                store_inverse(S, E, F, frame)
+                if steps > 0 and promise <= enough:
+                    kept_r, kept_q = add(r, move), tilted(q, turn)
+                    cost = max(0.0, cost - promise)
+                    break
+            s = 1.0 / max(1.0, length(move) / (MAX_MOVE * distance), length(turn) / MAX_TURN)
+            move, turn = scale(s, move), scale(s, turn)
+        r, q = add(kept_r, move), tilted(kept_q, turn)
+    return determined, cost, kept_r, kept_q
 
 
 @compiled
-def refine_from(
-    beacons: Array, bearings: Array, r: Array, q: Array, R: Array, information: Array
-) -> float:
-    """As `refine`, from an attitude q (4,) of any length; R (3, 3) is written only."""
-    length = norm(q)
-    unit = np.empty(4)
-    for i in range(4):
-        unit[i] = q[i] / length
-    R[:] = quaternion_to_matrix(unit)
-    return refine(beacons, bearings, r, R, information)
+def normal_equations(
+    frame: Array, r: Vector, q: Quaternion
+) -> tuple[float, float, tuple[Vector, Vector], Rows, tuple[Vector, Vector], Vector, Vector]:
+    """Cost (rad^2), mean distance (m), blocks of J^T J and parts of J^T e, as the module says.
 
-
-@compiled
-def invert(information: Array, extent: float, out: Array) -> float:
-    """information^-1 into out (6, 6), by Cholesky; smallest over largest squared pivot.
-
-    The ratio, taken with positions in shares of `extent` (m), is near 0 when some motion changes
-    none of the bearings; then `out` is not to be used.
+    Symmetric blocks come as ((xx, yy, zz), (xy, xz, yz)).
     """
-    L, inverse = np.zeros((6, 6)), np.zeros((6, 6))
-    smallest, largest = math.inf, 0.0
-    for i in range(6):
-        for j in range(i + 1):
-            total = information[i, j] * (extent if i < 3 else 1.0) * (extent if j < 3 else 1.0)
-            for k in range(j):
-                total -= L[i, k] * L[j, k]
-            if i == j:
-                smallest, largest = min(smallest, total), max(largest, total)
-                if not total > 0.0:
-                    return 0.0
-                L[i, i] = math.sqrt(total)
-            else:
-                L[i, j] = total / L[j, j]
-    for c in range(6):
-        for i in range(c, 6):
-            total = 1.0 if i == c else 0.0
-            for k in range(c, i):
-                total -= L[i, k] * inverse[k, c]
-            inverse[i, c] = total / L[i, i]
-    for i in range(6):
-        for j in range(6):
-            total = 0.0
-            for k in range(max(i, j), 6):
-                total += inverse[k, i] * inverse[k, j]
-            out[i, j] = total * (extent if i < 3 else 1.0) * (extent if j < 3 else 1.0)
-    return smallest / largest
+    axes = axes_of(q)
+    zero = (0.0, 0.0, 0.0)
+    cost = total = w = 0.0
+    dd, dc, xx, xc = zero, zero, zero, zero
+    B_x, B_y, B_z, lever = zero, zero, zero, zero
+    g_r, g_phi = zero, zero
+    count = len(frame) - SIGHTS
+    for k in range(count):
+        x = to_world(axes, right(frame[SIGHTS + k]))
+        ray = subtract(vector(frame[SIGHTS + k]), r)
+        rho = max(length(ray), NEAREST)
+        s = 1.0 / rho
+        d = scale(s, ray)
+        v = cross(d, x)
+        e = subtract(x, d)
+        cost += dot(e, e)
+        total += rho
+        w += s * s
+        h = scale(s, d)
+        dd = add(dd, (h[0] * h[0], h[1] * h[1], h[2] * h[2]))
+        dc = add(dc, (h[0] * h[1], h[0] * h[2], h[1] * h[2]))
+        xx = add(xx, (x[0] * x[0], x[1] * x[1], x[2] * x[2]))
+        xc = add(xc, (x[0] * x[1], x[0] * x[2], x[1] * x[2]))
+        B_x, B_y, B_z = along(B_x, h[0], v), along(B_y, h[1], v), along(B_z, h[2], v)
+        lever = along(lever, s, x)
+        g_r = add(g_r, along(scale(s, x), -dot(x, d), h))
+        g_phi = add(g_phi, v)
+    A = (subtract((w, w, w), dd), scale(-1.0, dc))
+    D = (subtract((1.0 * count, 1.0 * count, 1.0 * count), xx), scale(-1.0, xc))
+    B = (
+        add(B_x, (0.0, lever[2], -lever[1])),
+        add(B_y, (-lever[2], 0.0, lever[0])),
+        add(B_z, (lever[1], -lever[0], 0.0)),
+    )
+    return cost, total / count, A, B, D, g_r, g_phi
+
+
+@compiled
+def inverse(
+    A: tuple[Vector, Vector], B: Rows, D: tuple[Vector, Vector]
+) -> tuple[bool, Rows, Rows, Rows]:
+    """Whether [A B; B^T D] has one, the inverse of S = A - B D^-1 B^T, E = B D^-1, and D^-1."""
+    (xx, yy, zz), (xy, xz, yz) = D
+    D_x, D_y, D_z, det = symmetric_inverse(xx, xy, xz, yy, yz, zz)
+    seen = det > UNSEEN * (xx + yy + zz) ** 3
+    D_inverse = (D_x, D_y, D_z)
+    E = (apply(D_inverse, B[0]), apply(D_inverse, B[1]), apply(D_inverse, B[2]))
+    (xx, yy, zz), (xy, xz, yz) = A
+    sx, sy, sz = xx - dot(E[0], B[0]), yy - dot(E[1], B[1]), zz - dot(E[2], B[2])
+    S_x, S_y, S_z, det = symmetric_inverse(
+        sx, xy - dot(E[0], B[1]), xz - dot(E[0], B[2]), sy, yz - dot(E[1], B[2]), sz
+    )
+    seen = seen and min(sx, sy, sz) > UNSEEN * (xx + yy + zz)
+    seen = seen and det > UNSEEN * (sx + sy + sz) ** 3
+    return seen, (S_x, S_y, S_z), E, D_inverse
+
+
+@compiled
+def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
+    """[S, -S E; -E^T S, D + E^T S E] into the first rows of out, with what `inverse` gives."""
+    X = (transposed(E, S[0]), transposed(E, S[1]), transposed(E, S[2]))
+    for i in range(3):
+        store(S[i], out[i])
+        store_right(scale(-1.0, X[i]), out[i])
+        below = (X[0][i], X[1][i], X[2][i])
+        store(scale(-1.0, below), out[3 + i])
+        store_right(add(D[i], transposed(E, below)), out[3 + i])
+
+
+@compiled
+def apply(rows: Rows, v: Vector) -> Vector:
+    """The matrix of these rows on v."""
+    return dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)
+
+
+@compiled
+def transposed(rows: Rows, v: Vector) -> Vector:
+    """Its transpose on v."""
+    return add(add(scale(v[0], rows[0]), scale(v[1], rows[1])), scale(v[2], rows[2]))
+
+
+@compiled
+def tilted(q: Quaternion, phi: Vector) -> Quaternion:
+    """q turned about world axes by phi (rad), by Cayley's map."""
+    return normalized(multiply((1.0, 0.5 * phi[0], 0.5 * phi[1], 0.5 * phi[2]), q))

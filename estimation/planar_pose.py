@@ -1,58 +1,197 @@
 """Pose of the body from one frame of bearings to at least four coplanar beacons (Sec. 6.2).
 
-With plane coordinates (alpha, beta) of a beacon at c + alpha e1 + beta e2, its bearing is along
-G (alpha, beta, 1), G = [R_bw e1, R_bw e2, R_bw (c - r)] up to scale: the four-point algorithm
-without the plane's distance from the world origin, by which print divides (0 is a normal case).
-The scale is that of the two projected columns, the sign that which puts the beacons along their
-bearings and not against them. Gauss-Newton steps on the bearings, two as a rule, make the
-estimate efficient.
-
-Bearings may point anywhere on the sphere. The refinement is compiled; the rest are a few small
-numpy calls.
+The homography of four beacons gives a start (`homography`), Gauss-Newton steps on all bearings,
+two as a rule, make the estimate efficient (`bearing_refinement`). Bearings may point anywhere on
+the sphere. What the beacons alone fix is prepared once (`beacon_plane`); a frame is one call of
+compiled code.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from estimation.bearing_refinement import invert, normalize, refine, refine_from
-from quadrotor.errors import MeasurementError
-from quadrotor.rotations import cross, quaternion_from_matrix
+from estimation.beacon_plane import BeaconPlane
+from estimation.bearing_frame import ATTITUDE, CENTER, PLANE, POSITION, SIGHTS
+from estimation.frame_solution import (
+    BAD_PREDICTION,
+    BAD_SIGMA,
+    DOUBTFUL,
+    MAX_STEPS,
+    NO_FIT,
+    NO_START,
+    NOT_FINITE,
+    NOT_UNIT,
+    SHAPE,
+    SOLVED,
+    UNIT,
+    solve_frame,
+)
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 Array = npt.NDArray[np.float64]
 
-IMPLAUSIBLE = 4.0
-"""A fit whose rms residual on a tangent axis is larger than this many sigma is no pose."""
-PLAUSIBLE = 2.0
-"""A fit found from a prediction is taken up to this many sigma; beyond, others are tried too."""
-UNOBSERVED = 1e-9
-"""Ratio of pivots of the information below which some motion is not observed."""
-FLATNESS = 1e-3
-"""How far the beacons may leave their plane, as a share of their extent."""
 
-
-@dataclass(frozen=True, slots=True)
 class PlanarPose:
-    """A one-frame pose.
+    """A one-frame pose; its arrays are views of one."""
 
-    Attributes:
-        position_w: (3,) m.
-        quaternion_wb: (4,) unit, w >= 0.
-        covariance: (6, 6) of position (m, world axes), then of the attitude error as a rotation
-            vector (rad, world axes), as geometry_msgs/PoseWithCovariance orders them.
-        residual: rms angle between measured and predicted bearings, rad. With four beacons two
-            degrees of freedom are left: nearly blind to a wrong one, so gate on a prediction.
+    __slots__ = ("_frame",)
+
+    def __init__(self, frame: Array) -> None:
+        self._frame = frame
+
+    @property
+    def position_w(self) -> Array:
+        """(3,) m."""
+        return self._frame[POSITION, :3]
+
+    @property
+    def quaternion_wb(self) -> Array:
+        """(4,) unit, w >= 0."""
+        return self._frame[ATTITUDE, :4]
+
+    @property
+    def covariance(self) -> Array:
+        """(6, 6) of position (m, world axes), then of the attitude error as a rotation vector.
+
+        The latter in rad, world axes, as geometry_msgs/PoseWithCovariance orders them.
+        """
+        return self._frame[:6]
+
+    @property
+    def residual(self) -> float:
+        """Rms angle between measured and predicted bearings, rad.
+
+        With four beacons two degrees of freedom are left: nearly blind to a wrong one, so gate on
+        a prediction.
+        """
+        return float(self._frame[POSITION, 3])
+
+    def __repr__(self) -> str:
+        return (
+            f"PlanarPose(position_w={self.position_w}, quaternion_wb={self.quaternion_wb}, "
+            f"residual={self.residual:.3g})"
+        )
+
+
+class PlanarPoseSolver:
+    """Solves frames of bearings to one set of beacons.
+
+    Args:
+        beacons_w: (N, 3) m, coplanar, not on one line, N >= 4.
+        ids: (N,) of the beacons, to check that none comes twice; optional.
+        steps: Gauss-Newton steps at most; 0 is the homography alone.
+
+    Raises MeasurementError when malformed, DegenerateGeometryError when the beacons determine no
+    pose (`BeaconPlane.of`).
     """
 
-    position_w: Array
-    quaternion_wb: Array
-    covariance: Array
-    residual: float
+    def __init__(
+        self, beacons_w: npt.ArrayLike, ids: Sequence[int] | None = None, steps: int = MAX_STEPS
+    ) -> None:
+        self.plane = plane = BeaconPlane.of(beacons_w, ids)
+        self._template = _template(plane, steps)
+        self._others = [_template(other, steps) for other in plane.others()]
+        self._kernel = _ready_kernel()
+
+    def solve(
+        self,
+        bearings_b: Array,
+        sigma: float,
+        prediction: tuple[Array, Array] | None = None,
+    ) -> PlanarPose:
+        """The pose that explains the bearings best.
+
+        Args:
+            bearings_b: (N, 3) unit vectors in body axes, in the beacons' order.
+            sigma: rad on each of two tangent axes.
+            prediction: position_w (3,) and quaternion_wb (4,) of a filter. Near the beacons' own
+                plane the homography fails though the information is there: the search starts from
+                here, and from the homography too when what it finds explains the bearings badly.
+
+        Raises MeasurementError when the input is malformed or no pose fits,
+        DegenerateGeometryError when the bearings do not determine one.
+        """
+        frame = self._template.copy()
+        if prediction is not None:
+            frame[POSITION, :3], frame[ATTITUDE, :4] = prediction
+            frame[ATTITUDE, 5] = 1.0
+        if type(bearings_b) is not np.ndarray or not bearings_b.flags.carray:
+            bearings_b = _as_compiled_for(bearings_b)  # a list, a record's field, read-only
+        try:
+            code = self._kernel(bearings_b, frame, sigma)
+        except TypeError:  # single precision, one axis: whatever else was not compiled for
+            code = self._kernel(_as_compiled_for(bearings_b), frame, float(sigma))
+        if code == DOUBTFUL or (code >= NO_START and self._others):
+            code, frame = self._better(code, frame, bearings_b, sigma)
+        if code:
+            raise self._refusal(code, np.asarray(bearings_b, dtype=float), sigma, frame)
+        return PlanarPose(frame)
+
+    def _better(
+        self, code: int, frame: Array, bearings_b: Array, sigma: float
+    ) -> tuple[int, Array]:
+        """The best of the pose found, or none, and those from other fours."""
+        bearings = _as_compiled_for(bearings_b)
+        best = frame[POSITION, 3] if code == DOUBTFUL else math.inf
+        for template in self._others:
+            trial = template.copy()
+            found = self._kernel(bearings, trial, float(sigma))
+            if found in (SOLVED, DOUBTFUL) and trial[POSITION, 3] < best:
+                code, frame, best = found, trial, trial[POSITION, 3]
+            if found == SOLVED:
+                break
+        return (SOLVED if code == DOUBTFUL else code), frame
+
+    def _refusal(self, code: int, bearings: Array, sigma: float, frame: Array) -> MeasurementError:
+        count = len(self.plane.beacons_w)
+        if code == SHAPE:
+            return MeasurementError(
+                f"bearings of shape {bearings.shape} for {count} beacons; "
+                f"both must be (N, 3), one bearing a beacon, here ({count}, 3)"
+            )
+        if code == NOT_FINITE:
+            return MeasurementError("a bearing is not finite; check the beacon detector")
+        if code == NOT_UNIT:
+            lengths = np.sqrt((bearings**2).sum(axis=1))
+            worst = lengths[np.argmax(np.abs(lengths - 1.0))]
+            return MeasurementError(
+                f"a bearing has length {worst:.4g}; unit vectors in body axes are needed "
+                f"(within {UNIT:.0%})"
+            )
+        if code == BAD_SIGMA:
+            return MeasurementError(f"sigma = {sigma} rad; a finite number above 0 is needed")
+        if code == BAD_PREDICTION:
+            return MeasurementError(
+                "the predicted pose is not finite or its quaternion is 0; "
+                "give a finite one, or none"
+            )
+        if code == NO_FIT:
+            residual, expected = frame[POSITION, 3], math.sqrt(2.0) * sigma
+            return MeasurementError(
+                f"no pose fits the bearings: {math.degrees(residual):.3g} deg rms remain where "
+                f"{math.degrees(expected):.3g} are expected; check the beacons' identities and "
+                "positions, or give a predicted pose to start from"
+            )
+        if code == NO_START and not self.plane.spanned:
+            return DegenerateGeometryError(
+                "bearings do not determine a pose: three of four beacons stand on one line; "
+                "move one aside, or give a predicted pose to start from"
+            )
+        if np.linalg.svd(bearings, compute_uv=False)[2] < 1e-6:
+            return DegenerateGeometryError(
+                "bearings do not determine a pose: they all lie in one plane, as seen from the "
+                "beacons' own; move the vehicle off it, or give a predicted pose to start from"
+            )
+        return DegenerateGeometryError(
+            "bearings do not determine a pose: the beacons are too far away or seen edge-on; "
+            "come closer, or give a predicted pose to start from"
+        )
 
 
 def planar_pose(
@@ -61,159 +200,57 @@ def planar_pose(
     sigma: float,
     prediction: tuple[Array, Array] | None = None,
 ) -> PlanarPose:
-    """The pose that explains the bearings best.
+    """`PlanarPoseSolver(beacons_w).solve(...)`, the solver kept by the beacons' positions.
 
     Args:
         beacons_w: (N, 3) m, coplanar, not on one line, N >= 4.
-        bearings_b: (N, 3) unit vectors in body axes, same order.
-        sigma: rad on each of two tangent axes.
-        prediction: position_w (3,) and quaternion_wb (4,) of a filter. Near the beacons' own
-            plane the homography fails though the information is there: the refinement starts
-            from here, and from the homography too when what it finds explains the bearings badly.
+        bearings_b, sigma, prediction: see `PlanarPoseSolver.solve`.
 
-    Raises MeasurementError when the input is malformed, the geometry degenerate, or no pose fits.
+    Raises MeasurementError and DegenerateGeometryError as those do.
     """
-    beacons, bearings = _checked(beacons_w, bearings_b, sigma)
-    center, axes, extent = _plane(beacons.tobytes())
-    refined = []
-    if prediction is not None:
-        r, q = np.array(prediction[0], dtype=float), np.array(prediction[1], dtype=float)
-        R, information = np.empty((3, 3)), np.empty((6, 6))
-        cost = refine_from(beacons, bearings, r, q, R, information)
-        refined.append((cost, r, R, information))
-    if not (refined and refined[0][0] < 2.0 * len(beacons) * (PLAUSIBLE * sigma) ** 2):
-        try:
-            r, R = homography_pose(beacons, bearings, center, axes, extent)
-            refined.append(_refine(beacons, bearings, r, R))
-        except MeasurementError:
-            if prediction is None:
-                raise
-    cost, r, R, information = min(refined, key=_cost) if len(refined) > 1 else refined[0]
-    residual, expected = math.sqrt(cost / len(beacons)), math.sqrt(2.0) * sigma
-    if not residual < IMPLAUSIBLE * expected:
+    beacons = np.ascontiguousarray(beacons_w, dtype=float)
+    if beacons.ndim != 2 or beacons.shape[1] != 3 or beacons.shape != np.shape(bearings_b):
         raise MeasurementError(
-            f"no pose fits the bearings: {math.degrees(residual):.3g} deg rms remain where "
-            f"{math.degrees(expected):.3g} are expected; check the beacons' identities and "
-            "positions, or give a predicted pose to start from"
+            f"beacons of shape {beacons.shape} and bearings of shape {np.shape(bearings_b)}; "
+            "both must be (N, 3), one bearing a beacon"
         )
-    covariance = _covariance(information, sigma, extent)
-    return PlanarPose(r, quaternion_from_matrix(R), covariance, residual)
+    return _solver(beacons.tobytes()).solve(bearings_b, sigma, prediction)
 
 
-def homography_pose(
-    beacons: Array, bearings: Array, center: Array, axes: Array, extent: float
-) -> tuple[Array, Array]:
-    """position_w (3,) and R_wb (3, 3) by the four-point algorithm, without refinement.
-
-    Args:
-        center, axes: a point of the plane, and rows e1, e2, e3 = e1 x e2 (its normal).
-        extent: m, the beacons' size, which makes the plane coordinates of order one.
-
-    Raises MeasurementError when the bearings do not determine a homography.
-    """
-    plane = (beacons - center) @ axes.T / extent
-    plane[:, 2] = 1.0
-    # Rows of x cross (G a) = 0: two of the three are independent, keeping all treats axes alike.
-    system = np.zeros((len(plane), 3, 3, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        system[:, i, k] = bearings[:, j, None] * plane
-        system[:, i, j] = -bearings[:, k, None] * plane
-    _, singular, vt = np.linalg.svd(system.reshape(-1, 9), full_matrices=False)
-    if singular[7] < 1e-6 * singular[0]:
-        raise MeasurementError(
-            "bearings do not determine a pose: they are the same, in one plane, or three of four "
-            "beacons stand on one line; move the vehicle or the beacons"
-        )
-    G = vt[8].reshape(3, 3)
-    if ((plane @ G.T) * bearings).sum() < 0.0:
-        G = -G
-    first, second, third = G.T.copy()
-    length = 0.5 * (math.sqrt(first @ first) + math.sqrt(second @ second))
-    if length < 1e-9:
-        raise MeasurementError(
-            "bearings do not determine a pose: the beacons are too far away or seen edge-on; "
-            "give a predicted pose to start from"
-        )
-    u, _, v = np.linalg.svd(np.column_stack([first, second, cross(first, second) / length]))
-    if np.linalg.det(u @ v) < 0.0:
-        u[:, 2] *= -1.0
-    R_wb = np.ascontiguousarray(((u @ v) @ axes).T)
-    position: Array = center - R_wb @ third * (extent / length)
-    return position, R_wb
-
-
-def _cost(refined: tuple[float, Array, Array, Array]) -> float:
-    return refined[0]
-
-
-def _refine(
-    beacons: Array, bearings: Array, r: Array, R: Array
-) -> tuple[float, Array, Array, Array]:
-    """Cost (rad^2), r, R and information (for sigma 1) of the best pose near (r, R)."""
-    position, rotation = np.array(r, dtype=float), np.array(R, dtype=float)
-    information = np.empty((6, 6))
-    cost = refine(beacons, bearings, position, rotation, information)
-    return cost, position, rotation, information
-
-
-def _covariance(information: Array, sigma: float, extent: float) -> Array:
-    """sigma^2 (J^T J)^-1. Raises MeasurementError when a direction is not observed."""
-    out = np.empty((6, 6))
-    if not invert(information, extent, out) > UNOBSERVED:
-        raise MeasurementError(
-            "bearings do not determine a pose: some motion changes none of them; "
-            "move the vehicle off the beacons' plane or add beacons"
-        )
-    return out * (sigma * sigma)
+def _template(plane: BeaconPlane, steps: int) -> Array:
+    """The frame, see `bearing_frame`, without its bearings."""
+    frame = np.zeros((SIGHTS + len(plane.beacons_w), 6))
+    frame[ATTITUDE, 4] = steps
+    frame[CENTER, :3], frame[CENTER, 3:] = plane.center_w, plane.four[:3]
+    frame[PLANE : PLANE + 4] = plane.homography
+    frame[PLANE + 3, 4:] = plane.four[3], plane.spanned
+    frame[SIGHTS:, :3] = plane.beacons_w - plane.center_w
+    return frame
 
 
 @lru_cache(maxsize=64)
-def _plane(beacon_bytes: bytes) -> tuple[Array, Array, float]:
-    """Centre (3,), axes (3, 3) with the normal last, and extent (m) of the beacons.
+def _solver(beacon_bytes: bytes) -> PlanarPoseSolver:
+    """Kept by the bytes of the positions (N, 3): beacons stand still from frame to frame."""
+    return PlanarPoseSolver(np.frombuffer(beacon_bytes).reshape(-1, 3))
 
-    Kept by the bytes of their positions (N, 3): beacons stand still from frame to frame.
+
+def _as_compiled_for(bearings_b: npt.ArrayLike) -> Array:
+    """An array of the one type the kernel is compiled for. Raises MeasurementError."""
+    try:
+        bearings = np.array(bearings_b, dtype=float, order="C")
+    except (TypeError, ValueError) as error:
+        raise MeasurementError("bearings are not an (N, 3) array of numbers") from error
+    return bearings if bearings.ndim == 2 else np.zeros((0, 0))
+
+
+@lru_cache(maxsize=1)
+def _ready_kernel() -> Any:
+    """The compiled frame, for contiguous double precision only.
+
+    Loaded before the first frame; another type of array, which would halt a flight for a second
+    to be compiled for, raises TypeError instead and is converted.
     """
-    beacons = np.frombuffer(beacon_bytes).reshape(-1, 3)
-    center: Array = beacons.mean(axis=0)
-    _, singular, axes = np.linalg.svd(beacons - center, full_matrices=False)
-    extent = float(singular[0]) / math.sqrt(len(beacons))
-    if singular[1] < 1e-3 * singular[0] or extent < 1e-6:
-        raise MeasurementError(
-            f"{len(beacons)} beacons stand on one line or one spot; "
-            "four that span a plane are needed: move one aside"
-        )
-    if singular[2] > FLATNESS * singular[0]:
-        off = float(np.abs((beacons - center) @ axes[2]).max())
-        raise MeasurementError(
-            f"beacons leave their common plane by up to {off:.3g} m; "
-            f"allowed {FLATNESS * extent:.2g} m: level them or correct their positions"
-        )
-    axes[2] = cross(axes[0], axes[1])
-    return center, axes, extent
-
-
-def _checked(beacons_w: Array, bearings_b: Array, sigma: float) -> tuple[Array, Array]:
-    """Both as (N, 3) floats, bearings normalised. Raises MeasurementError."""
-    beacons = np.ascontiguousarray(beacons_w, dtype=float)
-    bearings = np.ascontiguousarray(bearings_b, dtype=float)
-    if beacons.ndim != 2 or beacons.shape[1] != 3 or beacons.shape != bearings.shape:
-        raise MeasurementError(
-            f"beacons of shape {beacons.shape} and bearings of shape {bearings.shape}; "
-            "both must be (N, 3), one bearing a beacon"
-        )
-    if len(beacons) < 4:
-        raise MeasurementError(
-            f"{len(beacons)} bearings came; a planar pose needs at least 4: "
-            "bring more beacons into view"
-        )
-    unit = np.empty_like(bearings)
-    worst = normalize(beacons, bearings, unit)
-    if not math.isfinite(worst):
-        raise MeasurementError("a beacon or bearing is not finite; check the beacon detector")
-    if not (math.isfinite(sigma) and sigma > 0.0):
-        raise MeasurementError(f"sigma = {sigma} rad; a finite number above 0 is needed")
-    if abs(worst - 1.0) > 0.01:
-        raise MeasurementError(
-            f"a bearing has length {worst:.4g}; unit vectors in body axes are needed (within 1 %)"
-        )
-    return beacons, unit
+    kernel: Any = solve_frame
+    kernel(np.zeros((4, 3)), np.zeros((SIGHTS + 4, 6)), 1.0)
+    kernel.disable_compile()
+    return kernel

@@ -36,7 +36,11 @@ class RefusedError(QuadlabError):
 
 
 class MeasurementError(QuadlabError):
-    """A measurement cannot be used: degenerate geometry, not finite, not unit length."""
+    """A measurement cannot be used: not finite, not unit length, of the wrong shape, no fit."""
+
+
+class DegenerateGeometryError(MeasurementError):
+    """What was seen, or where the beacons stand, does not determine a pose."""
 
 
 class LinkError(QuadlabError):

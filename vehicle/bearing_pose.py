@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from estimation.planar_pose import planar_pose
+from estimation.planar_pose import PlanarPoseSolver
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Record
 from vehicle_link import topics
@@ -25,13 +25,8 @@ class BearingPose:
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
         self._ids: list[int] | None = None
         self._known: list[int] = []
-        self._beacons_w = np.empty((0, 3))
-        # Compiled here: at the first frame in flight all that follow would be a second late.
-        above = PAPER_BEACONS.positions_w - np.array([0.1, 0.2, 1.5])
-        above /= np.linalg.norm(above, axis=1)[:, None]
-        level = np.array([0.1, 0.2, 1.5]), np.array([1.0, 0.0, 0.0, 0.0])
-        for start in (None, level):
-            planar_pose(PAPER_BEACONS.positions_w, above, 0.01, start)
+        # Made here, which compiles: at the first frame in flight all that follow would be late.
+        self._solver = PlanarPoseSolver(PAPER_BEACONS.positions_w)
 
     def solve(
         self,
@@ -48,24 +43,32 @@ class BearingPose:
             state: STATE of shape (1,) to start the search from, which is what makes poses near
                 the beacons' own plane possible; None when there is none.
 
-        Raises MeasurementError.
+        Raises MeasurementError; DegenerateGeometryError when too few beacons are seen, one comes
+        twice, or they do not determine a pose.
         """
         bearings = np.asarray(bearings_b, dtype=float)
         ids = list(beacon_ids)
         if ids != self._ids:  # mostly the same beacons are seen from frame to frame
-            self._ids = ids
-            self._known = [k for k, one in enumerate(ids) if one in self._places]
-            places = [self._places[ids[k]] for k in self._known]
-            self._beacons_w = np.array(places, dtype=float).reshape(-1, 3)
-        known = self._known
-        if not known:
-            raise MeasurementError(f"no known beacon among {ids}; known are {sorted(self._places)}")
-        if len(known) < len(ids):
-            bearings = bearings[known]
+            self._look_for(ids)
+        if bearings.shape != (len(ids), 3):
+            raise MeasurementError(
+                f"bearings of shape {bearings.shape} for {len(ids)} ids; ({len(ids)}, 3) is needed"
+            )
+        if len(self._known) < len(ids):
+            bearings = bearings[self._known]
         start = None
         if state is not None:
             start = (state["position_w"][0], state["quaternion_wb"][0])
-        pose = planar_pose(self._beacons_w, bearings, sigma, start)
+        pose = self._solver.solve(bearings, sigma, start)
         return topics.encode_bearing_pose(
             stamp_ns, pose.position_w, pose.quaternion_wb, pose.covariance
         )
+
+    def _look_for(self, ids: list[int]) -> None:
+        """Prepares for frames of these ids. Raises MeasurementError, and stays as it was."""
+        known = [k for k, one in enumerate(ids) if one in self._places]
+        if not known:
+            raise MeasurementError(f"no known beacon among {ids}; known are {sorted(self._places)}")
+        seen = [ids[k] for k in known]
+        self._solver = PlanarPoseSolver([self._places[one] for one in seen], seen)
+        self._ids, self._known = ids, known

@@ -47,7 +47,7 @@ inline double rotor(double speed, const Model& m) {
 
 inline void move(Plant& p, const double* target, int steps, double dt, double share) {
     const Model& m = p.model;
-    double by_mass = 1.0 / m.mass, e = p.thrust_efficiency;
+    double by_mass = 1.0 / m.mass, e = p.thrust_efficiency * p.battery_share;
     Vec J = load(m.inertia_b), inverse{1 / J.x, 1 / J.y, 1 / J.z}, pull = load(p.disturbance_w);
     Vec ratios = Vec{J.z - J.y, J.x - J.z, J.y - J.x} * inverse;
     Motion now{load(p.x), load(p.x + 3), {p.x[6], p.x[7], p.x[8], p.x[9]}, load(p.x + 10)};

@@ -84,4 +84,5 @@ struct Plant {
     double x[13], rotor_speeds[4], specific_force_b[3], disturbance_w[3], charge, voltage;
     Model model;
     double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, capacity, resistance;
+    double battery_nominal, battery_exponent, battery_share;
 };

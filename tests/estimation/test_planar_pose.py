@@ -10,8 +10,8 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.planar_pose import planar_pose
-from quadrotor.errors import MeasurementError
+from estimation.planar_pose import PlanarPoseSolver, planar_pose
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])
@@ -144,7 +144,7 @@ def test_near_the_beacons_plane_a_prediction_saves_the_pose(rng: np.random.Gener
     lost = len(helped) - sum(square < 9.0 * limit_rms**2 for square in alone)
     print(f"helped {helped_rms:.3f} m, bound {limit_rms:.3f} m, alone {lost} refused or far off")
     assert helped_rms < 1.3 * limit_rms
-    assert lost > 0.1 * len(helped)
+    assert lost > 0.05 * len(helped)
 
 
 def test_a_wrong_prediction_does_not_spoil_a_good_view(rng: np.random.Generator) -> None:
@@ -213,3 +213,174 @@ def test_inputs_are_not_changed() -> None:
     planar_pose(beacons, bearings, SIGMA)
     np.testing.assert_array_equal(beacons, SQUARE)
     np.testing.assert_array_equal(bearings, GOOD)
+
+
+@pytest.mark.parametrize("count", [4, 7])
+def test_turning_and_moving_the_world_and_its_beacons_moves_the_pose_with_them(
+    count: int, rng: np.random.Generator
+) -> None:
+    angle = np.arange(count) * 1.7 + 0.05 * np.arange(count) ** 2  # without symmetries
+    beacons = np.stack([np.cos(angle), np.sin(angle), 0.1 + 0 * angle], 1)
+    for _ in range(20):
+        r, R = envelope(rng)
+        x = blurred(bearings_of(beacons, r, R), rng)
+        world, shift = Rotation.random(rng=rng), rng.normal(0, 3, 3)
+        here = planar_pose(beacons, x, SIGMA)
+        there = planar_pose(world.apply(beacons) + shift, x, SIGMA)
+        T = np.kron(np.eye(2), world.as_matrix())
+        np.testing.assert_allclose(
+            there.position_w, world.apply(here.position_w) + shift, atol=1e-9
+        )
+        assert (world * rotation_of(here.quaternion_wb)).approx_equal(
+            rotation_of(there.quaternion_wb), atol=1e-9
+        )
+        np.testing.assert_allclose(
+            there.covariance, T @ here.covariance @ T.T, rtol=1e-6, atol=1e-9
+        )
+        assert there.residual == pytest.approx(here.residual, abs=1e-12)
+
+
+def test_turning_the_body_turns_the_attitude_and_leaves_the_position(
+    rng: np.random.Generator,
+) -> None:
+    """Yaw invariance, and that of any other axis."""
+    for _ in range(20):
+        r, R = envelope(rng)
+        x, turn = blurred(bearings_of(SQUARE, r, R), rng), Rotation.random(rng=rng)
+        one, other = planar_pose(SQUARE, x, SIGMA), planar_pose(SQUARE, turn.inv().apply(x), SIGMA)
+        np.testing.assert_allclose(other.position_w, one.position_w, atol=1e-9)
+        assert (rotation_of(one.quaternion_wb) * turn).approx_equal(
+            rotation_of(other.quaternion_wb), atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("count", [4, 9])
+def test_the_order_of_the_beacons_does_not_matter(count: int, rng: np.random.Generator) -> None:
+    angle = np.arange(count) * 1.7 + 0.05 * np.arange(count) ** 2  # without symmetries
+    beacons = np.stack([np.cos(angle), 1.1 * np.sin(angle), 0.1 + 0 * angle], 1)
+    for _ in range(20):
+        r, R = envelope(rng)
+        x, order = blurred(bearings_of(beacons, r, R), rng), rng.permutation(count)
+        one, other = planar_pose(beacons, x, SIGMA), planar_pose(beacons[order], x[order], SIGMA)
+        np.testing.assert_allclose(other.position_w, one.position_w, atol=1e-9)
+        np.testing.assert_allclose(other.quaternion_wb, one.quaternion_wb, atol=1e-9)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.1, 1.0, 5.0])
+def test_the_distance_of_the_world_origin_from_the_plane_changes_nothing(
+    distance: float, rng: np.random.Generator
+) -> None:
+    for _ in range(20):
+        r, R = envelope(rng)
+        x = blurred(bearings_of(SQUARE, r, R), rng)
+        shift = np.array([0.0, 0.0, distance - 0.1])
+        one, other = planar_pose(SQUARE, x, SIGMA), planar_pose(SQUARE + shift, x, SIGMA)
+        np.testing.assert_allclose(other.position_w, one.position_w + shift, atol=1e-9)
+        np.testing.assert_allclose(other.quaternion_wb, one.quaternion_wb, atol=1e-9)
+
+
+def test_the_covariance_is_that_of_the_errors(rng: np.random.Generator) -> None:
+    """Normalised squared errors of a 6-vector have mean 6; here over poses 0.6 m up and more.
+
+    The mean of 2000 is known to 0.08; lower, the tail of large errors adds some percent.
+    """
+    squares = []
+    for _ in range(2000):
+        r, R = envelope(rng, 0.6)
+        pose = planar_pose(SQUARE, blurred(bearings_of(SQUARE, r, R), rng), SIGMA)
+        error = np.r_[pose.position_w - r, (rotation_of(pose.quaternion_wb) * R.inv()).as_rotvec()]
+        squares.append(error @ np.linalg.solve(pose.covariance, error))
+    print(f"mean normalised squared error {np.mean(squares):.3f}")
+    assert 5.6 < np.mean(squares) < 6.6
+
+
+def test_near_the_plane_positions_stay_bounded(rng: np.random.Generator) -> None:
+    """From a prediction 5 cm and 3 deg off; at most 0.8 % beyond 0.5 m, none by metres."""
+    errors = []
+    for _ in range(1000):
+        r, R = envelope(rng, 0.09, 0.11)
+        off, turn = rng.normal(size=(2, 3))
+        turned = Rotation.from_rotvec(np.radians(3.0) * turn / np.linalg.norm(turn)) * R
+        prediction = r + 0.05 * off / np.linalg.norm(off), np.roll(turned.as_quat(), 1)
+        with contextlib.suppress(MeasurementError):
+            pose = planar_pose(SQUARE, blurred(bearings_of(SQUARE, r, R), rng), SIGMA, prediction)
+            errors.append(np.linalg.norm(pose.position_w - r))
+    print(f"{np.mean(np.array(errors) > 0.5):.2%} beyond 0.5 m, largest {max(errors):.2f} m")
+    assert len(errors) > 995
+    assert np.mean(np.array(errors) > 0.5) <= 0.012  # 0.5 % and three times its deviation
+    assert max(errors) < 3.0
+
+
+def test_lists_and_foreign_arrays_give_the_same_pose(rng: np.random.Generator) -> None:
+    solver = PlanarPoseSolver(SQUARE)
+    r, R = envelope(rng)
+    x = np.round(bearings_of(SQUARE, r, R).astype(np.float32), 3)
+    expected = solver.solve(x.astype(float), SIGMA)
+    read_only = x.astype(float)
+    read_only.flags.writeable = False
+    for same in (x, x.tolist(), np.asfortranarray(x, dtype=float), read_only):
+        got = solver.solve(same, SIGMA)
+        np.testing.assert_array_equal(got.position_w, expected.position_w)
+        np.testing.assert_array_equal(got.covariance, expected.covariance)
+    assert solver.solve(x.astype(float), 1).residual == pytest.approx(expected.residual, abs=1e-2)
+
+
+def test_poses_of_one_solver_do_not_share_memory(rng: np.random.Generator) -> None:
+    solver = PlanarPoseSolver(SQUARE)
+    first = solver.solve(GOOD, SIGMA)
+    position = first.position_w.copy()
+    r, R = envelope(rng)
+    solver.solve(bearings_of(SQUARE, r, R), SIGMA)
+    np.testing.assert_array_equal(first.position_w, position)
+
+
+IN_PLANE = bearings_of(SQUARE, np.array([0.2, 0.1, 0.1]), Rotation.identity())
+
+
+@pytest.mark.parametrize(
+    ("beacons", "bearings", "says"),
+    [
+        (SQUARE[:3], GOOD[:3], "at least 4"),
+        (np.outer(np.arange(4), [1, 2, 3]), GOOD, "one line"),
+        (SQUARE + np.diag([0, 0, 0.2, 0])[:4, :3], GOOD, "leave their common plane"),
+        (SQUARE, IN_PLANE, "all lie in one plane"),
+    ],
+)
+def test_degenerate_geometry_has_its_own_type(beacons: Array, bearings: Array, says: str) -> None:
+    with pytest.raises(DegenerateGeometryError, match=says):
+        planar_pose(beacons, bearings, SIGMA)
+
+
+def test_in_the_beacons_plane_a_prediction_is_enough() -> None:
+    r = np.array([0.2, 0.1, 0.1])
+    prediction = r + np.array([0.03, -0.02, 0.02]), np.array([1.0, 0.01, 0.0, 0.01])
+    got = planar_pose(SQUARE, IN_PLANE, SIGMA, prediction)
+    assert np.linalg.norm(got.position_w - r) < 1e-4
+
+
+@pytest.mark.parametrize(
+    "prediction",
+    [(np.full(3, np.nan), np.array([1.0, 0, 0, 0])), (np.zeros(3), np.zeros(4))],
+)
+def test_a_prediction_that_is_no_pose_is_refused(prediction: tuple[Array, Array]) -> None:
+    with pytest.raises(MeasurementError, match="predicted pose is not finite"):
+        planar_pose(SQUARE, GOOD, SIGMA, prediction)
+
+
+def test_garbage_is_refused_in_words() -> None:
+    with pytest.raises(MeasurementError, match="array of numbers"):
+        PlanarPoseSolver(SQUARE).solve("east", SIGMA)  # type: ignore[arg-type]
+    with pytest.raises(MeasurementError, match="shape"):
+        PlanarPoseSolver(SQUARE).solve(GOOD[0], SIGMA)
+
+
+def test_of_more_than_four_beacons_another_four_may_start_the_search(
+    rng: np.random.Generator,
+) -> None:
+    """A layout whose four widest often lead to a wrong minimum: none is refused."""
+    flat = np.random.default_rng(8).uniform(-1.0, 1.0, (8, 2))
+    solver = PlanarPoseSolver(np.column_stack([flat, np.full(8, 0.1)]))
+    for _ in range(2000):
+        r, R = envelope(rng)
+        x = blurred(bearings_of(solver.plane.beacons_w, r, R), rng)
+        assert np.linalg.norm(solver.solve(x, SIGMA).position_w - r) < 5.0

@@ -213,3 +213,20 @@ def test_an_empty_battery_stays_at_zero_charge() -> None:
     run(plant, (180,) * 4, 2.0)
     assert plant["charge"][0] == 0.0
     assert 10 < plant["voltage"][0] < 13.1
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0])
+def test_a_sagging_battery_turns_rotors_slower_by_its_exponent(exponent: float) -> None:
+    full, low = (
+        new_plant(SimulatorParameters(battery_exponent=exponent, battery_charge=charge))
+        for charge in (1.0, 0.2)
+    )
+    lifted = []
+    for plant in (full, low):
+        plant["x"][0, 2] = 10.0
+        plant["rotor_speeds"] = 127.0
+        voltage = float(plant["voltage"][0])
+        advance(plant, (127, 127, 127, 127), 0.002)
+        lifted.append((float(plant["specific_force_b"][0, 2]), voltage))
+    (more, high), (less, sagged) = lifted
+    assert less / more == pytest.approx((sagged / high) ** (2.0 * exponent), rel=1e-9)

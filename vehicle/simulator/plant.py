@@ -82,6 +82,9 @@ PLANT = np.dtype(
         ("rest_depth", "f8"),  # m, compression of the gear standing still
         ("capacity", "f8"),  # A s
         ("resistance", "f8"),  # ohm
+        ("battery_nominal", "f8"),  # V
+        ("battery_exponent", "f8"),
+        ("battery_share", "f8"),  # of the thrust at the nominal voltage, 1 for exponent 0
     ],
     align=True,
 )
@@ -109,6 +112,9 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     plant["rest_depth"] = parameters.mass * GRAVITY / parameters.ground_stiffness
     plant["capacity"] = parameters.battery_capacity * 3600.0
     plant["resistance"] = parameters.battery_resistance
+    plant["battery_nominal"] = parameters.battery_nominal
+    plant["battery_exponent"] = parameters.battery_exponent
+    plant["battery_share"] = 1.0
 
 
 def open_voltage(charge: float) -> float:
@@ -120,6 +126,9 @@ def open_voltage(charge: float) -> float:
 def advance(plant: Record, references: tuple[int, int, int, int], duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
+    if p.battery_exponent > 0.0:  # thrust goes with the square of speed
+        voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
+        p.battery_share = voltage ** (2.0 * p.battery_exponent)
     steps = math.ceil(duration / SUBSTEP - 1e-9)
     dt = duration / steps
     target = (
@@ -165,7 +174,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
 @compiled
 def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float, Vector, Vector]:
     """Thrust (N), torque about body axes (N m) and further force in world axes (N)."""
-    m, e = p.model, p.thrust_efficiency
+    m, e = p.model, p.thrust_efficiency * p.battery_share
     wrench = rotors(speeds, m.motor_slope, m.motor_offset, m.arm, m.torque_ratio)
     torque_b = e * wrench[1], e * wrench[2], e * wrench[3]
     force_w = along(vector(pull_w), -p.drag, motion[1])
