@@ -9,7 +9,7 @@ from quadrotor.compiled import compiled
 from quadrotor.vehicle_model import GRAVITY, Four, thrusts_of_wrench
 
 
-@compiled
+@compiled(inner=True)
 def _largest_share(rest: float, low: float, high: float) -> float:
     """Largest share, 0..1, of `rest` (N) within low <= 0 <= high; 0 for what is not finite."""
     if rest > high:
@@ -19,13 +19,13 @@ def _largest_share(rest: float, low: float, high: float) -> float:
     return 0.0 if math.isnan(rest) else 1.0
 
 
-@compiled
+@compiled(inner=True)
 def _thrust(gravity: float, scaling: float, rest: float, low: float, high: float) -> float:
     # The clamp only takes back the last bit of rounding.
     return min(high, max(low, gravity + scaling * rest)) if scaling > 0.0 else gravity
 
 
-@compiled
+@compiled(inner=True)
 def allocate(wrench: Four, model: Item) -> tuple[Four, float]:
     """Feasible thrusts (N, motors front, left, rear, right) and the scaling lambda, 0..1.
 

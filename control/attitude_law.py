@@ -18,7 +18,7 @@ from quadrotor.vectors import (
 )
 
 
-@compiled
+@compiled(inner=True)
 def attitude_error(axes: Axes, desired: Axes) -> Vector:
     """e_R = ½ (Rᵀ R_d - R_dᵀ R)^v, rad for small errors, about body axes.
 
@@ -31,7 +31,7 @@ def attitude_error(axes: Axes, desired: Axes) -> Vector:
     )
 
 
-@compiled
+@compiled(inner=True)
 def attitude_torque(
     axes: Axes,
     omega_b: Vector,

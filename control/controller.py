@@ -42,7 +42,7 @@ def new_control_memory(size: int = 1) -> Record:
     return memory
 
 
-@compiled
+@compiled(inner=True)
 def wind(integral: Array, error: Vector, dt: float, bound: float) -> None:
     """Add error dt to an integral (3,), each axis within +-bound; NaN adds nothing."""
     for i in range(3):
@@ -50,7 +50,7 @@ def wind(integral: Array, error: Vector, dt: float, bound: float) -> None:
             integral[i] = min(bound, max(-bound, integral[i] + error[i] * dt))
 
 
-@compiled
+@compiled(inner=True)
 def _remembered(memory: Item) -> Axes:
     m = memory.desired_attitude
     return (
@@ -60,7 +60,7 @@ def _remembered(memory: Item) -> Axes:
     )
 
 
-@compiled
+@compiled(inner=True)
 def _remember(memory: Item, axes: Axes) -> None:
     m = memory.desired_attitude
     for j in range(3):
@@ -68,7 +68,7 @@ def _remember(memory: Item, axes: Axes) -> None:
             m[i, j] = axes[j][i]
 
 
-@compiled
+@compiled(inner=True)
 def step_one(
     memory: Item,
     state: Item,
@@ -140,7 +140,7 @@ def step_one(
     command(thrusts, scaling, model, actuators)
 
 
-@compiled
+@compiled(inner=True)
 def command(thrusts: Four, scaling: float, model: Item, actuators: Item) -> None:
     """Thrusts (N), the wrench they make and their motor references into one ACTUATORS record."""
     wrench = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)

@@ -17,12 +17,12 @@ from quadrotor.vectors import Axes, Vector, add, along, cross, dot, scale
 Motion = tuple[Vector, Vector, Vector]
 
 
-@compiled
+@compiled(inner=True)
 def _unit(a: Vector) -> Vector:
     return scale(1.0 / math.sqrt(dot(a, a)), a)
 
 
-@compiled
+@compiled(inner=True)
 def _unit_motion(a: Motion) -> Motion:
     """u = a / |a|.
 
@@ -38,7 +38,7 @@ def _unit_motion(a: Motion) -> Motion:
     return u, u_dot, u_ddot
 
 
-@compiled
+@compiled(inner=True)
 def _cross_motion(a: Motion, b: Motion) -> Motion:
     """a x b."""
     first = add(cross(a[1], b[0]), cross(a[0], b[1]))
@@ -46,7 +46,7 @@ def _cross_motion(a: Motion, b: Motion) -> Motion:
     return cross(a[0], b[0]), first, along(second, 2.0, cross(a[1], b[1]))
 
 
-@compiled
+@compiled(inner=True)
 def axes_of_force(force_w: Vector, yaw: float) -> Axes:
     """Columns of R_d (world axes) for a force (N, not zero, not parallel to y_C) and a yaw."""
     z = _unit(force_w)
@@ -54,7 +54,7 @@ def axes_of_force(force_w: Vector, yaw: float) -> Axes:
     return x, cross(z, x), z
 
 
-@compiled
+@compiled(inner=True)
 def attitude_of_force(
     force_w: Vector,
     force_dot_w: Vector,

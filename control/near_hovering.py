@@ -27,7 +27,7 @@ YAW_RATE_MAX = math.radians(127)
 """rad/s."""
 
 
-@compiled
+@compiled(inner=True)
 def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float) -> Four:
     """Thrust (N), roll, pitch (rad) and yaw rate (rad/s) for a desired force.
 
@@ -47,7 +47,7 @@ def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float
     )
 
 
-@compiled
+@compiled(inner=True)
 def hovering_torque(
     error: Vector, omega_b: Vector, integral: Vector, gains: Item, J: Vector
 ) -> Vector:
@@ -66,7 +66,7 @@ def hovering_torque(
     )
 
 
-@compiled
+@compiled(inner=True)
 def hover_one(
     memory: Item,
     state: Item,

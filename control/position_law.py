@@ -13,7 +13,7 @@ LIFT_MIN = 0.3
 """Smallest upward part of the desired force, as a share of the weight."""
 
 
-@compiled
+@compiled(inner=True)
 def desired_force(
     e_p: Vector, e_v: Vector, integral_w: Vector, acceleration_w: Vector, gains: Item, mass: float
 ) -> Vector:
@@ -33,7 +33,7 @@ def desired_force(
     return mass * x, mass * y, mass * (z + GRAVITY)
 
 
-@compiled
+@compiled(inner=True)
 def limit_force(force_w: Vector, weight: float, tan_tilt_max: float) -> tuple[Vector, bool]:
     """The force within its limits, and whether anything was cut.
 
@@ -57,7 +57,7 @@ def limit_force(force_w: Vector, weight: float, tan_tilt_max: float) -> tuple[Ve
     return (x, y, z), limited
 
 
-@compiled
+@compiled(inner=True)
 def force_rates(
     e_p: Vector,
     e_v: Vector,

@@ -26,13 +26,13 @@ Array = npt.NDArray[np.float64]
 POSITION, ATTITUDE, CENTER, PLANE, SIGHTS = 6, 7, 8, 9, 13
 
 
-@compiled
+@compiled(inner=True)
 def right(row: Array) -> Vector:
     """Columns 3 to 5 of a row."""
     return row[3], row[4], row[5]
 
 
-@compiled
+@compiled(inner=True)
 def store_right(v: Vector, row: Array) -> None:
     """v into columns 3 to 5 of a row."""
     row[3], row[4], row[5] = v

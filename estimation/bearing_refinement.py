@@ -54,7 +54,7 @@ NEAREST = 1e-9
 """m; distances are taken as at least this."""
 
 
-@compiled
+@compiled(inner=True)
 def refine(
     frame: Array, r: Vector, q: Quaternion, sigma: float, steps: int
 ) -> tuple[bool, float, Vector, Quaternion]:
@@ -98,7 +98,7 @@ def refine(
     return determined, cost, kept_r, kept_q
 
 
-@compiled
+@compiled(inner=True)
 def normal_equations(
     frame: Array, r: Vector, q: Quaternion
 ) -> tuple[float, float, tuple[Vector, Vector], Rows, tuple[Vector, Vector], Vector, Vector]:
@@ -143,7 +143,7 @@ def normal_equations(
     return cost, total / count, A, B, D, g_r, g_phi
 
 
-@compiled
+@compiled(inner=True)
 def inverse(
     A: tuple[Vector, Vector], B: Rows, D: tuple[Vector, Vector]
 ) -> tuple[bool, Rows, Rows, Rows]:
@@ -163,7 +163,7 @@ def inverse(
     return seen, (S_x, S_y, S_z), E, D_inverse
 
 
-@compiled
+@compiled(inner=True)
 def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
     """[S, -S E; -E^T S, D + E^T S E] into the first rows of out, with what `inverse` gives."""
     X = (transposed(E, S[0]), transposed(E, S[1]), transposed(E, S[2]))
@@ -175,19 +175,19 @@ def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
         store_right(add(D[i], transposed(E, below)), out[3 + i])
 
 
-@compiled
+@compiled(inner=True)
 def apply(rows: Rows, v: Vector) -> Vector:
     """The matrix of these rows on v."""
     return dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)
 
 
-@compiled
+@compiled(inner=True)
 def transposed(rows: Rows, v: Vector) -> Vector:
     """Its transpose on v."""
     return add(add(scale(v[0], rows[0]), scale(v[1], rows[1])), scale(v[2], rows[2]))
 
 
-@compiled
+@compiled(inner=True)
 def tilted(q: Quaternion, phi: Vector) -> Quaternion:
     """q turned about world axes by phi (rad), by Cayley's map."""
     return normalized(multiply((1.0, 0.5 * phi[0], 0.5 * phi[1], 0.5 * phi[2]), q))

@@ -47,7 +47,7 @@ EDGE_ON = 1e-9
 """Volume (of unit bearings) or sine below which the homography is not determined."""
 
 
-@compiled
+@compiled(inner=True)
 def homography_pose(frame: Array) -> tuple[bool, Vector, Quaternion]:
     """Whether there is one, position from the plane's centre (m, world axes), and q_wb.
 
@@ -87,7 +87,7 @@ def homography_pose(frame: Array) -> tuple[bool, Vector, Quaternion]:
     return seen, r, quaternion_of(x_b, y_b, z_b)
 
 
-@compiled
+@compiled(inner=True)
 def quaternion_of(x: Vector, y: Vector, z: Vector) -> Quaternion:
     """The unit quaternion whose matrix has these columns; the largest component is positive.
 

@@ -47,7 +47,7 @@ NEAREST = 1e-6
 """m; distances are taken as at least this: on a beacon its bearing says nothing."""
 
 
-@compiled
+@compiled(inner=True)
 def symmetric_inverse(
     a: float, b: float, c: float, d: float, e: float, f: float
 ) -> tuple[Vector, Vector, Vector, float]:
@@ -96,7 +96,7 @@ def position_at_attitude(
     return cost
 
 
-@compiled
+@compiled(inner=True)
 def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: Array) -> bool:
     """Covariance (3, 3) m^2, world axes, of such a position, into `out`: sigma^2 (J^T J)^-1.
 
@@ -125,7 +125,7 @@ def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: 
     return True
 
 
-@compiled
+@compiled(inner=True)
 def _step(
     beacons_w: Array, bearings_b: Array, axes: tuple[Vector, Vector, Vector], r: Vector
 ) -> tuple[float, float, Vector, float]:

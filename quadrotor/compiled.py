@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numba
+from numba.core.registry import CPUDispatcher
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -31,24 +32,49 @@ _IMPORT = re.compile(
 )
 
 
+class Inner(CPUDispatcher):
+    """A compiled function that other compiled functions call.
+
+    Without entry points for Python and C it compiles a third sooner. Python may call it all the
+    same, for a test or at a prompt: the first call then compiles an entry.
+    """
+
+    def __call__(self, *arguments: Any) -> Any:
+        entry = self.__dict__.get("_entry")
+        if entry is None:
+            inner = self
+            entry = self._entry = numba.njit(lambda *a: inner(*a))  # noqa: PLW0108 - the entry
+        return entry(*arguments)
+
+
 @overload
 def compiled(function: Function) -> Function: ...
 @overload
-def compiled(*, nogil: bool) -> Callable[[Function], Function]: ...
-def compiled(function: Any = None, *, nogil: bool = False) -> Any:
+def compiled(*, nogil: bool = ..., inner: bool = ...) -> Callable[[Function], Function]: ...
+def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) -> Any:
     """`function` compiled at its first call, or loaded if this very source was compiled before.
 
-    Bare, or as `@compiled(nogil=True)`: then other Python threads run while it does.
+    Bare, or with options:
+
+    Args:
+        nogil: other Python threads run while it does.
+        inner: called by compiled functions, not by Python in a hurry; see `Inner`.
     """
     if function is None:
-        return partial(compiled, nogil=nogil)
+        return partial(compiled, nogil=nogil, inner=inner)
     config: Any = numba.config
     chosen = config.CACHE_DIR
     config.CACHE_DIR = str(_folder(function.__module__, chosen))
+    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": nogil}
+    if inner:
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     try:
-        return numba.njit(cache=True, error_model="numpy", nogil=nogil)(function)
+        out = numba.njit(**options)(function)
     finally:
         config.CACHE_DIR = chosen
+    if inner:
+        out.__class__ = Inner
+    return out
 
 
 def digest(module: str) -> str:

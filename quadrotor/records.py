@@ -56,6 +56,20 @@ POSE_SAMPLE = np.dtype(
     align=True,
 )
 
+MAX_BEACONS = 32
+"""Bearings of one frame that a record holds."""
+
+BEARINGS_SAMPLE = np.dtype(
+    [
+        ("stamp_ns", "i8"),  # when the bearings were true, not when they arrived
+        ("count", "i8"),  # how many of the rows below are used
+        ("sigma", "f8"),  # rad on each of two tangent axes
+        ("beacon_w", "f8", (MAX_BEACONS, 3)),  # m
+        ("bearing_b", "f8", (MAX_BEACONS, 3)),  # unit, from the body towards the beacon
+    ],
+    align=True,
+)
+
 ACTUATORS = np.dtype(
     [
         ("wrench", "f8", 4),  # thrust (N), torque about body x, y, z (N m)

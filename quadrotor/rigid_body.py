@@ -59,14 +59,14 @@ def derivative(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, o
     store(_spin(w, turn, gyroscopic_ratios(vector(J), inverse)), out[10:13])
 
 
-@compiled
+@compiled(inner=True)
 def _lean(q: Quaternion) -> Vector:
     """(a, b, c) with z_B = (2 a, 2 b, 1 - 2 c)."""
     w, x, y, z = q
     return x * z + w * y, y * z - w * x, x * x + y * y
 
 
-@compiled
+@compiled(inner=True)
 def _turning(q: Quaternion, omega: Vector) -> Quaternion:
     """2 q' = q (x) (0, omega)."""
     w, a, b, c = q
@@ -79,26 +79,26 @@ def _turning(q: Quaternion, omega: Vector) -> Quaternion:
     )
 
 
-@compiled
+@compiled(inner=True)
 def _spin(omega: Vector, turn: Vector, ratios: Vector) -> Vector:
     """omega' of eq. 3; `turn` is the torque over the inertia."""
     x, y, z = omega
     return turn[0] - ratios[0] * y * z, turn[1] - ratios[1] * z * x, turn[2] - ratios[2] * x * y
 
 
-@compiled
+@compiled(inner=True)
 def gyroscopic_ratios(J: Vector, inverse: Vector) -> Vector:
     """((J_z - J_y) / J_x, ...), what omega x J omega is made of; `inverse` is 1 / J."""
     return (J[2] - J[1]) * inverse[0], (J[0] - J[2]) * inverse[1], (J[1] - J[0]) * inverse[2]
 
 
-@compiled
+@compiled(inner=True)
 def _ahead(q: Quaternion, s: float, d: Quaternion) -> Quaternion:
     """q + s d."""
     return q[0] + s * d[0], q[1] + s * d[1], q[2] + s * d[2], q[3] + s * d[3]
 
 
-@compiled
+@compiled(inner=True)
 def rk4(
     motion: Motion, lift: float, push_w: Vector, turn: Vector, ratios: Vector, dt: float
 ) -> Motion:
@@ -163,7 +163,7 @@ def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt:
     store_motion(rk4(motion_of(x), wrench[0] / mass, push_w, turn, ratios, dt), x)
 
 
-@compiled
+@compiled(inner=True)
 def motion_of(x: Array) -> Motion:
     """The tuples of x (13,)."""
     return (
@@ -174,7 +174,7 @@ def motion_of(x: Array) -> Motion:
     )
 
 
-@compiled
+@compiled(inner=True)
 def store_motion(motion: Motion, x: Array) -> None:
     """The tuples into x (13,)."""
     p, v, q, w = motion
@@ -184,7 +184,7 @@ def store_motion(motion: Motion, x: Array) -> None:
     x[10], x[11], x[12] = w
 
 
-@compiled
+@compiled(inner=True)
 def motor_share(time_constant: float, dt: float) -> float:
     """How much of the way to a held reference a rotor goes in dt (s): exact for any dt."""
     return 1.0 - math.exp(-dt / time_constant)
@@ -198,13 +198,13 @@ def motor_step(speeds: Array, references: Array, time_constant: float, dt: float
         speeds[i] += share * (references[i] - speeds[i])
 
 
-@compiled
+@compiled(inner=True)
 def rotor_thrust(speed: float, slope: float, offset: float) -> float:
     """Thrust (N) of one rotor turning at `speed` (counts); a stopped one gives nothing."""
     return thrust_of_reference(speed, slope, offset) if speed > STOPPED else 0.0
 
 
-@compiled
+@compiled(inner=True)
 def rotors(speeds: Four, slope: float, offset: float, arm: float, ratio: float) -> Four:
     """Wrench of four rotors turning at `speeds` (counts): thrust (N), torques (N m), eq. 1."""
     front = rotor_thrust(speeds[0], slope, offset)

@@ -20,61 +20,61 @@ Quaternion = tuple[float, float, float, float]
 Axes = tuple[Vector, Vector, Vector]
 
 
-@compiled
+@compiled(inner=True)
 def vector(a: Array) -> Vector:
     """The first three numbers of an array."""
     return a[0], a[1], a[2]
 
 
-@compiled
+@compiled(inner=True)
 def quaternion(a: Array) -> Quaternion:
     """The first four numbers of an array."""
     return a[0], a[1], a[2], a[3]
 
 
-@compiled
+@compiled(inner=True)
 def store(v: Vector, out: Array) -> None:
     """v into the first three numbers of an array."""
     out[0], out[1], out[2] = v
 
 
-@compiled
+@compiled(inner=True)
 def add(a: Vector, b: Vector) -> Vector:
     """a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@compiled
+@compiled(inner=True)
 def subtract(a: Vector, b: Vector) -> Vector:
     """a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@compiled
+@compiled(inner=True)
 def scale(s: float, a: Vector) -> Vector:
     """s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
-@compiled
+@compiled(inner=True)
 def times(a: Vector, b: Vector) -> Vector:
     """The product of each component: a diagonal matrix on a vector."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
-@compiled
+@compiled(inner=True)
 def along(a: Vector, s: float, b: Vector) -> Vector:
     """a + s b."""
     return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
 
 
-@compiled
+@compiled(inner=True)
 def dot(a: Vector, b: Vector) -> float:
     """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@compiled
+@compiled(inner=True)
 def cross(a: Vector, b: Vector) -> Vector:
     """a x b."""
     return (
@@ -84,13 +84,13 @@ def cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-@compiled
+@compiled(inner=True)
 def length(a: Vector) -> float:
     """|a|."""
     return math.sqrt(dot(a, a))
 
 
-@compiled
+@compiled(inner=True)
 def to_world(axes: Axes, v_b: Vector) -> Vector:
     """R_wb v_b."""
     x, y, z = axes
@@ -101,13 +101,13 @@ def to_world(axes: Axes, v_b: Vector) -> Vector:
     )
 
 
-@compiled
+@compiled(inner=True)
 def to_body(axes: Axes, v_w: Vector) -> Vector:
     """R_wb^T v_w."""
     return dot(axes[0], v_w), dot(axes[1], v_w), dot(axes[2], v_w)
 
 
-@compiled
+@compiled(inner=True)
 def axes_of(q: Quaternion) -> Axes:
     """Columns of R_wb of a unit quaternion q_wb."""
     w, x, y, z = q
@@ -118,7 +118,7 @@ def axes_of(q: Quaternion) -> Axes:
     )
 
 
-@compiled
+@compiled(inner=True)
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     """Hamilton product p (x) q."""
     return (
@@ -129,7 +129,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
     )
 
 
-@compiled
+@compiled(inner=True)
 def turned(q: Quaternion, phi: Vector) -> Quaternion:
     """q (x) exp(phi): q turned by the rotation vector phi (rad) about body axes."""
     half = 0.5 * length(phi)
@@ -137,7 +137,7 @@ def turned(q: Quaternion, phi: Vector) -> Quaternion:
     return multiply(q, (math.cos(half), s * phi[0], s * phi[1], s * phi[2]))
 
 
-@compiled
+@compiled(inner=True)
 def normalized(q: Quaternion) -> Quaternion:
     """q at length 1."""
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])

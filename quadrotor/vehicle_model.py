@@ -127,14 +127,14 @@ def mixing_matrix(arm: float, torque_ratio: float) -> Array:
     return np.array([[1, 1, 1, 1], [0, l, 0, -l], [-l, 0, l, 0], [c, -c, c, -c]], dtype=float)
 
 
-@compiled
+@compiled(inner=True)
 def wrench_of_thrusts(thrusts: Four, arm: float, torque_ratio: float) -> Four:
     """u = M f, eq. 1."""
     a, b, c, d = thrusts[0], thrusts[1], thrusts[2], thrusts[3]
     return a + b + c + d, arm * (b - d), arm * (c - a), torque_ratio * (a - b + c - d)
 
 
-@compiled
+@compiled(inner=True)
 def thrusts_of_wrench(wrench: Four, arm: float, torque_ratio: float) -> Four:
     """f = M^-1 u: M M^T is diagonal, so the inverse is M^T diag(1/4, 1/2l^2, 1/2l^2, 1/4c^2)."""
     a = 0.25 * wrench[0]

@@ -59,9 +59,9 @@ def _bearings() -> None:
 
 PARTS: dict[str, tuple[str, Callable[[], None]]] = {
     "controller": ("control.controller", _controller),
-    "estimator": ("estimation.complementary", _estimator),
-    "behaviors": ("control.trajectories.line", _behaviors),
-    "bearing poses": ("estimation.planar_pose", _bearings),
+    "estimator": ("estimation.complementary_filter", _estimator),
+    "behaviors": ("control.trajectories.phase_curve", _behaviors),
+    "bearing poses": ("estimation.frame_solution", _bearings),
 }
 """Part -> a module whose kept code tells that the part is compiled, and how to compile it."""
 HELPED = ("controller", "bearing poses")

@@ -30,7 +30,7 @@ FIGURE_EIGHT = np.dtype(
 )
 
 
-@compiled
+@compiled(inner=True)
 def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Derivatives:
     """sin of an angle and four time derivatives, by Faa di Bruno.
 
@@ -48,7 +48,7 @@ def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Deri
     )
 
 
-@compiled
+@compiled(inner=True)
 def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
     """The reference at t (s) on one FIGURE_EIGHT record, into one REFERENCE record.
 

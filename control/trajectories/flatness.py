@@ -15,7 +15,7 @@ from quadrotor.vectors import Axes, Quaternion, Vector, add, cross, length, scal
 from quadrotor.vehicle_model import GRAVITY
 
 
-@compiled
+@compiled(inner=True)
 def wrench_of_reference(reference: Any, model: Any) -> tuple[Axes, Vector, Vector, Quaternion]:
     """What one REFERENCE record asks of the vehicle of one MODEL record.
 

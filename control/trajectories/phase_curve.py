@@ -30,7 +30,7 @@ PHASE_CURVE = np.dtype(
 )
 
 
-@compiled
+@compiled(inner=True)
 def phase_curve_at(curve: Any, t: float, reference: Any) -> None:
     """The reference at t (s) on one PHASE_CURVE record, into one REFERENCE record."""
     phase = ramped_phase(t, curve.rate, curve.ramp, curve.total)

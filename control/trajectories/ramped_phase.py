@@ -14,7 +14,7 @@ RAMP_BEND = 7.5131884
 """Largest |S''|, 84 sqrt(5) / 25, at x = (5 - sqrt 5) / 10 and its mirror image."""
 
 
-@compiled
+@compiled(inner=True)
 def ramped_phase(t: float, rate: float, ramp: float, total: float) -> Derivatives:
     """Phase and its derivatives to the fourth at t (s).
 

@@ -71,7 +71,7 @@ HISTORY = np.dtype(
 )
 
 
-@compiled
+@compiled(inner=True)
 def copy_state(x: Any, state: Item) -> None:
     """x (13,) into a STATE record."""
     for i in range(3):
@@ -82,7 +82,7 @@ def copy_state(x: Any, state: Item) -> None:
         state.quaternion_wb[i] = x[6 + i]
 
 
-@compiled
+@compiled(inner=True)
 def _begin(c: Item, p: Item, v: Item) -> None:
     """The gyroscope's mean at rest taken as its bias (Sec. 5.1), the filter at the true pose."""
     bias, rate, n = c.gyroscope_bias_b, v.imu.angular_velocity_b, c.calibration_samples
@@ -99,7 +99,7 @@ def _begin(c: Item, p: Item, v: Item) -> None:
         e.pose[3 + i] = p.x[6 + i]
 
 
-@compiled
+@compiled(inner=True)
 def _judge(x: Any, v: Item, r: Item, weight: int) -> bool:
     """Add `weight` (0 or 1) times this moment to the sums of the OUTCOME record r.
 
@@ -126,7 +126,7 @@ def _judge(x: Any, v: Item, r: Item, weight: int) -> bool:
     return False
 
 
-@compiled
+@compiled(inner=True)
 def _finish(r: Item, ticks: int, saturated: int) -> None:
     """Sums into means; NaN where nothing was judged."""
     r.position_rms = math.sqrt(r.position_rms / r.moments)
@@ -137,7 +137,7 @@ def _finish(r: Item, ticks: int, saturated: int) -> None:
     r.saturated_share = saturated / float(ticks)
 
 
-@compiled
+@compiled(inner=True)
 def _keep(t: float, x: Any, v: Item, h: Item) -> None:
     """One HISTORY record."""
     h.time = t

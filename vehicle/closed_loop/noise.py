@@ -91,7 +91,7 @@ def normal(s: Words) -> float:
             return x
 
 
-@compiled
+@compiled(inner=True)
 def _tail(s: Words) -> float:
     """A normal number beyond TAIL (Marsaglia 1964)."""
     while True:
@@ -101,7 +101,7 @@ def _tail(s: Words) -> float:
             return TAIL + x
 
 
-@compiled
+@compiled(inner=True)
 def normals(s: Words, out: Array) -> None:
     """Fill `out` (N,) with standard normal numbers."""
     for i in range(out.shape[0]):

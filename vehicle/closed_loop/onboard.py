@@ -75,14 +75,14 @@ def new_onboard() -> Record:
     return out
 
 
-@compiled
+@compiled(inner=True)
 def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
     """Actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
     figure_eight_at(s.eight, t, v.reference)
     step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
 
 
-@compiled
+@compiled(inner=True)
 def onboard_one(v: Item, s: Item, imu: Item, t: float, airborne: bool, dt: float) -> None:
     """One step of the ONBOARD record v by SETTINGS s, from an IMU_SAMPLE dt (s) after the last."""
     predict_one(v.estimator, imu, s.estimation, dt, v.state)

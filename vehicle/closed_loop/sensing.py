@@ -60,7 +60,7 @@ def new_tracker(parameters: TrackerParameters) -> Record:
     return out
 
 
-@compiled
+@compiled(inner=True)
 def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) -> None:
     """An IMU_SAMPLE of a PLANT record by SENSORS s, without the known gyroscope bias (3,) rad/s.
 
@@ -77,7 +77,7 @@ def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) 
         imu.angular_velocity_b[i] = GYROSCOPE_SCALE * (count - ZERO) - bias_b[i]
 
 
-@compiled
+@compiled(inner=True)
 def track(
     t: Item, p: Item, stamp_ns: int, random: Any, drawn: Any, memory: Item, gains: Item, out: Item
 ) -> None:

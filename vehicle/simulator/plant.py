@@ -138,7 +138,7 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
     _discharge(plant, duration)
 
 
-@compiled
+@compiled(inner=True)
 def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     """Rotors and body of one PLANT record over `steps` of dt (s), and what is felt at the end.
 
@@ -171,7 +171,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     store((x * inverse_mass, y * inverse_mass, (z + thrust) * inverse_mass), p.specific_force_b)
 
 
-@compiled
+@compiled(inner=True)
 def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float, Vector, Vector]:
     """Thrust (N), torque about body axes (N m) and further force in world axes (N)."""
     m, e = p.model, p.thrust_efficiency * p.battery_share
@@ -188,7 +188,7 @@ def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float
     return e * wrench[0], torque_b, force_w
 
 
-@compiled
+@compiled(inner=True)
 def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
     """What the ground does (N, world axes) to a foot at arm_b (m), `height` (m) above the origin.
 
@@ -209,7 +209,7 @@ def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) ->
     return -grip * x, -grip * y, normal
 
 
-@compiled
+@compiled(inner=True)
 def _discharge(plant: Record, duration: float) -> None:
     """Draw the rotors' and the avionics' power; the terminals sag by the inner resistance."""
     p = plant[0]

@@ -83,19 +83,19 @@ class Noise:
         return row
 
 
-@compiled
+@compiled(inner=True)
 def _count(value: float, low: int, high: int) -> int:
     return int(min(max(math.floor(value + 0.5), low), high))
 
 
-@compiled
+@compiled(inner=True)
 def accelerometer_count(force: float, bias: float, deviation: float, normal: float) -> int:
     """Count of one axis for a specific force (m/s^2), with its noise's standard normal number."""
     value = force + bias + deviation * normal
     return _count(value / ACCELEROMETER_SCALE + ZERO, 0, FULL_SCALE)
 
 
-@compiled
+@compiled(inner=True)
 def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -> int:
     """Count of one axis for an angular velocity (rad/s)."""
     value = rate + bias + deviation * normal
