@@ -1,163 +1,37 @@
-"""The complementary filter in SE(3) of Sec. 6.1: prediction at the IMU's rate, late poses.
-
-A pose is compared with the estimate at the pose's own stamp and applied at once. No measurement
-is ever held, so a lost tracker leaves a prediction with the last biases (dead reckoning).
-"""
+"""The complementary filter of Sec. 6.1 behind the protocol of `estimation.estimator`."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from enum import IntEnum
 
 import numpy as np
-import numpy.typing as npt
 
-from estimation.attitude_filter import (
-    attitude_gains,
-    attitude_innovation,
-    to_world,
-    turn_pose,
-)
-from estimation.history import amend, recall, remember
+from estimation.complementary_filter import correct, correct_one, predict, predict_one, report
+from estimation.convergence import Convergence, Deviations
+from estimation.history import recall
 from estimation.memory import new_memory
+from estimation.outcome import NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters, estimation_record
-from estimation.rate_filter import low_pass
+from estimation.planar_pose import planar_pose
+from estimation.position_at_attitude import position_at_attitude
+from estimation.refusals import refuse_bearings, refuse_pose
 from estimation.stability import gain_warnings
-from estimation.translation_observer import (
-    acceleration_of,
-    move_pose,
-    translation_gains,
-)
-from quadrotor.compiled import compiled
-from quadrotor.errors import MeasurementError
-from quadrotor.records import Record
+from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record
 
-AHEAD_NS = 20_000_000
-"""A pose may be this far ahead of the newest IMU sample: clock error and serial latency."""
-NORM_TOLERANCE = 0.02
-"""How far |q|^2 of a measured pose may be from 1."""
+__all__ = [
+    "ComplementaryEstimator",
+    "correct",
+    "correct_one",
+    "predict",
+    "predict_one",
+    "report",
+]
 
-
-class Outcome(IntEnum):
-    """What became of a pose."""
-
-    APPLIED = 0
-    TOO_OLD = 1  # older than the history
-    NOT_NEWER = 2  # not newer than the last pose applied
-    AHEAD = 3  # more than AHEAD_NS ahead of the IMU
-    INVALID = 4  # not finite, or the quaternion is not unit
-
-
-_APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID = (int(o) for o in Outcome)
-
-
-@compiled
-def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record) -> None:
-    """Advance all filters by one IMU sample; eqs. 11 and 12 without their innovation terms.
-
-    Args:
-        memory: (N,) ESTIMATOR_MEMORY. imu: (N,) IMU_SAMPLE. state: (N,) STATE, written.
-        gains: (1,) ESTIMATION_GAINS.
-        dt: s since the last sample.
-
-    Rate and acceleration are the mean of this sample and the last, turned at their own
-    attitudes: second order, where holding the newest sample leads by half a period.
-    """
-    g = gains[0]
-    mean = np.empty(3)
-    for k in range(memory.shape[0]):
-        m, sample, out = memory[k], imu[k], state[k]
-        pose, bias, last = m.pose, m.gyroscope_bias_b, m.rate_b
-        rate, force = sample.angular_velocity_b, sample.specific_force_b
-        filtered, last_force = m.filtered_rate_b, m.specific_force_b
-        if not m.primed:
-            m.primed = 1
-            for i in range(3):
-                last[i], last_force[i] = rate[i], force[i]
-                filtered[i] = rate[i] - bias[i]
-        low_pass(filtered, rate, bias, g.rate_low_pass, dt)
-        if m.initialized:
-            for i in range(3):
-                mean[i] = 0.5 * (rate[i] + last[i]) - bias[i]
-            start_w = acceleration_of(pose, last_force, m.accelerometer_bias_b)
-            turn_pose(pose, mean[0], mean[1], mean[2], g.norm_penalty, dt)
-            end_w = acceleration_of(pose, force, m.accelerometer_bias_b)
-            move_pose(pose, m.velocity_w, start_w, end_w, dt)
-        m.stamp_ns = sample.stamp_ns
-        remember(m)
-        for i in range(3):
-            last[i], last_force[i] = rate[i], force[i]
-            out.position_w[i] = pose[i]
-            out.velocity_w[i] = m.velocity_w[i]
-            out.angular_velocity_b[i] = filtered[i]
-        for i in range(4):
-            out.quaternion_wb[i] = pose[3 + i]
-
-
-@compiled
-def correct(
-    memory: Record, pose: Record, gains: Record, estimate: Record, outcome: npt.NDArray[np.int64]
-) -> None:
-    """Apply one pose to each initialized filter (eqs. 11 and 12, exact for the interval).
-
-    Args:
-        memory: (N,) ESTIMATOR_MEMORY. pose: (N,) POSE_SAMPLE. gains: (1,) ESTIMATION_GAINS.
-        estimate: (N,) ESTIMATE, innovations written when applied.
-        outcome: (N,) of Outcome, written.
-    """
-    g = gains[0]
-    for k in range(memory.shape[0]):
-        m, z, out = memory[k], pose[k], estimate[k]
-        p, q, past, stamp_ns = z.position_w, z.quaternion_wb, m.past, z.stamp_ns
-        norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-        if not (math.isfinite(p[0] + p[1] + p[2]) and abs(norm2 - 1.0) < NORM_TOLERANCE):
-            outcome[k] = _INVALID
-            continue
-        if stamp_ns <= m.pose_stamp_ns:
-            outcome[k] = _NOT_NEWER
-            continue
-        if stamp_ns > m.stamp_ns + AHEAD_NS:
-            outcome[k] = _AHEAD
-            continue
-        back = recall(m, stamp_ns)
-        if back < 0:
-            outcome[k] = _TOO_OLD
-            continue
-        outcome[k] = _APPLIED
-        interval = 1e-9 * (stamp_ns - m.pose_stamp_ns)
-        m.pose_stamp_ns = stamp_ns
-
-        l = translation_gains(  # noqa: E741 - L of the derivation there
-            g.position_bandwidth, g.accelerometer_bias_bandwidth, interval
-        )
-        l_q, l_g = attitude_gains(g.attitude_bandwidth, g.gyroscope_bias_bandwidth, interval)
-        e_w = (p[0] - past[0], p[1] - past[1], p[2] - past[2])
-        turn_b = attitude_innovation(past, q)
-        turn_w = to_world(past, 1.0, l_q * turn_b[0], l_q * turn_b[1], l_q * turn_b[2])
-        # b_dot = -R_wb^T Kb e: an acceleration that is missing is a bias that is too large.
-        e_b = to_world(past, -1.0, e_w[0], e_w[1], e_w[2])
-        amend(m, back, stamp_ns, e_w, l, turn_w)
-        a_max, w_max = g.accelerometer_bias_limit, g.gyroscope_bias_limit
-        a_bias, w_bias = m.accelerometer_bias_b, m.gyroscope_bias_b
-        for i in range(3):
-            a_bias[i] = min(max(a_bias[i] - l[2] * e_b[i], -a_max), a_max)
-            w_bias[i] = min(max(w_bias[i] - l_g * turn_b[i], -w_max), w_max)
-            out.position_innovation_w[i] = e_w[i]
-            out.attitude_innovation_b[i] = turn_b[i]
-
-
-@compiled
-def report(memory: Record, estimate: Record) -> None:
-    """Write biases and measurement age of (N,) ESTIMATOR_MEMORY into (N,) ESTIMATE."""
-    for k in range(memory.shape[0]):
-        m, out = memory[k], estimate[k]
-        for i in range(3):
-            out.accelerometer_bias_b[i] = m.accelerometer_bias_b[i]
-            out.gyroscope_bias_b[i] = m.gyroscope_bias_b[i]
-        out.measurement_age = math.inf
-        if m.initialized:
-            out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.pose_stamp_ns))
+SETTLED_AFTER = 3.0
+"""Time constants of its slower pole after which the filter has forgotten its start."""
+FIT_POSITION, FIT_ATTITUDE = 0.5, math.radians(15.0)
+"""Largest root mean square of the innovations (m, rad) to be flown on."""
 
 
 class ComplementaryEstimator:
@@ -176,6 +50,7 @@ class ComplementaryEstimator:
         self._stamp_ns = self._memory["stamp_ns"]
         self._pose_stamp_ns = self._memory["pose_stamp_ns"]
         self._outcome = np.zeros(1, np.int64)
+        self._frame_pose = np.zeros(1, POSE_SAMPLE)
         self._initialized = False
         self.configure(parameters or EstimationParameters())
 
@@ -203,6 +78,37 @@ class ComplementaryEstimator:
         return self.measurement_age > self._parameters.measurement_timeout
 
     @property
+    def deviations(self) -> Deviations | None:
+        """None: a filter of fixed gains has no covariance."""
+        return None
+
+    @property
+    def convergence(self) -> Convergence:
+        """By the time since the start, in time constants, and the size of the innovations."""
+        if not self._initialized:
+            return Convergence(False, "no measurement gave it a start yet")
+        if self.stale:
+            return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
+        p, m = self._parameters, self._memory[0]
+        slowest = min(p.position_bandwidth, p.attitude_bandwidth)
+        needed, run = SETTLED_AFTER / slowest, 1e-9 * float(m["stamp_ns"] - m["started_ns"])
+        if run < needed:
+            return Convergence(
+                False, f"started {run:.1f} s ago, needs {needed:.1f} s at {slowest:g} rad/s"
+            )
+        position, attitude = math.sqrt(m["position_spread"]), math.sqrt(m["attitude_spread"])
+        text = f"innovations {position:.3f} m, {math.degrees(attitude):.2f} deg rms"
+        fit = position < FIT_POSITION and attitude < FIT_ATTITUDE
+        if not fit:
+            text += f"; allowed {FIT_POSITION:g} m, {math.degrees(FIT_ATTITUDE):.0f} deg"
+        return Convergence(fit, text)
+
+    @property
+    def converged(self) -> bool:
+        """Fit to be flown on; `convergence` says why."""
+        return self.convergence.reached
+
+    @property
     def memory(self) -> Record:
         """The filter's memory, shape (1,), for logs and tests."""
         return self._memory
@@ -221,10 +127,11 @@ class ComplementaryEstimator:
         m, position, quaternion = self._memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
         norm2 = float(quaternion @ quaternion)
         if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
-            raise _refusal(pose)
+            raise refuse_pose(pose)
         m["pose"][:3], m["pose"][3:] = position, quaternion / math.sqrt(norm2)
         m["velocity_w"] = 0.0
-        m["pose_stamp_ns"] = pose["stamp_ns"][0]
+        m["pose_stamp_ns"] = m["started_ns"] = pose["stamp_ns"][0]
+        m["position_spread"] = m["attitude_spread"] = 0.0
         m["ring_count"] = 0  # the next prediction starts the history
         m["initialized"] = 1
         self._initialized = True
@@ -248,11 +155,34 @@ class ComplementaryEstimator:
             return
         correct(self._memory, pose, self._gains, estimate, self._outcome)
         outcome = int(self._outcome[0])
-        if outcome == _APPLIED:
+        if outcome == Outcome.APPLIED:
             return
         self.ignored[Outcome(outcome)] += 1
-        if outcome == _INVALID:
-            raise _refusal(pose)
+        if outcome == Outcome.INVALID:
+            raise refuse_pose(pose)
+
+    def correct_bearings(self, bearings: Record, estimate: Record) -> None:
+        """Apply a BEARINGS_SAMPLE (1,) through the one-frame pose it gives.
+
+        The pose is sought from the estimate at the frame's stamp; its position is then solved
+        anew at the filter's attitude, which is far better than the frame's own. Raises
+        MeasurementError when the frame is malformed or gives no pose.
+        """
+        frame = bearings[0]
+        count, stamp_ns = int(frame["count"]), int(frame["stamp_ns"])
+        if not 1 <= count <= MAX_BEACONS:
+            raise refuse_bearings(bearings)
+        beacons, seen = frame["beacon_w"][:count], frame["bearing_b"][:count]
+        start = None
+        if self._initialized and recall(self._memory[0], stamp_ns) > 0:
+            past = self._memory["past"][0].copy()
+            start = (past[:3], past[3:])
+        pose = planar_pose(beacons, seen, float(frame["sigma"]), start)
+        sample = self._frame_pose
+        sample[0] = stamp_ns, pose.position_w, pose.quaternion_wb
+        if start is not None:
+            position_at_attitude(beacons, seen, start[1], start[0], sample["position_w"][0])
+        self.correct(sample, estimate)
 
     def report(self, estimate: Record) -> None:
         """Write biases and measurement age into the ESTIMATE (1,)."""
@@ -261,11 +191,3 @@ class ComplementaryEstimator:
     def warnings(self, rate: float) -> list[str]:
         """What is wrong with the gains at this rate (Hz) of poses; empty when nothing."""
         return gain_warnings(self._parameters, rate)
-
-
-def _refusal(pose: Record) -> MeasurementError:
-    position, quaternion = pose["position_w"][0].tolist(), pose["quaternion_wb"][0].tolist()
-    return MeasurementError(
-        f"pose with position {position} m and quaternion {quaternion} cannot be used: "
-        "allowed are finite positions and quaternions (w, x, y, z) of length 1; check the tracker"
-    )

@@ -1,29 +1,48 @@
-"""What the flight stack asks of any estimator; plain Python ones are welcome."""
+"""What the flight stack asks of any estimator; plain Python ones are welcome.
+
+A new one is registered by name (`estimation.registry`) and then chosen by parameter.
+"""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+from estimation.convergence import Convergence, Deviations
 from estimation.parameters import EstimationParameters
 from quadrotor.records import Record
 
 
 class Estimator(Protocol):
-    """Fed by IMU samples and poses in the order they arrive; all records have shape (1,)."""
+    """Fed by IMU samples, poses and bearings in the order they arrive; records have shape (1,)."""
 
     @property
     def initialized(self) -> bool:
-        """A first pose was taken."""
+        """A first measurement gave it a start."""
         ...
 
     @property
     def measurement_age(self) -> float:
-        """Seconds from the newest pose applied to the newest IMU sample; inf before both."""
+        """Seconds from the newest measurement applied to the newest sample; inf before both."""
         ...
 
     @property
     def stale(self) -> bool:
-        """The newest pose is older than the time-out: the estimate is only predicted."""
+        """The newest measurement is older than the time-out: the estimate is only predicted."""
+        ...
+
+    @property
+    def converged(self) -> bool:
+        """Fit to be flown on."""
+        ...
+
+    @property
+    def convergence(self) -> Convergence:
+        """The same with its reason."""
+        ...
+
+    @property
+    def deviations(self) -> Deviations | None:
+        """Standard deviations by the estimator's own covariance; None when it has none."""
         ...
 
     def configure(self, parameters: EstimationParameters) -> None:
@@ -46,6 +65,14 @@ class Estimator(Protocol):
         """Apply a POSE_SAMPLE, late ones too; write innovations. Raises MeasurementError."""
         ...
 
+    def correct_bearings(self, bearings: Record, estimate: Record) -> None:
+        """Apply a BEARINGS_SAMPLE, late ones too. Raises MeasurementError."""
+        ...
+
     def report(self, estimate: Record) -> None:
         """Write biases and measurement age into an ESTIMATE."""
+        ...
+
+    def warnings(self, rate: float) -> list[str]:
+        """What is wrong with the gains at this rate (Hz) of measurements."""
         ...

@@ -19,6 +19,9 @@ ESTIMATOR_MEMORY = np.dtype(
         ("primed", "u1"),  # a first IMU sample was taken
         ("stamp_ns", "i8"),  # of the newest IMU sample
         ("pose_stamp_ns", "i8"),  # of the newest measured pose applied
+        ("started_ns", "i8"),  # when the first pose was true
+        ("position_spread", "f8"),  # m^2, mean square innovation of the last dozen poses
+        ("attitude_spread", "f8"),  # rad^2
         ("pose", "f8", 7),  # the estimate
         ("past", "f8", 7),  # the estimate when the newest measured pose was true
         ("velocity_w", "f8", 3),  # m/s

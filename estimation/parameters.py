@@ -1,13 +1,15 @@
 """Parameters of the complementary filter, their presets and their compiled record.
 
 Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are
-2 omega and omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s.
+2 omega and omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s. Gains as
+printed, or per measurement, become parameters by `estimation.gains`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from estimation.error_state.parameters import ErrorStateParameters
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 
@@ -27,7 +29,23 @@ ESTIMATION_GAINS = np.dtype(
 
 
 class EstimationParameters(Parameters):
-    """Gains of eqs. 11 and 12 as poles; the defaults serve a 100 Hz tracker."""
+    """Which estimator, on what; gains of eqs. 11 and 12 as poles, for a 100 Hz tracker."""
+
+    estimator: str = parameter(
+        "complementary",
+        choices=("complementary", "error_state"),
+        description="what the vehicle flies on; in flight only the shadow may be chosen",
+    )
+    shadow: str = parameter(
+        "none",
+        choices=("none", "complementary", "error_state"),
+        description="estimator that runs beside on the same measurements, to be compared",
+    )
+    source: str = parameter(
+        "poses",
+        choices=("poses", "bearings", "both"),
+        description="measurements used: the tracker's poses, bearings to beacons, or both",
+    )
 
     position_bandwidth: float = parameter(
         8.0,
@@ -101,6 +119,7 @@ class EstimationParameters(Parameters):
         step=0.01,
         description="clamp of each component of the gyroscope bias",
     )
+    error_state: ErrorStateParameters = ErrorStateParameters()
 
 
 PRESETS: dict[str, dict[str, float]] = {
@@ -117,6 +136,14 @@ PRESETS: dict[str, dict[str, float]] = {
         "attitude_bandwidth": 0.4,
         "accelerometer_bias_bandwidth": 0.15,
         "gyroscope_bias_bandwidth": 0.08,
+    },
+    # For bearings given to the filter itself, which solves the position anew at its own attitude:
+    # found by search on flights of benchmarks/filter_flights.py, of other seeds than reported.
+    "resolved": {
+        "position_bandwidth": 1.8,
+        "attitude_bandwidth": 0.2,
+        "accelerometer_bias_bandwidth": 0.8,
+        "gyroscope_bias_bandwidth": 0.09,
     },
 }
 """Named gain sets: `EstimationParameters(**PRESETS["paper"])`."""

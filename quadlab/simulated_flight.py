@@ -14,6 +14,7 @@ import numpy as np
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
+from estimation.convergence import Convergence
 from estimation.estimator import Estimator
 from quadlab.flight_log import FlightLog
 from quadlab.stage_clock import StageClock
@@ -207,6 +208,9 @@ class TrueState:
     initialized = True
     measurement_age = 0.0
     stale = False
+    converged = True
+    convergence = Convergence(True, "the true state")
+    deviations = None
 
     def __init__(self, simulated: SimulatedVehicle) -> None:
         self._truth = simulated.truth
@@ -221,6 +225,11 @@ class TrueState:
         state[:] = self._truth
 
     def correct(self, pose: object, estimate: object) -> None: ...
+
+    def correct_bearings(self, bearings: object, estimate: object) -> None: ...
+
+    def warnings(self, rate: float) -> list[str]:
+        return []
 
     def report(self, estimate: np.ndarray) -> None:  # type: ignore[type-arg]
         estimate["measurement_age"] = 0.0

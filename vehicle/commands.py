@@ -11,6 +11,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.modes import Flag, Mode
+from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters, check_pairs
 from vehicle.supervisor import Supervisor
 
@@ -24,6 +25,7 @@ class Commanded(Protocol):
     store: ParameterStore
     supervisor: Supervisor
     behaviors: BehaviorMachine
+    navigation: Navigation
     state: Record
     status: Record
     outbox: list[mailbox.Event | mailbox.ParameterChange]
@@ -76,6 +78,8 @@ class CommandHandler:
         stack = self._stack
         checked = {name: stack.store.check(name, v) for name, v in command.values.items()}
         check_pairs(stack.store.values() | checked)
+        armed = stack.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
+        checked |= stack.navigation.check(checked, stack.state, armed)
         old = {name: stack.store.get(name) for name in checked}
         applied = stack.store.set(checked)
         stack.configure()

@@ -12,16 +12,16 @@ import math
 
 import numpy as np
 
+from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from control.behaviors.ground import stand
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from control.controller import Controller, GeometricController
-from estimation.complementary import ComplementaryEstimator
 from estimation.estimator import Estimator
 from estimation.mass_estimator import MassEstimator
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import ACTUATORS, POSE_SAMPLE, Record, new_tick
+from quadrotor.records import ACTUATORS, Record, new_tick
 from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.commands import CommandHandler
@@ -29,6 +29,7 @@ from vehicle.gyro_calibration import GyroCalibration
 from vehicle.imu_calibration import ImuCalibrator
 from vehicle.microcontroller import RawSample
 from vehicle.modes import Mode, check_move
+from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters
 from vehicle.reference_rounding import ReferenceRounding
 from vehicle.status_writer import FLYING, StatusWriter
@@ -47,7 +48,8 @@ class FlightStack:
     Args:
         parameters: the vehicle's tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
-            complementary estimator (Sec. 6.1) and the geometric controller (Sec. 4).
+            estimator that the parameters name and the geometric controller (Sec. 4).
+        beacons: where the bearings' ids stand.
     """
 
     def __init__(
@@ -55,10 +57,10 @@ class FlightStack:
         parameters: VehicleParameters,
         estimator: Estimator | None = None,
         controller: Controller | None = None,
+        beacons: Beacons = PAPER_BEACONS,
     ) -> None:
         self.parameters = parameters
         self.store = ParameterStore(parameters)
-        self.estimator: Estimator = estimator or ComplementaryEstimator()
         self.controller: Controller = controller or GeometricController()
         self.mass = MassEstimator(parameters.model.mass, parameters.mass)
         self.behaviors = BehaviorMachine(parameters.behavior)
@@ -75,9 +77,10 @@ class FlightStack:
         self.mode = Mode.STARTING
         self.airborne = False
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
+        self._stamp_ns = 0
+        self.navigation = Navigation(parameters.estimation, self.say, estimator, beacons)
         self.motor_state_wanted = MotorState.OFF
         self._gyro: GyroCalibration | None = None
-        self._pose = np.zeros(1, POSE_SAMPLE)
         self._off = np.zeros(1, ACTUATORS)
         self._off["scaling"] = 1.0
         self._rounding = ReferenceRounding()
@@ -88,9 +91,7 @@ class FlightStack:
         self._scaling = self.actuators["scaling"]
         self._quaternion_wb = self.state["quaternion_wb"][0]
         self._sequence = self.record["sequence"]
-        self._poses: list[mailbox.Pose] = []
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
-        self._stamp_ns = 0
         self._armed_ns = 0
         self._landed_ns: int | None = None
         self._ground_z = 0.0
@@ -106,12 +107,11 @@ class FlightStack:
         if self.mode is Mode.STARTING:
             self._calibrate_gyroscope()
 
-        self.estimator.predict(self.imu, dt, self.state)
-        self._correct()
+        self.navigation.step(self.imu, dt, self.state, self.estimate)
         # The wrench is still the last tick's: what the vehicle obeyed until now.
         self.mass.step(self.state, self.actuators, self.airborne, dt, self.estimate)
 
-        pose_age = self.estimator.measurement_age
+        pose_age = self.navigation.active.measurement_age
         verdict = self.supervisor.step(
             self._stamp_ns,
             airborne=self.airborne,
@@ -150,13 +150,12 @@ class FlightStack:
 
     def measure(self, measurement: mailbox.Measurement) -> None:
         """Take one measurement; it acts at the next tick."""
-        if isinstance(measurement, mailbox.Pose):
-            self._poses.append(measurement)
+        if isinstance(measurement, mailbox.Pose | mailbox.Bearings):
+            self.navigation.measure(measurement)
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
         elif isinstance(measurement, mailbox.Heartbeat):
             self.supervisor.heard(measurement.stamp_ns)
-        # Bearings are turned into poses by the comms process; estimators on board take them later.
 
     def loop_statistics(
         self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
@@ -170,7 +169,7 @@ class FlightStack:
         p = self.parameters
         self.model = p.model.record()
         self.controller.configure(p.control, self.model)
-        self.estimator.configure(p.estimation)
+        self.navigation.configure(p.estimation)
         self._pose_timeout = p.estimation.measurement_timeout
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
@@ -205,6 +204,11 @@ class FlightStack:
         return self._stamp_ns
 
     @property
+    def estimator(self) -> Estimator:
+        """What is flown on."""
+        return self.navigation.active
+
+    @property
     def has_pose(self) -> bool:
         """Whether the pose measurement is present and fresh."""
         return not self.estimator.stale
@@ -237,27 +241,10 @@ class FlightStack:
             return
         if bias is not None:
             self.imu_calibrator.set_gyroscope_bias(bias)
-            self.estimator.reset()  # it saw the uncalibrated gyroscope and learnt from it
+            self.navigation.reset()  # it saw the uncalibrated gyroscope and learnt from it
             degrees = ", ".join(f"{math.degrees(b):.2f}" for b in bias)
             self._gyro = None
             self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
-
-    def _correct(self) -> None:
-        if self._poses:
-            self._take_poses()
-        self.estimator.report(self.estimate)
-
-    def _take_poses(self) -> None:
-        for pose in self._poses:
-            self._pose[0] = pose.stamp_ns, pose.position_w, pose.quaternion_wb
-            try:
-                if self.estimator.initialized:
-                    self.estimator.correct(self._pose, self.estimate)
-                else:
-                    self.estimator.initialize(self._pose)
-            except MeasurementError as error:
-                self.say(str(error), mailbox.WARN)
-        self._poses.clear()
 
     def _react(self, verdict: Verdict) -> None:
         if verdict.reaction is Reaction.CUT:

@@ -10,16 +10,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.complementary import (
-    AHEAD_NS,
-    ComplementaryEstimator,
-    Outcome,
-    correct,
-    predict,
-    report,
-)
+from estimation.complementary import ComplementaryEstimator, correct, predict, report
 from estimation.estimator import Estimator
 from estimation.memory import HISTORY_LENGTH, new_memory
+from estimation.outcome import AHEAD_NS, Outcome
 from estimation.parameters import PRESETS, EstimationParameters, estimation_record
 from quadrotor.errors import MeasurementError
 from quadrotor.records import ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, STATE, Record, new_state

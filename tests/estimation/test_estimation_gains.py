@@ -8,13 +8,23 @@ import numpy as np
 import pytest
 
 from estimation.complementary import ComplementaryEstimator
+from estimation.gains import (
+    PRINTED,
+    ContinuousGains,
+    MeasurementGains,
+    continuous_gains,
+    from_continuous,
+    from_measurement,
+    measurement_gains,
+)
 from estimation.parameters import (
     ESTIMATION_GAINS,
     PRESETS,
     EstimationParameters,
     estimation_record,
 )
-from estimation.stability import gain_warnings
+from estimation.stability import gain_warnings, lowest_stable_rate, printed_radius
+from quadrotor.errors import OutOfBoundsError
 
 
 def test_paper_preset_is_the_double_pole_of_the_printed_gains() -> None:
@@ -39,9 +49,11 @@ def test_nothing_is_wrong_with_the_defaults_at_100_hz_nor_with_the_bearings_at_3
 
 def test_the_papers_gains_follow_the_noise_at_30_hz_and_the_warning_says_what_to_set() -> None:
     lines = gain_warnings(EstimationParameters(**PRESETS["paper"]), 30.0)
-    assert [line.split()[0] for line in lines] == ["position_bandwidth"]
-    advised = float(lines[0].split("below ")[1].split()[0])
-    mended = EstimationParameters(**PRESETS["paper"] | {"position_bandwidth": 0.99 * advised})
+    names = ["position_bandwidth", "attitude_bandwidth"]
+    assert [line.split()[0] for line in lines] == names
+    advised = [float(line.split("below ")[-1].split()[0]) for line in lines]
+    less = {name: 0.99 * most for name, most in zip(names, advised, strict=True)}
+    mended = EstimationParameters(**PRESETS["paper"] | less)
     assert gain_warnings(mended, 30.0) == []
 
 
@@ -68,3 +80,68 @@ def test_no_rate_means_no_pose(rate: float) -> None:
     assert gain_warnings(EstimationParameters(), rate) == [
         "no pose comes: position and velocity are only predicted"
     ]
+
+
+# ---------------------------------------------------------------------- forms of the gains
+def test_printed_gains_are_the_papers_poles_and_come_back() -> None:
+    parameters = from_continuous(PRINTED)
+    assert parameters.position_bandwidth == pytest.approx(63.15, abs=0.01)
+    assert parameters.accelerometer_bias_bandwidth == 0.0
+    back = continuous_gains(parameters)
+    assert back.K_p == pytest.approx(PRINTED.K_p, rel=1e-3)
+    assert back.K_v == pytest.approx(PRINTED.K_v)
+    assert back.K_q == PRINTED.K_q
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0, 100.0, 500.0])
+def test_gains_per_measurement_are_those_applied_and_come_back(rate: float) -> None:
+    parameters = from_continuous(ContinuousGains(10.0, 25.0, 2.0))
+    gains, p = measurement_gains(parameters, rate), math.exp(-5.0 / rate)
+    assert gains.L_p == pytest.approx(1.0 - p * p)
+    assert gains.L_v == pytest.approx((1.0 - p) ** 2 * rate)
+    assert gains.L_q == pytest.approx(1.0 - math.exp(-2.0 / rate))
+    again = from_measurement(gains, rate)
+    assert again.position_bandwidth == pytest.approx(5.0)
+    assert again.attitude_bandwidth == pytest.approx(2.0)
+
+
+def test_gains_that_are_no_double_pole_or_no_share_are_refused_with_what_fits() -> None:
+    with pytest.raises(OutOfBoundsError, match="25 1/s²"):
+        from_continuous(ContinuousGains(10.0, 80.0, 1.0))
+    with pytest.raises(OutOfBoundsError, match="L_v = "):
+        from_measurement(MeasurementGains(0.5, 100.0, 0.1), 30.0)
+    for share in (0.0, 1.0, -1.0, math.nan):
+        with pytest.raises(OutOfBoundsError, match="share"):
+            from_measurement(MeasurementGains(share, 1.0, 0.1), 30.0)
+    with pytest.raises(OutOfBoundsError, match="position_bandwidth"):
+        from_continuous(ContinuousGains(1000.0, 250_000.0, 1.0))
+
+
+def test_printed_gains_times_the_period_diverge_below_76_hz_by_their_spectral_radius() -> None:
+    least = lowest_stable_rate(PRINTED)
+    assert least == pytest.approx(76.2, abs=0.1)
+    for rate, bounded in ((0.99 * least, False), (1.01 * least, True)):
+        assert (printed_radius(PRINTED, rate) < 1.0) == bounded
+        error, T = np.array([1.0, 0.0]), 1.0 / rate
+        for _ in range(3000):
+            error = np.array([error[0] + T * error[1], error[1]])
+            error = error - T * np.array([PRINTED.K_p, PRINTED.K_v]) * error[0]
+        assert bool(np.abs(error).max() < 1e3) == bounded
+
+
+def test_the_warning_below_76_hz_gives_radius_and_rate_and_none_comes_above() -> None:
+    line = gain_warnings(EstimationParameters(**PRESETS["paper"]), 70.0)[0]
+    assert "spectral radius 1." in line
+    assert "stable above 76.2 Hz" in line
+    assert gain_warnings(EstimationParameters(**PRESETS["paper"]), 77.0) == []
+
+
+@pytest.mark.parametrize("rate", [5.0, 30.0, 60.0, 76.0, 77.0, 126.0, 200.0, 1000.0])
+@pytest.mark.parametrize("gains", [PRINTED, ContinuousGains(5.0, 40.0, 1.0)])
+def test_spectral_radius_is_that_of_the_matrix(gains: ContinuousGains, rate: float) -> None:
+    T = 1.0 / rate
+    F = np.array([[1.0, T], [0.0, 1.0]])
+    correction = np.array([[1.0 - T * gains.K_p, 0.0], [-T * gains.K_v, 1.0]])
+    translation = np.abs(np.linalg.eigvals(correction @ F)).max()
+    wanted = max(float(translation), abs(1.0 - T * gains.K_q))
+    assert printed_radius(gains, rate) == pytest.approx(wanted, abs=1e-9)

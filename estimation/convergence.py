@@ -1,0 +1,62 @@
+"""When an estimate is fit to be flown on, and how far two of them may differ."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import Record
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Convergence:
+    """Whether an estimator may be flown on; `reason` says why, with numbers, either way."""
+
+    reached: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Deviations:
+    """Standard deviation of the error vector: m, m/s, rad (root of the covariance's trace)."""
+
+    position: float
+    velocity: float
+    attitude: float
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """How far one STATE is from another: m, m/s, rad."""
+
+    position: float
+    velocity: float
+    attitude: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.position:.3f} m, {self.velocity:.3f} m/s, {math.degrees(self.attitude):.2f} deg"
+        )
+
+    def within(self, other: Difference) -> bool:
+        """Each part at most the other's; NaN is not."""
+        return (
+            self.position <= other.position
+            and self.velocity <= other.velocity
+            and self.attitude <= other.attitude
+        )
+
+
+def difference(one: Record, other: Record) -> Difference:
+    """Between two STATE records of shape (1,)."""
+    share = abs(float(one["quaternion_wb"][0] @ other["quaternion_wb"][0]))
+    return Difference(
+        float(np.linalg.norm(one["position_w"][0] - other["position_w"][0])),
+        float(np.linalg.norm(one["velocity_w"][0] - other["velocity_w"][0])),
+        2.0 * math.acos(min(1.0, share)) if math.isfinite(share) else math.nan,
+    )

@@ -1,0 +1,276 @@
+"""The error-state filter behind the protocol of `estimation.estimator`."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.convergence import Convergence, Deviations
+from estimation.error_state import filter as kernels
+from estimation.error_state.memory import ERRORS, new_memory
+from estimation.error_state.parameters import noise_record
+from estimation.error_state.timeline import apply_one
+from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
+from estimation.parameters import EstimationParameters
+from estimation.planar_pose import planar_pose
+from estimation.refusals import refuse_bearings, refuse_pose
+from quadrotor.errors import MeasurementError
+from quadrotor.records import POSE_SAMPLE, Record
+
+Array = npt.NDArray[np.float64]
+
+ANCHOR_NS = 200_000_000
+"""Without a measurement for so long the covariance is brought to the present by itself."""
+LOST_AFTER_NS = 500_000_000
+LOST_REFUSALS = 8
+"""So many measurements refused in a row, for LOST_AFTER_NS, mean that the filter is wrong."""
+START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
+"""Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
+FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
+"""Largest deviations to be flown on."""
+FIT_UPDATES = 10
+FIT_CONSISTENCY = 3.0
+
+
+class ErrorStateEstimator:
+    """Tightly coupled: each bearing, or pose, corrects state and biases by their covariance.
+
+    Attributes:
+        ignored: how many measurements were not applied, by Outcome.
+    """
+
+    name = "error_state"
+
+    def __init__(self, parameters: EstimationParameters | None = None) -> None:
+        self.ignored: Counter[Outcome] = Counter()
+        self._memory = new_memory()
+        self._initialized = False
+        self._waiting: list[tuple[int, Record]] = []
+        self._due_ns = 1 << 62
+        self._remember_views()
+        self.configure(parameters or EstimationParameters())
+
+    def _remember_views(self) -> None:
+        # Views made once: looking a field up by name takes longer than the subtraction.
+        self._stamp_ns, self._base_ns = self._memory["stamp_ns"], self._memory["base_ns"]
+        self._measurement_ns = self._memory["measurement_ns"]
+
+    def configure(self, parameters: EstimationParameters) -> None:
+        """Take new noise levels; state and covariance are kept."""
+        p = parameters
+        self._timeout = p.measurement_timeout
+        self._noise = noise_record(
+            p.error_state, p.rate_low_pass, p.accelerometer_bias_limit, p.gyroscope_bias_limit
+        )
+
+    @property
+    def initialized(self) -> bool:
+        """A first pose was taken or found."""
+        return self._initialized
+
+    @property
+    def measurement_age(self) -> float:
+        """Seconds from the newest measurement applied to the newest sample; inf before both."""
+        if not self._initialized:
+            return math.inf
+        age_ns = self._stamp_ns.item() - self._measurement_ns.item()
+        return 1e-9 * age_ns if age_ns > 0 else 0.0
+
+    @property
+    def stale(self) -> bool:
+        """The newest measurement applied is older than `measurement_timeout`."""
+        return self.measurement_age > self._timeout
+
+    @property
+    def memory(self) -> Record:
+        """The filter's memory, shape (1,), for logs and tests."""
+        return self._memory
+
+    @property
+    def covariance(self) -> Array:
+        """(15, 15) of the error of `estimation.error_state.memory`, at the newest event."""
+        covariance: Array = self._memory["covariance"][0].copy()
+        return covariance
+
+    @property
+    def deviations(self) -> Deviations:
+        """Of position, velocity and attitude, by the filter's own covariance."""
+        variances = np.diag(self._memory["covariance"][0])
+        position, attitude, velocity = np.sqrt(variances[:9].reshape(3, 3).sum(axis=1)).tolist()
+        return Deviations(position, velocity, attitude)
+
+    @property
+    def convergence(self) -> Convergence:
+        """By measurements applied, their age, covariance and normalised innovations."""
+        if not self._initialized:
+            return Convergence(False, "no measurement gave it a start yet")
+        if self.stale:
+            return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
+        applied = int(self._memory["applied"][0])
+        if applied < FIT_UPDATES:
+            return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}")
+        consistency = float(self._memory["consistency"][0])
+        if not consistency < FIT_CONSISTENCY:
+            return Convergence(
+                False,
+                f"innovations {consistency:.1f} times their expected square, "
+                f"allowed {FIT_CONSISTENCY:g}",
+            )
+        d = self.deviations
+        text = (
+            f"deviations {d.position:.3f} m, {d.velocity:.3f} m/s, "
+            f"{math.degrees(d.attitude):.2f} deg"
+        )
+        fit = d.position < FIT.position and d.velocity < FIT.velocity and d.attitude < FIT.attitude
+        if not fit:
+            text += (
+                f"; allowed {FIT.position:g} m, {FIT.velocity:g} m/s, "
+                f"{math.degrees(FIT.attitude):g} deg"
+            )
+        return Convergence(fit, text)
+
+    @property
+    def converged(self) -> bool:
+        """Fit to be flown on; `convergence` says why."""
+        return self.convergence.reached
+
+    def reset(self) -> None:
+        """Forget everything, biases included."""
+        self._memory[:] = new_memory()
+        self._initialized = False
+        self._waiting.clear()
+        self._due_ns = 1 << 62
+        self.ignored.clear()
+
+    def initialize(self, pose: Record, deviations: Array = START) -> None:
+        """Start anew at a POSE_SAMPLE (1,), at rest, with the biases so far.
+
+        Args:
+            deviations: (15,) of the error, in its order.
+
+        Raises MeasurementError when the pose is not finite or its quaternion not unit.
+        """
+        m, position, quaternion = self._memory[0], pose["position_w"][0], pose["quaternion_wb"][0]
+        norm2 = float(quaternion @ quaternion)
+        if not (np.isfinite(position).all() and abs(norm2 - 1.0) < NORM_TOLERANCE):
+            raise refuse_pose(pose)
+        known = bool(m["initialized"])
+        bias, biases_covariance = m["now"][10:].copy(), m["covariance"][9:, 9:].copy()
+        x = m["base"]
+        x[:3], x[3:6], x[6:10], x[10:] = position, 0.0, quaternion / math.sqrt(norm2), bias
+        m["covariance"] = np.diag(deviations**2)
+        if known:  # what was learnt of the biases stays
+            m["covariance"][9:, 9:] = biases_covariance
+        stamp_ns = int(pose["stamp_ns"][0])
+        m["measurement_ns"] = stamp_ns
+        m["base_ns"] = min(stamp_ns, int(m["stamp_ns"])) if m["sample_count"] else stamp_ns
+        m["now"] = x
+        m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
+        m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
+        m["event_ns"][0] = m["base_ns"]
+        m["after_state"][0], m["after_covariance"][0] = x, m["covariance"]
+        self._initialized = True
+        if m["stamp_ns"] > m["base_ns"]:
+            self._anchor()
+
+    def predict(self, imu: Record, dt: float, state: Record) -> None:
+        """Advance by an IMU_SAMPLE (1,) that came `dt` s after the last; write the STATE (1,).
+
+        Before the first pose only the angular velocity is estimated.
+        """
+        kernels.predict(self._memory, imu, self._noise, dt, state)
+        now_ns = self._stamp_ns.item()
+        if now_ns >= self._due_ns:
+            self._apply_waiting(now_ns)
+        if self._initialized and now_ns - self._base_ns.item() > ANCHOR_NS:
+            self._anchor()
+
+    def correct(self, pose: Record, estimate: Record) -> None:
+        """Apply a POSE_SAMPLE (1,), late or not; the first of all initializes.
+
+        What cannot be applied is counted in `ignored`. Raises MeasurementError when the pose is
+        not finite or its quaternion not unit.
+        """
+        if not self._initialized:
+            self.initialize(pose)
+            return
+        if not kernels.take_pose(self._memory[0], pose[0]):
+            raise self._refused(refuse_pose(pose))
+        if self._apply(pose, estimate):
+            self.initialize(pose)
+
+    def correct_bearings(self, bearings: Record, estimate: Record) -> None:
+        """Apply a BEARINGS_SAMPLE (1,), late or not, any number of beacons.
+
+        Before any pose the first frame that determines one by itself starts the filter. What
+        cannot be applied is counted in `ignored`. Raises MeasurementError when a number is not
+        finite, a bearing not unit, or no pose was found to start from.
+        """
+        if not kernels.take_bearings(self._memory[0], bearings[0]):
+            raise self._refused(refuse_bearings(bearings))
+        if not self._initialized or self._apply(bearings, estimate):
+            self._start_from(bearings)
+
+    def report(self, estimate: Record) -> None:
+        """Write biases, the last correction and the measurement age into the ESTIMATE (1,)."""
+        kernels.report(self._memory, estimate)
+
+    def warnings(self, rate: float) -> list[str]:
+        """Nothing depends on the rate (Hz) of measurements; said when none comes at all."""
+        if math.isfinite(rate) and rate > 0.0:
+            return []
+        return ["no measurement comes: position and velocity are only predicted"]
+
+    # ------------------------------------------------------------------ parts
+    def _apply(self, measurement: Record, estimate: Record) -> bool:
+        """Apply what was taken; True when the filter is lost and should start anew from it."""
+        m = self._memory[0]
+        ahead_ns = int(m["new_ns"] - m["stamp_ns"])
+        if 0 < ahead_ns <= AHEAD_NS:
+            self._waiting.append((int(m["new_ns"]), measurement.copy()))
+            self._due_ns = min(due_ns for due_ns, _ in self._waiting)
+            return False
+        outcome = Outcome(apply_one(m, self._noise[0]))
+        if outcome is not Outcome.APPLIED:
+            self.ignored[outcome] += 1
+        if outcome is not Outcome.OUTLIER or m["refused"] < LOST_REFUSALS:
+            return False
+        return bool(m["stamp_ns"] - m["measurement_ns"] > LOST_AFTER_NS)
+
+    def _apply_waiting(self, now_ns: int) -> None:
+        """Measurements that were ahead of the IMU and no longer are."""
+        ready = [one for due_ns, one in self._waiting if due_ns <= now_ns]
+        self._waiting = [item for item in self._waiting if item[0] > now_ns]
+        self._due_ns = min((due_ns for due_ns, _ in self._waiting), default=1 << 62)
+        for one in ready:
+            take = kernels.take_pose if one.dtype == POSE_SAMPLE else kernels.take_bearings
+            take(self._memory[0], one[0])
+            outcome = Outcome(apply_one(self._memory[0], self._noise[0]))
+            if outcome is not Outcome.APPLIED:
+                self.ignored[outcome] += 1
+
+    def _anchor(self) -> None:
+        """Bring filter and covariance to the newest sample without a measurement."""
+        kernels.take_nothing(self._memory[0])
+        apply_one(self._memory[0], self._noise[0])
+
+    def _start_from(self, bearings: Record) -> None:
+        """Start at the pose one frame gives by itself. Raises MeasurementError."""
+        frame = bearings[0]
+        count = int(frame["count"])
+        pose = planar_pose(frame["beacon_w"][:count], frame["bearing_b"][:count], frame["sigma"])
+        sample = np.zeros(1, POSE_SAMPLE)
+        sample[0] = frame["stamp_ns"], pose.position_w, pose.quaternion_wb
+        deviations = START.copy()
+        deviations[:6] = np.maximum(np.sqrt(np.diag(pose.covariance)), deviations[:6])
+        self.initialize(sample, deviations)
+
+    def _refused(self, error: MeasurementError) -> MeasurementError:
+        self.ignored[Outcome.INVALID] += 1
+        return error
+
+
+assert len(START) == ERRORS

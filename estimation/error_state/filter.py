@@ -1,0 +1,138 @@
+"""The error-state filter on its memory: predict, take a measurement, apply it.
+
+Item functions take one vehicle's records; the others all of (N,).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.error_state.memory import BEARINGS, NOTHING, POSE, SAMPLES
+from estimation.error_state.motion import move
+from estimation.error_state.timeline import apply_one
+from estimation.outcome import NORM_TOLERANCE
+from estimation.rate_filter import low_pass
+from quadrotor.compiled import compiled
+from quadrotor.records import MAX_BEACONS, Record
+from quadrotor.vectors import add, axes_of, scale, to_body, vector
+
+_MASK = SAMPLES - 1
+
+
+@compiled
+def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
+    """Advance one filter by one IMU sample.
+
+    Args:
+        m: ERROR_STATE_MEMORY item. sample: IMU_SAMPLE item. g: ERROR_STATE_NOISE item.
+        dt: s since the last sample, for the low-pass; the rest goes by stamps.
+        out: STATE item, written.
+    """
+    x, new, old = m.now, m.sample[m.sample_next], m.sample[(m.sample_next - 1) & _MASK]
+    step = 1e-9 * (sample.stamp_ns - m.stamp_ns)
+    for i in range(3):
+        new[i], new[3 + i] = sample.angular_velocity_b[i], sample.specific_force_b[i]
+    if m.sample_count == 0:
+        step = 0.0
+        for i in range(3):
+            m.filtered_rate_b[i] = new[i] - x[10 + i]
+        if m.initialized:  # by a pose before the first sample: it counts from here
+            m.base_ns = m.event_ns[0] = sample.stamp_ns
+    m.stamp_ns = m.sample_ns[m.sample_next] = sample.stamp_ns
+    m.sample_next = (m.sample_next + 1) & _MASK
+    m.sample_count = min(m.sample_count + 1, SAMPLES)
+    low_pass(m.filtered_rate_b, new, x[10:], g.rate_low_pass, dt)
+    if m.initialized and step > 0.0:
+        rate = scale(0.5, add(vector(old), vector(new)))
+        move(x, vector(old[3:]), vector(new[3:]), rate, step)
+    for i in range(3):
+        out.position_w[i], out.velocity_w[i] = x[i], x[3 + i]
+        out.angular_velocity_b[i] = m.filtered_rate_b[i]
+    for i in range(4):
+        out.quaternion_wb[i] = x[6 + i]
+
+
+@compiled
+def take_pose(m: Any, z: Any) -> bool:
+    """Make a POSE_SAMPLE item the new measurement; False when it is none."""
+    p, q = z.position_w, z.quaternion_wb
+    m.new_ns, m.new_kind, m.new_count = z.stamp_ns, POSE, 2
+    n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    for i in range(3):
+        m.new_data[0, i] = p[i]
+    for i in range(4):
+        m.new_data[1, i] = q[i] / math.sqrt(n)
+    return math.isfinite(p[0] + p[1] + p[2]) and abs(n - 1.0) < NORM_TOLERANCE
+
+
+@compiled
+def take_bearings(m: Any, z: Any) -> bool:
+    """Make a BEARINGS_SAMPLE item the new measurement; False when it is none."""
+    m.new_ns, m.new_kind, m.new_count, m.new_sigma = z.stamp_ns, BEARINGS, z.count, z.sigma
+    if not (1 <= z.count <= MAX_BEACONS and z.sigma > 0.0):
+        return False
+    valid = math.isfinite(z.sigma)
+    for k in range(z.count):
+        n = 0.0
+        for i in range(3):
+            n += z.bearing_b[k, i] ** 2 + 0.0 * z.beacon_w[k, i]  # NaN when either is not finite
+        for i in range(3):
+            m.new_data[k, i] = z.beacon_w[k, i]
+            m.new_data[k, 3 + i] = z.bearing_b[k, i] / math.sqrt(n)
+        valid = valid and abs(n - 1.0) < NORM_TOLERANCE
+    return valid
+
+
+@compiled
+def take_nothing(m: Any) -> None:
+    """An event at the newest sample: due before the samples since the last one are gone."""
+    m.new_ns, m.new_kind, m.new_count = m.stamp_ns, NOTHING, 0
+
+
+@compiled
+def report(memory: Record, estimate: Record) -> None:
+    """Biases, the last correction and the measurement's age into (N,) ESTIMATE."""
+    for k in range(memory.shape[0]):
+        m, out = memory[k], estimate[k]
+        x, step = m.now, m.step
+        turn_b = to_body(axes_of((x[6], x[7], x[8], x[9])), vector(step[3:]))
+        for i in range(3):
+            out.gyroscope_bias_b[i] = x[10 + i]
+            out.accelerometer_bias_b[i] = x[13 + i]
+            out.position_innovation_w[i] = step[i]
+            out.attitude_innovation_b[i] = turn_b[i]
+        out.measurement_age = math.inf
+        if m.initialized:
+            out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.measurement_ns))
+
+
+@compiled
+def predict(memory: Record, imu: Record, noise: Record, dt: float, state: Record) -> None:
+    """`predict_one` for each of (N,) ERROR_STATE_MEMORY, IMU_SAMPLE, STATE; noise is (1,)."""
+    for k in range(memory.shape[0]):
+        predict_one(memory[k], imu[k], noise[0], dt, state[k])
+
+
+@compiled
+def take_poses(memory: Record, pose: Record, valid: npt.NDArray[np.bool_]) -> None:
+    """`take_pose` for each of (N,) ERROR_STATE_MEMORY and POSE_SAMPLE; valid (N,) written."""
+    for k in range(memory.shape[0]):
+        valid[k] = take_pose(memory[k], pose[k])
+
+
+@compiled
+def take_frames(memory: Record, bearings: Record, valid: npt.NDArray[np.bool_]) -> None:
+    """`take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
+    for k in range(memory.shape[0]):
+        valid[k] = take_bearings(memory[k], bearings[k])
+
+
+@compiled
+def apply(memory: Record, noise: Record, outcome: npt.NDArray[np.int64]) -> None:
+    """`apply_one` for each of (N,) ERROR_STATE_MEMORY; outcome (N,) of Outcome, written."""
+    for k in range(memory.shape[0]):
+        outcome[k] = apply_one(memory[k], noise[0])

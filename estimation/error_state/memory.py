@@ -1,0 +1,91 @@
+"""What the error-state filter remembers between ticks, one record a vehicle.
+
+A nominal state is one array (16,): position_w (m), velocity_w (m/s), quaternion_wb, gyroscope bias
+(rad/s), accelerometer bias (m/s^2). The error has 15 components, in this order:
+
+    0:3   position, true - estimated, m, world axes
+    3:6   attitude phi, R_true = exp(phi) R_estimated, rad, world axes
+    6:9   velocity, m/s, world axes
+    9:12  gyroscope bias, rad/s, body axes
+    12:15 accelerometer bias, m/s^2, body axes
+
+Measurements meet the first six only, so these stand in front.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from quadrotor.records import MAX_BEACONS, Record
+
+ERRORS = 15
+POSE_ERRORS = 6
+NOMINAL = 16
+SAMPLES = 256
+"""IMU samples kept for late measurements (a power of two): 0.51 s at 500 Hz."""
+EVENTS = 16
+"""Measurements kept with what was known after each: 0.16 s of poses at 100 Hz."""
+ROWS = 2 * MAX_BEACONS
+
+NOTHING, POSE, BEARINGS = 0, 1, 2
+"""Kinds of an event. One that measures nothing only brings the filter to its time."""
+
+ERROR_STATE_MEMORY = np.dtype(
+    [
+        ("initialized", "u1"),
+        ("stamp_ns", "i8"),  # of the newest IMU sample
+        ("measurement_ns", "i8"),  # of the newest measurement applied
+        ("now", "f8", NOMINAL),  # nominal state at stamp_ns
+        ("filtered_rate_b", "f8", 3),  # rad/s
+        # The filter proper, as of the newest event.
+        ("base_ns", "i8"),
+        ("base", "f8", NOMINAL),
+        ("covariance", "f8", (ERRORS, ERRORS)),
+        ("sample_next", "i8"),
+        ("sample_count", "i8"),
+        ("sample_ns", "i8", SAMPLES),
+        ("sample", "f8", (SAMPLES, 6)),  # rate (rad/s), specific force (m/s^2)
+        # A measurement about to be applied. Data of bearings: a row each, beacon_w (m) then
+        # bearing_b; of a pose: position_w in the first row, quaternion_wb in the second.
+        ("new_ns", "i8"),
+        ("new_kind", "i8"),
+        ("new_count", "i8"),
+        ("new_sigma", "f8"),  # rad
+        ("new_data", "f8", (MAX_BEACONS, 6)),
+        # Measurements in the order of their stamps, each with the filter after it.
+        ("event_count", "i8"),
+        ("event_order", "i8", EVENTS),  # slots, oldest first
+        ("event_ns", "i8", EVENTS),
+        ("event_kind", "i8", EVENTS),
+        ("event_beacons", "i8", EVENTS),
+        ("event_sigma", "f8", EVENTS),
+        ("event_data", "f8", (EVENTS, MAX_BEACONS, 6)),
+        ("after_state", "f8", (EVENTS, NOMINAL)),
+        ("after_covariance", "f8", (EVENTS, ERRORS, ERRORS)),
+        # What the last measurement said.
+        ("used", "u1", MAX_BEACONS),  # pairs of rows that passed the gate
+        ("freedom", "i8"),  # numbers it gave, 2 a bearing, 6 a pose
+        ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
+        ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
+        ("applied", "i8"),  # since the start
+        ("refused", "i8"),  # in a row
+        ("step", "f8", ERRORS),  # the correction
+        # Room to work in.
+        ("row", "f8", (ROWS, POSE_ERRORS)),  # Jacobian of each number measured
+        ("rest", "f8", ROWS),  # its residual
+        ("variance", "f8", ROWS),
+        ("prior", "f8", (ERRORS, ERRORS)),
+        ("trial", "f8", NOMINAL),
+        ("found", "f8", ERRORS),
+        ("gain", "f8", (2, ERRORS)),
+    ],
+    align=True,
+)
+
+
+def new_memory(count: int = 1) -> Record:
+    """`count` filters at the origin, level and at rest, waiting for a first pose."""
+    memory = np.zeros(count, ERROR_STATE_MEMORY)
+    memory["now"][:, 6] = memory["base"][:, 6] = 1.0
+    memory["consistency"] = 1.0
+    return memory

@@ -1,0 +1,80 @@
+"""Measurements linearised: one row a number measured, on the six pose errors.
+
+A bearing x_b to a beacon at c, seen from p: with d the unit vector of c - p, rho its length and
+x = R x_b, the residual is the tangent vector at d that leads to x; its length is the angle. A
+position error dp and an attitude error phi (R_true = exp(phi) R) make it
+
+    e = -(I - d d^T) dp / rho + d x phi + noise,   sigma on each tangent axis,
+
+so along a tangent axis t the row is (-t / rho, t x d). No perspective is divided by: bearings may
+point anywhere. Of a pose, e = (p_m - p, log(R_m R^T)) and the rows are those of the identity.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.error_state.memory import POSE
+from quadrotor.compiled import compiled
+from quadrotor.vectors import (
+    axes_of,
+    cross,
+    dot,
+    length,
+    multiply,
+    scale,
+    subtract,
+    to_world,
+    vector,
+)
+
+Array = npt.NDArray[np.float64]
+NEAREST = 0.05
+"""m; a beacon nearer than this has no direction worth using."""
+
+
+@compiled
+def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
+    """Write row, rest and variance of an event at the nominal state x (16,); how many pairs."""
+    rows, rest, variance, data = m.row, m.rest, m.variance, m.event_data[slot]
+    if m.event_kind[slot] == POSE:
+        z = data[1]
+        error = multiply((z[0], z[1], z[2], z[3]), (x[6], -x[7], -x[8], -x[9]))
+        turn = (error[1], error[2], error[3])
+        sine = length(turn)
+        angle = 2.0 * math.atan2(math.copysign(sine, error[0]), abs(error[0]))
+        turn = scale(angle / sine if sine > 1e-9 else 2.0, turn)
+        for i in range(6):
+            for j in range(6):
+                rows[i, j] = 1.0 if i == j else 0.0
+            rest[i] = data[0, i] - x[i] if i < 3 else turn[i - 3]
+            variance[i] = (g.pose_position_sigma if i < 3 else g.pose_attitude_sigma) ** 2
+        return 3
+    sigma = max(m.event_sigma[slot], g.bearing_sigma_floor)
+    axes = axes_of((x[6], x[7], x[8], x[9]))
+    for k in range(m.event_beacons[slot]):
+        away = subtract(vector(data[k]), vector(x))
+        distance = max(length(away), 1e-9)
+        d = scale(1.0 / distance, away)
+        seen = to_world(axes, vector(data[k, 3:]))
+        along = dot(seen, d)
+        e = subtract(seen, scale(along, d))
+        sine = length(e)
+        e = scale(math.atan2(sine, along) / sine if sine > 1e-9 else 1.0, e)
+        # Any tangent axes do; these are those of Duff et al. (JCGT 2017), good everywhere.
+        sign = math.copysign(1.0, d[2])
+        a = -1.0 / (sign + d[2])
+        t = (1.0 + sign * d[0] * d[0] * a, sign * d[0] * d[1] * a, -sign * d[0])
+        for i in range(2):
+            turn = cross(t, d)
+            row = rows[2 * k + i]
+            for j in range(3):
+                row[j], row[3 + j] = -t[j] / distance, turn[j]
+            rest[2 * k + i] = dot(t, e)
+            variance[2 * k + i] = sigma * sigma if distance > NEAREST else math.inf
+            t = turn
+    return int(m.event_beacons[slot])

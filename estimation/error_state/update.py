@@ -1,0 +1,157 @@
+"""Measurement update: scalar by scalar, iterated about the most probable pose.
+
+The rows of a measurement are independent, so each is a scalar update with innovation nu and
+variance s = h P h^T + r: P loses (P h)(P h)^T / s, which is symmetric to the last bit. When the
+correction bends the bearings by more than their linearisation is good for, as low above a beacon,
+the prior is taken up again and the measurement linearised at the pose found (the iterated filter,
+which is Gauss-Newton on prior and measurement together).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.error_state.memory import BEARINGS, ERRORS, NOMINAL, NOTHING, POSE_ERRORS
+from estimation.error_state.rows import linearize
+from quadrotor.compiled import compiled
+from quadrotor.vectors import cross, multiply, normalized, turned
+
+Array = npt.NDArray[np.float64]
+MAX_STEPS = 6
+STRAIGHT = 0.02
+"""rad: bearings moved by less need no other linearisation."""
+MEMORY = 0.05
+"""Weight of the newest measurement in the mean consistency."""
+
+
+@compiled
+def project(P: Array, row: Array, out: Array) -> float:
+    """out (15,) = P[:, :6] row, with the symmetric P (15, 15); row . out."""
+    total = 0.0
+    for i in range(ERRORS):
+        out[i] = 0.0
+    for j in range(POSE_ERRORS):
+        for i in range(ERRORS):
+            out[i] += row[j] * P[j, i]
+    for j in range(POSE_ERRORS):
+        total += row[j] * out[j]
+    return total
+
+
+@compiled
+def along(row: Array, error: Array) -> float:
+    """row (6,) . error (n,)."""
+    total = 0.0
+    for j in range(POSE_ERRORS):
+        total += row[j] * error[j]
+    return total
+
+
+@compiled
+def displace(x: Array, error: Array, out: Array) -> None:
+    """out (16,) = nominal state x (16,) corrected by an error (15,)."""
+    phi = turned((1.0, 0.0, 0.0, 0.0), (error[3], error[4], error[5]))
+    q = normalized(multiply(phi, (x[6], x[7], x[8], x[9])))
+    for i in range(3):
+        out[i], out[3 + i] = x[i] + error[i], x[3 + i] + error[6 + i]
+    out[6], out[7], out[8], out[9] = q
+    for i in range(6):
+        out[10 + i] = x[10 + i] + error[9 + i]
+
+
+@compiled
+def gate(m: Any, pairs: int, all_or_none: bool, largest: float) -> int:
+    """Mark in `used` the pairs of rows that the prior allows; how many."""
+    P, gain = m.prior, m.gain
+    count = 0
+    for k in range(pairs):
+        a = project(P, m.row[2 * k], gain[0]) + m.variance[2 * k]
+        c = project(P, m.row[2 * k + 1], gain[1]) + m.variance[2 * k + 1]
+        b = along(m.row[2 * k + 1], gain[0])
+        p, q = m.rest[2 * k], m.rest[2 * k + 1]
+        distance = (c * p * p - 2.0 * b * p * q + a * q * q) / (a * c - b * b)
+        m.used[k] = 1 if distance < largest else 0  # NaN is not
+        count += m.used[k]
+    return count if count == pairs or not all_or_none else 0
+
+
+@compiled
+def absorb(m: Any, pairs: int) -> float:
+    """One pass of scalar updates from the prior, linearised at `step`, into `found`; the NIS."""
+    P, prior, found, gain, row = m.covariance, m.prior, m.found, m.gain[0], m.row
+    nis = 0.0
+    for i in range(ERRORS):
+        found[i] = 0.0
+        for j in range(ERRORS):
+            P[i, j] = prior[i, j]
+    for k in range(2 * pairs):
+        if m.used[k // 2]:
+            s = project(P, row[k], gain) + m.variance[k]
+            nu = m.rest[k] + along(row[k], m.step) - along(row[k], found)
+            nis += nu * nu / s
+            for i in range(ERRORS):
+                found[i] += gain[i] * nu / s
+                for j in range(ERRORS):
+                    P[i, j] -= gain[i] * gain[j] / s
+    return nis
+
+
+@compiled
+def reset(P: Array, phi: Array) -> None:
+    """Covariance (15, 15) of the error left after the attitude was moved by phi (3,).
+
+    exp(phi_true) exp(-phi) is exp(J (phi_true - phi)) with J = I + [phi] / 2 to first order.
+    """
+    half = (0.5 * phi[0], 0.5 * phi[1], 0.5 * phi[2])
+    for _ in range(2):  # J P, transposed; twice is J P J^T
+        for j in range(ERRORS):
+            c = cross(half, (P[3, j], P[4, j], P[5, j]))
+            for i in range(3):
+                P[3 + i, j] += c[i]
+        for i in range(1, ERRORS):
+            for j in range(i):
+                P[i, j], P[j, i] = P[j, i], P[i, j]
+
+
+@compiled
+def fuse(m: Any, slot: int, g: Any) -> bool:
+    """Update base and covariance with one event at `base_ns`; False when it was an outlier."""
+    P, x, step, found, kind = m.covariance, m.base, m.step, m.found, m.event_kind[slot]
+    if kind == NOTHING:
+        return True
+    for i in range(ERRORS):
+        step[i] = 0.0
+        for j in range(ERRORS):
+            m.prior[i, j] = P[i, j]
+    pairs = linearize(m, slot, x, g)
+    # chi-square of two degrees: as improbable as so many deviations of a Gaussian, nearly.
+    count = gate(m, pairs, kind != BEARINGS, 2.0 * (8.0 / 9.0 + g.gate / 3.0) ** 3)
+    if count == 0:
+        m.refused += 1
+        return False
+    m.freedom = 2 * count
+    for iteration in range(MAX_STEPS):
+        nis = absorb(m, pairs)
+        if iteration == 0:
+            m.nis = nis
+        bent = 0.0
+        for i in range(ERRORS):
+            step[i], found[i] = found[i], found[i] - step[i]
+        for k in range(pairs):  # by pairs, so that the choice of tangent axes decides nothing
+            one, other = along(m.row[2 * k], found), along(m.row[2 * k + 1], found)
+            bent = max(bent, one * one + other * other)
+        displace(x, step, m.trial)
+        if kind != BEARINGS or bent < STRAIGHT**2:
+            break
+        linearize(m, slot, m.trial, g)
+    m.refused = 0
+    m.applied += 1
+    m.consistency += MEMORY * (m.nis / m.freedom - m.consistency)
+    reset(P, step[3:])
+    for i in range(NOMINAL):
+        most = g.gyroscope_bias_limit if i < 13 else g.accelerometer_bias_limit
+        x[i] = m.trial[i] if i < 10 else min(max(m.trial[i], -most), most)
+    return True

@@ -1,0 +1,111 @@
+"""Three ways to state the gains of eqs. 11 and 12, and the way from each to each.
+
+- continuous, as printed: K_p (1/s), K_v (1/s^2), K_q (1/s) on the innovation;
+- poles (rad/s), what EstimationParameters hold: K_p = 2 omega, K_v = omega^2, K_q = omega_q;
+- per measurement, at a rate of 1/T: L_p = 1 - p^2, L_v = (1 - p)^2 / T with p = exp(-omega T), and
+  L_q = 1 - exp(-omega_q T). This is what the filter applies at each arrival, exactly.
+
+Bias poles are stated as poles in all three, for print has none; here they are zero unless given.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from estimation.attitude_filter import attitude_gains
+from estimation.parameters import EstimationParameters
+from estimation.translation_observer import translation_gains
+from quadrotor.errors import OutOfBoundsError
+
+DAMPING_TOLERANCE = 0.01
+"""How far K_v may be from that of a double pole, as a share."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContinuousGains:
+    """K_est,p stacked [K_p; K_v] of eq. 11 and K_est,q of eq. 12."""
+
+    K_p: float  # 1/s
+    K_v: float  # 1/s^2
+    K_q: float  # 1/s
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementGains:
+    """Shares of one innovation taken at its arrival."""
+
+    L_p: float
+    L_v: float  # 1/s
+    L_q: float
+
+
+PRINTED = ContinuousGains(K_p=126.3, K_v=3987.3, K_q=62.8)
+"""The gains of Sec. 6.1."""
+
+
+def continuous_gains(parameters: EstimationParameters) -> ContinuousGains:
+    """Of the poles, biases left out."""
+    omega = parameters.position_bandwidth
+    return ContinuousGains(2.0 * omega, omega * omega, parameters.attitude_bandwidth)
+
+
+def measurement_gains(parameters: EstimationParameters, rate: float) -> MeasurementGains:
+    """What the filter applies to each of `rate` (Hz) measurements, bias poles included."""
+    p, interval = parameters, 1.0 / rate
+    position, velocity, _ = translation_gains(
+        p.position_bandwidth, p.accelerometer_bias_bandwidth, interval
+    )
+    attitude, _ = attitude_gains(p.attitude_bandwidth, p.gyroscope_bias_bandwidth, interval)
+    return MeasurementGains(position, velocity, attitude)
+
+
+def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParameters:
+    """Parameters of gains as printed.
+
+    Args:
+        others: further fields, bias poles for instance.
+
+    Raises OutOfBoundsError when K_p, K_v are not those of a double pole, the only one the filter
+    has, or a pole is out of its bounds.
+    """
+    omega = 0.5 * gains.K_p
+    if not abs(gains.K_v - omega * omega) <= DAMPING_TOLERANCE * omega * omega:
+        raise OutOfBoundsError(
+            f"K_p = {gains.K_p:g} 1/s and K_v = {gains.K_v:g} 1/s² are no double pole; "
+            f"with this K_p the filter has K_v = {omega * omega:g} 1/s²"
+        )
+    return _parameters(math.sqrt(gains.K_v), gains.K_q, others)
+
+
+def from_measurement(gains: MeasurementGains, rate: float, **others: float) -> EstimationParameters:
+    """Parameters of gains per measurement at `rate` (Hz).
+
+    Raises OutOfBoundsError when a share is not between 0 and 1, L_v does not belong to L_p, or a
+    pole is out of its bounds.
+    """
+    for name, share in (("L_p", gains.L_p), ("L_q", gains.L_q)):
+        if not 0.0 < share < 1.0:
+            raise OutOfBoundsError(f"{name} = {share:g} is not a share between 0 and 1")
+    p = math.sqrt(1.0 - gains.L_p)
+    velocity = (1.0 - p) ** 2 * rate
+    if not abs(gains.L_v - velocity) <= DAMPING_TOLERANCE * velocity:
+        raise OutOfBoundsError(
+            f"L_p = {gains.L_p:g} and L_v = {gains.L_v:g} 1/s are no double pole at {rate:g} Hz; "
+            f"with this L_p the filter has L_v = {velocity:g} 1/s"
+        )
+    return _parameters(-math.log(p) * rate, -math.log1p(-gains.L_q) * rate, others)
+
+
+def _parameters(omega: float, omega_q: float, others: dict[str, float]) -> EstimationParameters:
+    values = {
+        "accelerometer_bias_bandwidth": 0.0,
+        "gyroscope_bias_bandwidth": 0.0,
+        "position_bandwidth": omega,
+        "attitude_bandwidth": omega_q,
+    } | others
+    try:
+        return EstimationParameters.model_validate(values)
+    except ValueError as error:
+        first = str(error).splitlines()
+        raise OutOfBoundsError(f"these gains are out of bounds: {' '.join(first[1:3])}") from error

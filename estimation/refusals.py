@@ -1,0 +1,25 @@
+"""What is said of a measurement that is none."""
+
+from __future__ import annotations
+
+from quadrotor.errors import MeasurementError
+from quadrotor.records import MAX_BEACONS, Record
+
+
+def refuse_pose(pose: Record) -> MeasurementError:
+    """Of a POSE_SAMPLE (1,)."""
+    position, quaternion = pose["position_w"][0].tolist(), pose["quaternion_wb"][0].tolist()
+    return MeasurementError(
+        f"pose with position {position} m and quaternion {quaternion} cannot be used: "
+        "allowed are finite positions and quaternions (w, x, y, z) of length 1; check the tracker"
+    )
+
+
+def refuse_bearings(bearings: Record) -> MeasurementError:
+    """Of a BEARINGS_SAMPLE (1,)."""
+    frame = bearings[0]
+    return MeasurementError(
+        f"frame of {int(frame['count'])} bearings with sigma {float(frame['sigma'])} rad cannot "
+        f"be used: allowed are 1 to {MAX_BEACONS} finite unit vectors to finite places and a "
+        "sigma above 0; check the beacon detector"
+    )

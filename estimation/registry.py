@@ -1,0 +1,107 @@
+"""Estimators by name: the two that come along, and any that is registered.
+
+    from estimation.registry import register
+    register("mine", MyEstimator)
+
+makes "mine" a value of the parameters estimation.estimator and estimation.shadow. The factory is
+called with the EstimationParameters and returns an `estimation.estimator.Estimator`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from estimation.estimator import Estimator
+from estimation.parameters import EstimationParameters
+from quadrotor.errors import UnknownParameterError
+from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, new_state
+
+Factory = Callable[[EstimationParameters], Estimator]
+
+
+def _complementary(parameters: EstimationParameters) -> Estimator:
+    from estimation.complementary import ComplementaryEstimator
+
+    return ComplementaryEstimator(parameters)
+
+
+def _error_state(parameters: EstimationParameters) -> Estimator:
+    from estimation.error_state.estimator import ErrorStateEstimator
+
+    return ErrorStateEstimator(parameters)
+
+
+_FACTORIES: dict[str, Factory] = {"complementary": _complementary, "error_state": _error_state}
+_ready: set[tuple[str, bool]] = set()
+
+
+def names() -> tuple[str, ...]:
+    """All that can be chosen."""
+    return tuple(_FACTORIES)
+
+
+def register(name: str, factory: Factory) -> None:
+    """Offer an estimator under `name`, before the parameter tree's store is made.
+
+    Registering a name again replaces it.
+    """
+    _FACTORIES[name] = factory
+    _ready.difference_update({(name, False), (name, True)})
+    for field in ("estimator", "shadow"):
+        extra: Any = EstimationParameters.model_fields[field].json_schema_extra
+        if name not in extra["choices"]:
+            extra["choices"].append(name)
+
+
+def create(name: str, parameters: EstimationParameters) -> Estimator:
+    """A new estimator. Raises UnknownParameterError."""
+    if name not in _FACTORIES:
+        raise UnknownParameterError(
+            f"no estimator is called {name!r}: there are {', '.join(_FACTORIES)}"
+        )
+    return _FACTORIES[name](parameters)
+
+
+def ready(name: str, bearings: bool) -> bool:
+    """Whether `prepare` was called for it: no call of it would compile anything."""
+    return (name, bearings) in _ready
+
+
+def prepare(name: str, bearings: bool) -> None:
+    """Compile what estimator `name` may call, with bearings or with poses alone.
+
+    Seconds when nothing is kept of it, milliseconds otherwise, nothing the second time. Raises
+    UnknownParameterError.
+    """
+    if ready(name, bearings):
+        return
+    rehearse(create(name, EstimationParameters()), bearings)
+    _ready.update({(name, bearings), (name, False)})
+
+
+def rehearse(estimator: Estimator, bearings: bool) -> None:
+    """Call all of an estimator once, on a vehicle at rest 1 m above four beacons."""
+    imu, pose = np.zeros(1, IMU_SAMPLE), np.zeros(1, POSE_SAMPLE)
+    frame, estimate, state = np.zeros(1, BEARINGS_SAMPLE), np.zeros(1, ESTIMATE), new_state()
+    imu["specific_force_b"], pose["quaternion_wb"] = (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0)
+    pose["position_w"] = (0.1, 0.2, 1.0)
+    beacons = np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0], [-1.0, -1.0, 0.0], [1.0, -1.0, 0.0]])
+    away = beacons - pose["position_w"]
+    frame["count"], frame["sigma"] = 4, 0.02
+    frame["beacon_w"][0, :4] = beacons
+    frame["bearing_b"][0, :4] = away / np.linalg.norm(away, axis=1)[:, None]
+    for k in range(1, 21):
+        imu["stamp_ns"] = k * 2_000_000
+        estimator.predict(imu, 0.002, state)
+        if k % 5 == 0:
+            pose["stamp_ns"], frame["stamp_ns"] = k * 2_000_000, k * 2_000_000 - 3_000_000
+            if bearings:
+                estimator.correct_bearings(frame, estimate)
+            estimator.correct(pose, estimate)
+        estimator.report(estimate)
+    estimator.reset()
+    if bearings:
+        estimator.correct_bearings(frame, estimate)  # the start of one that has no pose
