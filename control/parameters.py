@@ -35,6 +35,7 @@ Item = Any
 """One record `array[k]` inside compiled code, where its fields are attributes."""
 
 RATES = ("nominal", "exact")
+GEOMETRIC, NEAR_HOVERING = "geometric", "near_hovering"
 
 
 def _gain(default: float, largest: float, unit: str, description: str) -> float:
@@ -97,6 +98,12 @@ class ControlLimits(Parameters):
 class ControlParameters(Parameters):
     """Everything the controller is tuned by."""
 
+    law: str = parameter(
+        GEOMETRIC,
+        choices=(GEOMETRIC, NEAR_HOVERING),
+        description="the paper's geometric law, or the linear one of the near-hovering mode; "
+        "changed on the ground only",
+    )
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()
     limits: ControlLimits = ControlLimits()

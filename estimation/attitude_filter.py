@@ -34,7 +34,7 @@ def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> 
     return u + w - u * w, u * w / interval
 
 
-@compiled
+@compiled(inner=True)
 def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: float) -> None:
     """Turn the attitude of `pose` in place by the body rate (x, y, z) rad/s held for dt (s).
 
@@ -55,7 +55,7 @@ def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: flo
     pose[3], pose[4], pose[5], pose[6] = k * rw, k * rx, k * ry, k * rz
 
 
-@compiled
+@compiled(inner=True)
 def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
     """2 dq_s dq_v with dq = estimated* (x) measured (4,), rad about body axes.
 
@@ -72,7 +72,7 @@ def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
     )
 
 
-@compiled
+@compiled(inner=True)
 def to_world(pose: Array, sign: float, x: float, y: float, z: float) -> Triple:
     """R_wb (x, y, z) for sign +1; R_wb^T (x, y, z), to body axes, for sign -1."""
     w, a, b, c = pose[3], sign * pose[4], sign * pose[5], sign * pose[6]

@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
-from quadrotor.rotations import cross
 
 Array = npt.NDArray[np.float64]
 Four = tuple[int, int, int, int]
@@ -67,7 +66,7 @@ class BeaconPlane:
                 f"beacons leave their common plane by up to {off:.3g} m; "
                 f"allowed {FLATNESS * extent:.2g} m: level them or correct their positions"
             )
-        axes[2] = cross(axes[0], axes[1])
+        axes[2] = np.cross(axes[0], axes[1])
         plane = (beacons - center) @ axes[:2].T / extent
         four, homography, spanned = _homography(plane, axes, extent, None)
         return cls(beacons, center, axes, extent, four, homography, spanned)

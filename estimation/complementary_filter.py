@@ -36,7 +36,7 @@ SPREAD = 0.1
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _ = (int(o) for o in Outcome)
 
 
-@compiled
+@compiled(inner=True)
 def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
     """Advance one filter by one IMU sample; eqs. 11 and 12 without their innovation terms.
 
@@ -83,7 +83,7 @@ def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record
         predict_one(memory[k], imu[k], gains[0], dt, state[k])
 
 
-@compiled
+@compiled(inner=True)
 def correct_one(m: Any, z: Any, g: Any, out: Any) -> int:
     """Apply one pose to an initialized filter (eqs. 11 and 12, exact for the interval).
 

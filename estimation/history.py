@@ -18,7 +18,7 @@ from quadrotor.compiled import compiled
 _MASK = HISTORY_LENGTH - 1  # the length is a power of two
 
 
-@compiled
+@compiled(inner=True)
 def remember(m: Any) -> None:
     """Push the present pose."""
     i = m.ring_next
@@ -31,7 +31,7 @@ def remember(m: Any) -> None:
         m.ring_count += 1
 
 
-@compiled
+@compiled(inner=True)
 def recall(m: Any, stamp_ns: int) -> int:
     """Write the estimate at `stamp_ns` into `past`.
 
@@ -67,7 +67,7 @@ def recall(m: Any, stamp_ns: int) -> int:
     return back
 
 
-@compiled
+@compiled(inner=True)
 def amend(
     m: Any, back: int, stamp_ns: int, innovation_w: Triple, gains: Triple, turn_w: Triple
 ) -> None:

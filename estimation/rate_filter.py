@@ -16,7 +16,7 @@ from quadrotor.compiled import compiled
 Array = npt.NDArray[np.float64]
 
 
-@compiled
+@compiled(inner=True)
 def low_pass(filtered: Array, measured: Array, bias: Array, cut_off: float, dt: float) -> None:
     """Move `filtered` (3,) towards `measured - bias` (3,), in place.
 

@@ -38,7 +38,7 @@ def translation_gains(bandwidth: float, bias_bandwidth: float, interval: float) 
     return position, velocity, u * u * w / (interval * interval)
 
 
-@compiled
+@compiled(inner=True)
 def acceleration_of(pose: Array, specific_force_b: Array, bias_b: Array) -> Triple:
     """R_wb (a_m - b) + g, m/s^2 in world axes."""
     x, y, z = to_world(
@@ -51,7 +51,7 @@ def acceleration_of(pose: Array, specific_force_b: Array, bias_b: Array) -> Trip
     return x, y, z - GRAVITY
 
 
-@compiled
+@compiled(inner=True)
 def move_pose(pose: Array, velocity_w: Array, start_w: Triple, end_w: Triple, dt: float) -> None:
     """Advance position and velocity in place; acceleration linear from start to end."""
     for i in range(3):

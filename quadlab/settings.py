@@ -1,23 +1,36 @@
 """`--set name=value` words, checked against the parameters they set.
 
-`control.preset=NAME` stands for all gains of a named set; words after it change single ones.
+`control.preset=NAME` and `estimation.preset=NAME` stand for the gains of a named set; words after
+them change single ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from quadrotor.errors import ParameterError, UsageError
+from quadrotor.errors import OutOfBoundsError, ParameterError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parse_text
 
-PRESET = "control.preset"
 
-
-def _preset_values(name: str) -> dict[str, ParameterValue]:
+def _control_preset(name: str) -> dict[str, ParameterValue]:
     """All gains of the named set, by parameter name. Raises ParameterError."""
     from control.presets import preset
 
-    return {f"control.{k}": v for k, v in ParameterStore(preset(name)).values().items()}
+    gains = ParameterStore(preset(name)).values().items()
+    return {f"control.{k}": v for k, v in gains if k.startswith(("position.", "attitude."))}
+
+
+def _estimation_preset(name: str) -> dict[str, ParameterValue]:
+    """The gains of the named set, by parameter name. Raises ParameterError."""
+    from estimation.parameters import PRESETS
+
+    if name not in PRESETS:
+        raise OutOfBoundsError(f"no gain set is called {name!r}: there are {', '.join(PRESETS)}")
+    return {f"estimation.{k}": v for k, v in PRESETS[name].items()}
+
+
+SETS = {"control.preset": _control_preset, "estimation.preset": _estimation_preset}
+"""Words that stand for several parameters."""
 
 
 def parse_settings(
@@ -40,9 +53,9 @@ def parse_settings(
             raise UsageError(
                 f"--set {prefix}{word}: write it as name=value, like {store.names[0]}=1"
             )
-        if name == PRESET and isinstance(parameters, VehicleParameters):
+        if name in SETS and isinstance(parameters, VehicleParameters):
             try:
-                values |= _preset_values(text)
+                values |= SETS[name](text)
             except ParameterError as error:
                 raise UsageError(f"--set {prefix}{word}: {error}") from None
             continue

@@ -167,6 +167,14 @@ class SimulatedFlight:
             self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
         for frame in self._emulator.due(now_ns):
             self._log.bearings(frame, now_ns)
+            self.stack.measure(
+                mailbox.Bearings(
+                    frame.stamp_ns,
+                    frame.beacon_ids.tolist(),
+                    frame.bearings_b.tolist(),
+                    frame.sigma,
+                )
+            )
             self._solve(frame, now_ns)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
         for arrival_ns in (self._tracker.next_ns, self._emulator.next_ns):

@@ -65,9 +65,10 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     config: Any = numba.config
     chosen = config.CACHE_DIR
     config.CACHE_DIR = str(_folder(function.__module__, chosen))
-    options: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": nogil}
-    if inner:
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    options: dict[str, Any] = {
+        "cache": True, "error_model": "numpy", "nogil": nogil,
+        "no_cfunc_wrapper": True, "no_cpython_wrapper": inner,
+    }  # fmt: skip
     try:
         out = numba.njit(**options)(function)
     finally:

@@ -101,12 +101,8 @@ class VehicleModel(Parameters):
         out["motor_time_constant"] = self.motor_time_constant
         out["motor_slope"] = slope
         out["motor_offset"] = self.motor_offset
-        out["thrust_min"] = thrust_of_reference(
-            self.motor_reference_min, slope, self.motor_offset
-        )
-        out["thrust_max"] = thrust_of_reference(
-            self.motor_reference_max, slope, self.motor_offset
-        )
+        out["thrust_min"] = thrust_of_reference(self.motor_reference_min, slope, self.motor_offset)
+        out["thrust_max"] = thrust_of_reference(self.motor_reference_max, slope, self.motor_offset)
         return out
 
     def battery_gain(self, voltage: float) -> float:

@@ -13,6 +13,7 @@ from vehicle import mailbox
 from vehicle.modes import Flag, Mode
 from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters, check_pairs
+from vehicle.steering import Steering
 from vehicle.supervisor import Supervisor
 
 
@@ -26,6 +27,7 @@ class Commanded(Protocol):
     supervisor: Supervisor
     behaviors: BehaviorMachine
     navigation: Navigation
+    steering: Steering
     state: Record
     status: Record
     outbox: list[mailbox.Event | mailbox.ParameterChange]
@@ -79,6 +81,7 @@ class CommandHandler:
         checked = {name: stack.store.check(name, v) for name, v in command.values.items()}
         check_pairs(stack.store.values() | checked)
         armed = stack.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
+        stack.steering.check(checked, armed)
         checked |= stack.navigation.check(checked, stack.state, armed)
         old = {name: stack.store.get(name) for name in checked}
         applied = stack.store.set(checked)

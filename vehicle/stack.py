@@ -16,7 +16,7 @@ from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from control.behaviors.ground import stand
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
-from control.controller import Controller, GeometricController
+from control.controller import Controller
 from estimation.estimator import Estimator
 from estimation.mass_estimator import MassEstimator
 from quadrotor.errors import MeasurementError
@@ -33,6 +33,7 @@ from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters
 from vehicle.reference_rounding import ReferenceRounding
 from vehicle.status_writer import FLYING, StatusWriter
+from vehicle.steering import Steering
 from vehicle.supervisor import Reaction, Supervisor, Verdict
 from vehicle_link.serial.ids import MotorState
 
@@ -48,7 +49,7 @@ class FlightStack:
     Args:
         parameters: the vehicle's tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
-            estimator that the parameters name and the geometric controller (Sec. 4).
+            estimator and the law that the parameters name.
         beacons: where the bearings' ids stand.
     """
 
@@ -61,7 +62,7 @@ class FlightStack:
     ) -> None:
         self.parameters = parameters
         self.store = ParameterStore(parameters)
-        self.controller: Controller = controller or GeometricController()
+        self.steering = Steering(parameters.control, parameters.model, controller)
         self.mass = MassEstimator(parameters.model.mass, parameters.mass)
         self.behaviors = BehaviorMachine(parameters.behavior)
         self.supervisor = Supervisor(parameters.safety)
@@ -110,6 +111,8 @@ class FlightStack:
         self.navigation.step(self.imu, dt, self.state, self.estimate)
         # The wrench is still the last tick's: what the vehicle obeyed until now.
         self.mass.step(self.state, self.actuators, self.airborne, dt, self.estimate)
+        if self.steering.follow_battery(sample.battery_voltage, dt):
+            self.behaviors.model = self.steering.model
 
         pose_age = self.navigation.active.measurement_age
         verdict = self.supervisor.step(
@@ -133,7 +136,9 @@ class FlightStack:
                 self._wrench.item(0),
                 self.reference,
             )
-            self.controller.step(self.state, self.reference, self.airborne, dt, self.actuators)
+            self.steering.controller.step(
+                self.state, self.reference, self.airborne, dt, self.actuators
+            )
             self._watch_ground()
         elif flying:
             self._idle()
@@ -167,8 +172,8 @@ class FlightStack:
     def configure(self) -> None:
         """Hand the present parameters to every part; called at a tick boundary."""
         p = self.parameters
-        self.model = p.model.record()
-        self.controller.configure(p.control, self.model)
+        self.steering.configure(p.control, p.model)
+        self.behaviors.model = self.steering.model
         self.navigation.configure(p.estimation)
         self._pose_timeout = p.estimation.measurement_timeout
         self.imu_calibrator.configure(p.imu)
@@ -207,6 +212,11 @@ class FlightStack:
     def estimator(self) -> Estimator:
         """What is flown on."""
         return self.navigation.active
+
+    @property
+    def controller(self) -> Controller:
+        """What is flown with."""
+        return self.steering.controller
 
     @property
     def has_pose(self) -> bool:

@@ -23,7 +23,7 @@ from quadrotor.vectors import add, axes_of, scale, to_body, vector
 _MASK = SAMPLES - 1
 
 
-@compiled
+@compiled(inner=True)
 def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
     """Advance one filter by one IMU sample.
 
@@ -117,21 +117,21 @@ def predict(memory: Record, imu: Record, noise: Record, dt: float, state: Record
         predict_one(memory[k], imu[k], noise[0], dt, state[k])
 
 
-@compiled
+@compiled(inner=True)
 def take_poses(memory: Record, pose: Record, valid: npt.NDArray[np.bool_]) -> None:
     """`take_pose` for each of (N,) ERROR_STATE_MEMORY and POSE_SAMPLE; valid (N,) written."""
     for k in range(memory.shape[0]):
         valid[k] = take_pose(memory[k], pose[k])
 
 
-@compiled
+@compiled(inner=True)
 def take_frames(memory: Record, bearings: Record, valid: npt.NDArray[np.bool_]) -> None:
     """`take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
     for k in range(memory.shape[0]):
         valid[k] = take_bearings(memory[k], bearings[k])
 
 
-@compiled
+@compiled(inner=True)
 def apply(memory: Record, noise: Record, outcome: npt.NDArray[np.int64]) -> None:
     """`apply_one` for each of (N,) ERROR_STATE_MEMORY; outcome (N,) of Outcome, written."""
     for k in range(memory.shape[0]):

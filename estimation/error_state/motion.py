@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 _MASK = SAMPLES - 1
 
 
-@compiled
+@compiled(inner=True)
 def move(x: Array, start_b: Vector, end_b: Vector, rate_b: Vector, dt: float) -> None:
     """Advance a nominal state (16,) in place by samples with their biases.
 
@@ -57,7 +57,7 @@ def move(x: Array, start_b: Vector, end_b: Vector, rate_b: Vector, dt: float) ->
     x[6], x[7], x[8], x[9] = q
 
 
-@compiled
+@compiled(inner=True)
 def spread(P: Array, x: Array, force_b: Vector, g: Any, dt: float) -> None:
     """Covariance P (15, 15) -> F P F^T + Q over dt (s) about the nominal state x (16,).
 
@@ -85,7 +85,7 @@ def spread(P: Array, x: Array, force_b: Vector, g: Any, dt: float) -> None:
         P[12 + i, 12 + i] += dt * g.accelerometer_bias_walk**2
 
 
-@compiled
+@compiled(inner=True)
 def walk(m: Any, x: Array, from_ns: int, to_ns: int, g: Any, with_covariance: bool) -> None:
     """Advance x (16,), and the covariance if wanted, along the samples kept.
 

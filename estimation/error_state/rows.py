@@ -37,7 +37,7 @@ NEAREST = 0.05
 """m; a beacon nearer than this has no direction worth using."""
 
 
-@compiled
+@compiled(inner=True)
 def linearize(m: Any, slot: int, x: Array, g: Any) -> int:
     """Write row, rest and variance of an event at the nominal state x (16,); how many pairs."""
     rows, rest, variance, data = m.row, m.rest, m.variance, m.event_data[slot]

@@ -20,7 +20,7 @@ _MASK = SAMPLES - 1
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _, _OUTLIER = (int(o) for o in Outcome)
 
 
-@compiled
+@compiled(inner=True)
 def insert(m: Any) -> int:
     """Put the new measurement into the order; its position there, or minus an Outcome."""
     order, stamps, count, stamp_ns = m.event_order, m.event_ns, m.event_count, m.new_ns

@@ -27,7 +27,7 @@ MEMORY = 0.05
 """Weight of the newest measurement in the mean consistency."""
 
 
-@compiled
+@compiled(inner=True)
 def project(P: Array, row: Array, out: Array) -> float:
     """out (15,) = P[:, :6] row, with the symmetric P (15, 15); row . out."""
     total = 0.0
@@ -41,7 +41,7 @@ def project(P: Array, row: Array, out: Array) -> float:
     return total
 
 
-@compiled
+@compiled(inner=True)
 def along(row: Array, error: Array) -> float:
     """row (6,) . error (n,)."""
     total = 0.0
@@ -50,7 +50,7 @@ def along(row: Array, error: Array) -> float:
     return total
 
 
-@compiled
+@compiled(inner=True)
 def displace(x: Array, error: Array, out: Array) -> None:
     """out (16,) = nominal state x (16,) corrected by an error (15,)."""
     phi = turned((1.0, 0.0, 0.0, 0.0), (error[3], error[4], error[5]))
@@ -62,7 +62,7 @@ def displace(x: Array, error: Array, out: Array) -> None:
         out[10 + i] = x[10 + i] + error[9 + i]
 
 
-@compiled
+@compiled(inner=True)
 def gate(m: Any, pairs: int, all_or_none: bool, largest: float) -> int:
     """Mark in `used` the pairs of rows that the prior allows; how many."""
     P, gain = m.prior, m.gain
@@ -78,7 +78,7 @@ def gate(m: Any, pairs: int, all_or_none: bool, largest: float) -> int:
     return count if count == pairs or not all_or_none else 0
 
 
-@compiled
+@compiled(inner=True)
 def absorb(m: Any, pairs: int) -> float:
     """One pass of scalar updates from the prior, linearised at `step`, into `found`; the NIS."""
     P, prior, found, gain, row = m.covariance, m.prior, m.found, m.gain[0], m.row
@@ -99,7 +99,7 @@ def absorb(m: Any, pairs: int) -> float:
     return nis
 
 
-@compiled
+@compiled(inner=True)
 def reset(P: Array, phi: Array) -> None:
     """Covariance (15, 15) of the error left after the attitude was moved by phi (3,).
 
@@ -116,7 +116,7 @@ def reset(P: Array, phi: Array) -> None:
                 P[i, j], P[j, i] = P[j, i], P[i, j]
 
 
-@compiled
+@compiled(inner=True)
 def fuse(m: Any, slot: int, g: Any) -> bool:
     """Update base and covariance with one event at `base_ns`; False when it was an outlier."""
     P, x, step, found, kind = m.covariance, m.base, m.step, m.found, m.event_kind[slot]

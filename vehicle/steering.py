@@ -1,0 +1,77 @@
+"""Which control law flies, and the vehicle's model it believes, which follows the battery.
+
+A law is changed on the ground only: the integrals of one mean nothing to another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+from control.controller import Controller, GeometricController
+from control.near_hovering import NearHoveringController
+from control.parameters import GEOMETRIC, NEAR_HOVERING, ControlParameters
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
+from quadrotor.vehicle_model import VehicleModel
+
+LAWS: dict[str, Callable[[], Controller]] = {
+    GEOMETRIC: GeometricController,
+    NEAR_HOVERING: NearHoveringController,
+}
+LAW = "control.law"
+SETTLING = 1.0
+"""s, time constant of the battery voltage that the model follows: not its ripple."""
+STEP = 0.05
+"""V by which the voltage must have moved to make the model anew: 0.3 % of a 4-cell battery."""
+
+
+class Steering:
+    """The controller of one vehicle and its model.
+
+    Args:
+        control, model: read again by each `configure`.
+        plugin: flown with in place of the law named in the parameters, until another is set.
+    """
+
+    def __init__(
+        self, control: ControlParameters, model: VehicleModel, plugin: Controller | None = None
+    ) -> None:
+        self._name = control.law
+        self.controller: Controller = plugin or LAWS[self._name]()
+        self._voltage: float | None = None  # V, filtered; None before the first reading
+        self._modelled: float | None = None  # V, that the model was made for
+        self.configure(control, model)
+
+    def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
+        """Raises RefusedError when a change of parameters may not act now."""
+        if armed and values.get(LAW, self._name) != self._name:
+            raise RefusedError(
+                f"{LAW} stays {self._name} while armed: land and disarm to change it"
+            )
+
+    def configure(self, control: ControlParameters, model: VehicleModel) -> None:
+        """Take the present parameters; `check` has seen them."""
+        self._control, self._parameters = control, model
+        if control.law != self._name:
+            self._name = control.law
+            self.controller = LAWS[self._name]()
+        self._remodel()
+
+    def follow_battery(self, voltage: float, dt: float) -> bool:
+        """One reading (V) and the time (s) since the last; True when the model was made anew."""
+        if self._parameters.battery_exponent == 0.0 or not voltage > 0.0:
+            return False
+        if self._voltage is None:
+            self._voltage = voltage
+        self._voltage += (voltage - self._voltage) * -math.expm1(-dt / SETTLING)
+        if self._modelled is not None and abs(self._voltage - self._modelled) < STEP:
+            return False
+        self._remodel()
+        return True
+
+    def _remodel(self) -> None:
+        self._modelled = self._voltage
+        self.model: Record = self._parameters.record(self._voltage)
+        self.controller.configure(self._control, self.model)
