@@ -80,20 +80,21 @@ def write(out: Path, reports: list[Report], conditions: dict[str, str], quick: b
         *(["- **quick run: too few samples for a result**"] if quick else []),
         "",
     ]
+    # Figures first: a plot that fails must not lose minutes of measuring.
+    document = {"conditions": conditions, "reports": [r.as_json() for r in reports]}
+    (out / "performance.json").write_text(json.dumps(document, indent=1, default=float) + "\n")
     for report in reports:
         lines.append(report.as_markdown())
         if report.plot and draw(report.plot, out / f"{report.name}.png"):
             lines.append(f"![{report.title}]({report.name}.png)\n")
     (out / "performance.md").write_text("\n".join(lines))
-    document = {"conditions": conditions, "reports": [r.as_json() for r in reports]}
-    (out / "performance.json").write_text(json.dumps(document, indent=1, default=float) + "\n")
 
 
 def draw(plot: dict[str, Any], path: Path) -> bool:
-    """One scatter of accuracy over time, or bars; False where matplotlib is not installed.
+    """One scatter of accuracy over time, or one figure a method; False without matplotlib.
 
     Args:
-        plot: kind "scatter" (x, y, labels), or "bars" (values, labels); x_label, y_label, and
+        plot: kind "scatter" (x, y, labels), or "figures" (values, labels); x_label, y_label, and
             optionally limit: a horizontal line with the text limit_label.
     """
     try:
@@ -107,12 +108,21 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
     figure, axes = pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")
     if plot["kind"] == "scatter":
         axes.loglog(plot["x"], plot["y"], "o", color="#1f6f8b")
-        for x, y, label in zip(plot["x"], plot["y"], plot["labels"], strict=True):
-            axes.annotate(label, (x, y), xytext=(6, 4), textcoords="offset points", fontsize=8)
+        points = sorted(zip(plot["x"], plot["y"], plot["labels"], strict=True))
+        for k, (x, y, label) in enumerate(points):  # in turns above and below: neighbours clash
+            offset = (6, 5 if k % 2 == 0 else -11)
+            axes.annotate(label, (x, y), xytext=offset, textcoords="offset points", fontsize=8)
         axes.margins(x=0.25, y=0.2)
     else:
-        axes.barh(plot["labels"], plot["values"], color="#1f6f8b")
+        # Dots, not bars: a logarithmic axis has no zero for a bar to start from.
+        axes.plot(plot["values"], plot["labels"], "o", color="#1f6f8b")
+        for value, label in zip(plot["values"], plot["labels"], strict=True):
+            axes.annotate(
+                f"{value:.3g}", (value, label), xytext=(8, -3), textcoords="offset points",
+                fontsize=8,
+            )  # fmt: skip
         axes.set_xscale("log")
+        axes.margins(x=0.15)
         axes.invert_yaxis()
     if "limit" in plot:
         line = axes.axhline if plot["kind"] == "scatter" else axes.axvline

@@ -90,7 +90,7 @@ def run(quick: bool = False) -> Report:
             f"load of the machine at the end {os.getloadavg()[0]:.2f}"
         )
     report.plot = {
-        "kind": "bars",
+        "kind": "figures",
         "labels": list(methods),
         "values": [float(np.median(cpu[name])) for name in methods],
         "x_label": "steps a CPU second",

@@ -82,7 +82,7 @@ class Report:
     rows: list[Row] = field(default_factory=list)
     targets: list[Target] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    plot: dict[str, Any] | None = None  # {"kind": "accuracy over time"|"bars", "x": ..., "y": ...}
+    plot: dict[str, Any] | None = None  # see benchmarks.__main__.draw
 
     def columns(self) -> list[str]:
         names: dict[str, None] = {}

@@ -113,7 +113,7 @@ def run(quick: bool = False) -> Report:
     _tick(report, 4.0 if quick else 20.0)
     bars = {row.method: row.figures["µs a step"] for row in report.rows}
     report.plot = {
-        "kind": "bars",
+        "kind": "figures",
         "labels": list(bars),
         "values": list(bars.values()),
         "x_label": "µs a step",

@@ -156,14 +156,18 @@ def fly_batch(
 
     def work() -> None:
         onboard, wanted = fresh.copy(), np.empty(4)
+        # Copies of this thread's own: neighbours in an array share cache lines, and two cores
+        # that write to one wait for each other at every step.
+        case, plant, judged = _apart(CASE), _apart(PLANT), _apart(OUTCOME)
         while (k := next(turn)) < size:  # one at a time: no thread waits for another's share
-            onboard[:] = fresh
             one = slice(k, k + 1)
+            onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             fly(
-                cases[one], plants[one], onboard, outcome[one], history[k],
+                case, plant, onboard, judged, history[k],
                 wanted, np.zeros(4), ticks, period_ns, substeps, hover_ticks, judge_every,
                 keep_every,
             )  # fmt: skip
+            plants[one], outcome[one] = plant, judged
 
     workers = min(threads or os.cpu_count() or 1, size)
     if workers <= 1:
@@ -174,6 +178,13 @@ def fly_batch(
                 done.result()
     final: Record = plants["x"].copy().view(STATE).reshape(size)
     return BatchResult(outcome, final, history if kept else None)
+
+
+def _apart(kind: np.dtype[np.void]) -> Record:
+    """One record, shape (1,), that shares no cache line with anything."""
+    room = np.zeros(2 * 128 + kind.itemsize, np.uint8)
+    start = -room.ctypes.data % 128
+    return room[start : start + kind.itemsize].view(kind)
 
 
 def _clock(duration: float, rate: float) -> tuple[int, int]:
