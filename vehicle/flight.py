@@ -196,9 +196,10 @@ def say(line: str) -> None:
 def fly(config: FlightConfig) -> None:
     """Compile, ask for real time, then loop until a signal. Raises QuadlabError."""
     # Imported here: it brings numba and every law along, which the loop's tests need not.
-    from vehicle.kernels import prepare
+    from vehicle.kernels import prepare, prepare_later
 
     refusals = prepare(say)
+    later = prepare_later()
 
     from vehicle.parameters import new_parameters
     from vehicle.stack import FlightStack
@@ -229,6 +230,8 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     loop.run()
+    if later is not None and later.poll() is None:
+        later.terminate()
 
 
 def load_trajectories(stack: FlightStack, folder: Path) -> None:

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from quadrotor.compiled import kept
+from vehicle.realtime import die_with_parent
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -60,13 +61,43 @@ def _bearings() -> None:
     PlanarPoseSolver(PAPER_BEACONS.positions_w)
 
 
-PARTS: dict[str, tuple[str, Callable[[], None]]] = {
+def _error_state() -> None:
+    from estimation.registry import prepare
+
+    prepare("error_state", True)
+
+
+def _complementary_on_bearings() -> None:
+    from estimation.registry import prepare
+
+    prepare("complementary", True)
+
+
+def _near_hovering() -> None:
+    from control.near_hovering import NearHoveringController
+    from control.parameters import ControlParameters
+    from quadrotor.vehicle_model import VehicleModel
+
+    NearHoveringController().configure(ControlParameters(), VehicleModel().record())
+
+
+Parts = dict[str, tuple[str, Callable[[], None]]]
+
+PARTS: Parts = {
     "controller": ("control.controller", _controller),
     "estimator": ("estimation.complementary_filter", _estimator),
     "behaviors": ("control.trajectories.phase_curve", _behaviors),
     "bearing poses": ("estimation.frame_solution", _bearings),
 }
 """Part -> a module whose kept code tells that the part is compiled, and how to compile it."""
+LATER: Parts = {
+    "bearings in the complementary filter": (
+        "estimation.position_at_attitude", _complementary_on_bearings
+    ),
+    "error-state filter": ("estimation.error_state.filter", _error_state),
+    "near-hovering law": ("control.near_hovering", _near_hovering),
+}  # fmt: skip
+"""What only a choice on the ground needs: compiled meanwhile, so that the choice is quick."""
 HELPED = ("controller", "bearing poses")
 """What the second process takes; the halves take about the same time."""
 
@@ -107,7 +138,7 @@ def _compile_parts(missing: list[str], say: Callable[[str], None]) -> None:
     say(f"compiling the flight laws, once, which takes some seconds: {', '.join(missing)}")
     helper = None
     if helped and len(missing) > 1:
-        helper = subprocess.Popen([sys.executable, "-m", __name__, *helped], cwd=REPOSITORY)
+        helper = _in_another_process(helped)
     for part in missing:
         if helper is None or part not in helped:
             PARTS[part][1]()
@@ -116,7 +147,33 @@ def _compile_parts(missing: list[str], say: Callable[[str], None]) -> None:
         say(f"{', '.join(helped)} compiled")
 
 
-if __name__ == "__main__":
+def prepare_later() -> subprocess.Popen[bytes] | None:
+    """Begin to compile what is missing of LATER, on time nobody else wants.
+
+    Call it before asking for real time, which a child would inherit, and keep what it returns.
+    """
+    missing = [part for part, (module, _) in LATER.items() if not kept(module)]
+    return _in_another_process([IDLE, *missing]) if missing else None
+
+
+IDLE = "--idle"
+
+
+def _in_another_process(words: list[str]) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "vehicle.kernels", str(os.getpid()), *words]
+    return subprocess.Popen(command, cwd=REPOSITORY, stdin=subprocess.DEVNULL)
+
+
+def main(parent: str, *words: str) -> None:
+    """Compile the parts named, as the child of process `parent`."""
+    die_with_parent(int(parent))
+    if words[0] == IDLE:
+        os.nice(19)
     with _without_garbage_collection():
-        for name in sys.argv[1:]:
-            PARTS[name][1]()
+        for name in words:
+            if name != IDLE:
+                (PARTS | LATER)[name][1]()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
