@@ -23,28 +23,33 @@ export class Fly {
     events.on("summary", () => this.showRecording());
   }
 
-  button({ name, label, title, arguments: fields }) {
-    if (!fields.length) this.forms.set(name, { label, inputs: [] });
-    return element("button", { title, disabled: !this.isOperator, onclick: () => this.start(name) }, label);
+  button(behavior) {
+    const { label, title, arguments: fields } = behavior;
+    if (!fields.length) this.forms.set(behavior, []);
+    return element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, label);
   }
 
   row(behavior) {
-    const { name, label, arguments: fields } = behavior;
-    const inputs = fields.map((field) => [field, element("input", {
+    const onkeydown = (event) => { if (event.key === "Enter") this.start(behavior); };
+    const inputs = behavior.arguments.map((field) => [field, element("input", field.type === "text" ? {
+      type: "text", placeholder: field.placeholder, title: behavior.title, onkeydown,
+    } : {
       type: "number", value: field.value ?? "", placeholder: "auto", min: field.min, max: field.max, step: field.step ?? "any",
-      title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`,
-      onkeydown: (event) => { if (event.key === "Enter") this.start(name); },
+      title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`, onkeydown,
     })]);
-    this.forms.set(name, { label, inputs });
+    this.forms.set(behavior, inputs);
     const shown = inputs.map(([field, input]) => element("label", { className: "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
     return element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
   }
 
-  start(name) {
-    const { label, inputs } = this.forms.get(name);
-    const values = { ...this.behaviors.find((behavior) => behavior.name === name).fixed };
-    for (const [field, input] of inputs) {
+  // which: a behaviour of the list, or the name of one.
+  start(which) {
+    const behavior = typeof which === "string" ? this.behaviors.find(({ name }) => name === which) : which;
+    const { name, label } = behavior;
+    const values = { ...behavior.fixed };
+    for (const [field, input] of this.forms.get(behavior)) {
       if (input.value === "") continue; // the vehicle's own default
+      if (field.type === "text") { values[field.name] = input.value.trim(); continue; }
       const wrong = !input.checkValidity() || !Number.isFinite(input.valueAsNumber);
       if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.min} to ${field.max} ${field.unit ?? ""}`); return; }
       values[field.name] = input.valueAsNumber * (field.scale ?? 1);
