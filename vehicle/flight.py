@@ -196,10 +196,9 @@ def say(line: str) -> None:
 def fly(config: FlightConfig) -> None:
     """Compile, ask for real time, then loop until a signal. Raises QuadlabError."""
     # Imported here: it brings numba and every law along, which the loop's tests need not.
-    from vehicle.kernels import prepare, prepare_later
+    from vehicle.kernels import prepare
 
-    refusals = prepare(say)
-    later = prepare_later()
+    refusals, later = prepare(say)
 
     from vehicle.parameters import new_parameters
     from vehicle.stack import FlightStack

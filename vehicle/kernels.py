@@ -1,7 +1,7 @@
 """Every compiled function of the tick, ready before the first sample counts.
 
 Compiling takes seconds and only one core, so on a machine without kept code (the first start, or
-after a change) a second process takes half of it, and each part done is told. What is kept
+after a change) a second process takes part of it, and each part done is told. What is kept
 already is loaded in a moment. The warm-up hop has the last word: whatever the tick may call has
 then been called once.
 """
@@ -87,40 +87,42 @@ PARTS: Parts = {
     "controller": ("control.controller", _controller),
     "estimator": ("estimation.complementary_filter", _estimator),
     "behaviors": ("control.trajectories.phase_curve", _behaviors),
-    "bearing poses": ("estimation.frame_solution", _bearings),
 }
-"""Part -> a module whose kept code tells that the part is compiled, and how to compile it."""
+"""What the tick needs: part -> a module whose kept code tells that it is compiled, and how to."""
 LATER: Parts = {
+    "bearing poses": ("estimation.frame_solution", _bearings),
     "bearings in the complementary filter": (
         "estimation.position_at_attitude", _complementary_on_bearings
     ),
     "error-state filter": ("estimation.error_state.filter", _error_state),
     "near-hovering law": ("control.near_hovering", _near_hovering),
 }  # fmt: skip
-"""What only a choice on the ground needs: compiled meanwhile, so that the choice is quick."""
-HELPED = ("controller", "bearing poses")
-"""What the second process takes; the halves take about the same time."""
+"""What only comms or a choice on the ground needs: compiled beside, on time nobody else wants."""
+HELPED = "controller"
+"""What a second process takes; the rest takes about the same time."""
+IDLE = "--idle"
 
 
-def prepare(say: Callable[[str], None]) -> list[str]:
+def prepare(say: Callable[[str], None]) -> tuple[list[str], subprocess.Popen[bytes] | None]:
     """Compile what is missing, load the rest, fly the hop.
+
+    Call it before asking for real time, which a child would inherit.
 
     Args:
         say: gets a line when something is compiled, and one a part.
 
-    Returns what was refused in the hop: what comes after it would compile in flight.
+    Returns what was refused in the hop (what comes after it would compile in flight), and the
+    process that compiles what is for later, if any: keep it, and terminate it at the end.
     """
+    later = [part for part, (module, _) in LATER.items() if not kept(module)]
+    beside = _in_another_process([IDLE, *later]) if later else None
     missing = [part for part, (module, _) in PARTS.items() if not kept(module)]
     if missing:
-        _compile(missing, say)
+        with _without_garbage_collection():
+            _compile(missing, say)
     from vehicle.flight_warm_up import warm_up
 
-    return warm_up()
-
-
-def _compile(missing: list[str], say: Callable[[str], None]) -> None:
-    with _without_garbage_collection():
-        _compile_parts(missing, say)
+    return warm_up(), beside
 
 
 @contextmanager
@@ -133,30 +135,17 @@ def _without_garbage_collection() -> Iterator[None]:
         gc.enable()
 
 
-def _compile_parts(missing: list[str], say: Callable[[str], None]) -> None:
-    helped = [part for part in missing if part in HELPED and (os.cpu_count() or 1) > 1]
+def _compile(missing: list[str], say: Callable[[str], None]) -> None:
     say(f"compiling the flight laws, once, which takes some seconds: {', '.join(missing)}")
     helper = None
-    if helped and len(missing) > 1:
-        helper = _in_another_process(helped)
+    if HELPED in missing and len(missing) > 1 and (os.cpu_count() or 1) > 1:
+        helper = _in_another_process([HELPED])
     for part in missing:
-        if helper is None or part not in helped:
+        if helper is None or part != HELPED:
             PARTS[part][1]()
             say(f"{part} compiled")
     if helper is not None and helper.wait() == 0:
-        say(f"{', '.join(helped)} compiled")
-
-
-def prepare_later() -> subprocess.Popen[bytes] | None:
-    """Begin to compile what is missing of LATER, on time nobody else wants.
-
-    Call it before asking for real time, which a child would inherit, and keep what it returns.
-    """
-    missing = [part for part, (module, _) in LATER.items() if not kept(module)]
-    return _in_another_process([IDLE, *missing]) if missing else None
-
-
-IDLE = "--idle"
+        say(f"{HELPED} compiled")
 
 
 def _in_another_process(words: list[str]) -> subprocess.Popen[bytes]:
