@@ -69,9 +69,9 @@ def run(quick: bool = False) -> Report:
         for k, name in enumerate(names):
             cold[name] = Timing(tuple(run[k] for run in first))
             warm[name] = Timing(tuple(run[k] for run in again))
-    for name in cold:
+    for name, without in cold.items():
         figures: dict[str, float | str] = {}
-        for label, timing in (("cold", cold[name]), ("from cache", warm[name])):
+        for label, timing in (("cold", without), ("from cache", warm[name])):
             low, high = timing.spread
             figures[f"{label}, s"] = round(timing.median, 2)
             figures[f"{label}, range"] = f"{low:.2f}–{high:.2f}"
