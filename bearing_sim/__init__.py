@@ -3,12 +3,20 @@
 numpy only. Deterministic: the same poses and seed give the same measurements.
 """
 
-from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from bearing_sim.beacons import (
+    PAPER_BEACONS,
+    PRESETS,
+    Beacons,
+    format_layout,
+    load_beacons,
+    parse_layout,
+)
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.tracker import PoseMeasurement, SimulatedTracker, TrackerParameters
 
 __all__ = [
     "PAPER_BEACONS",
+    "PRESETS",
     "Beacons",
     "BearingEmulator",
     "BearingMeasurement",
@@ -16,4 +24,7 @@ __all__ = [
     "PoseMeasurement",
     "SimulatedTracker",
     "TrackerParameters",
+    "format_layout",
+    "load_beacons",
+    "parse_layout",
 ]

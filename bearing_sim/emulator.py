@@ -1,4 +1,4 @@
-"""Emulated bearings to beacons from a pose (paper, Secs. 6.2 and 7), as a camera would give them.
+"""Emulated bearings to beacons from poses (paper, Secs. 6.2 and 7), as a camera would give them.
 
 "1.5 deg STD" is read as independent N(0, 1.5°) along each of two tangent axes.
 """
@@ -11,41 +11,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from bearing_sim.quaternions import Array, Triple, rows_of
-from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
-from quadrotor.parameters import Parameters, parameter
+from bearing_sim.beacons import Beacons, parse_layout
+from bearing_sim.bearing_parameters import BearingParameters, parse_lost
+from bearing_sim.chance import Draws, hidden, pair
+from bearing_sim.pose_track import PoseTrack
+from bearing_sim.quaternions import Array, Quadruple, Triple, quaternion_of, rows_of
+from bearing_sim.sampling import SECOND_NS, DelayLine, InstantGrid
 
-NEAREST = 0.01
-"""m; a beacon nearer than this to the camera has no direction."""
-
-SIGMA_TOLD_MIN = 0.01
-"""deg; an estimator cannot weigh measurements that claim to be exact."""
-
-
-class BearingParameters(Parameters):
-    """The bearing sensor that is not on the vehicle."""
-
-    rate: float = parameter(30.0, unit="Hz", ge=1, le=200, step=1, description="frames a second")
-    sigma: float = parameter(
-        1.5, unit="deg", ge=0, le=20, step=0.1, description="noise on each of two tangent axes"
-    )
-    range_max: float = parameter(
-        20.0, unit="m", ge=0.1, le=100, step=0.1, description="beacons farther away are not seen"
-    )
-    field_of_view: float = parameter(
-        360.0, unit="deg", ge=10, le=360, step=5, description="full angle about the body's -z axis"
-    )
-    drop_out: float = parameter(
-        0.0, ge=0, le=1, step=0.01, description="share of single bearings lost"
-    )
-    swap: float = parameter(
-        0.0, ge=0, le=1, step=0.01, description="share of frames with two identities exchanged"
-    )
-    delay: float = parameter(
-        0.0, unit="s", ge=0, le=0.5, step=0.001, description="from the frame to its arrival"
-    )
-    seed: int = parameter(2, ge=0, le=2**31 - 1, step=1, description="of the noise")
+__all__ = ["BearingEmulator", "BearingMeasurement", "BearingParameters", "perturbed"]
 
 
 class BearingMeasurement(NamedTuple):
@@ -57,67 +30,58 @@ class BearingMeasurement(NamedTuple):
     sigma: float
 
 
+class _Layout(NamedTuple):
+    """The beacons of a text, listed once."""
+
+    text: str
+    beacons: Beacons
+    places: tuple[tuple[int, Triple], ...]
+
+    @classmethod
+    def of(cls, text: str) -> _Layout:
+        """Raises MeasurementError."""
+        beacons = parse_layout(text)
+        places = [(x, y, z) for x, y, z in beacons.positions_w.tolist()]
+        return cls(text, beacons, tuple(zip(beacons.ids.tolist(), places, strict=True)))
+
+
 class BearingEmulator:
     """Feed poses with `observe`, take frames with `due`; a frame may hold no bearing at all.
 
-    `parameters` may be changed between calls; a new seed restarts the noise.
+    Frames are taken at k/rate of the stamps' clock, whatever the poses' own stamps: the pose there
+    is interpolated when the first pose at or after the instant has come. There are none in a gap
+    of the poses (PoseTrack). Nothing but range, field of view, spells and `lost` hides a beacon:
+    neither the ground nor the vehicle's own frame.
+
+    `parameters` may be changed between calls.
     """
 
-    def __init__(self, parameters: BearingParameters, beacons: Beacons = PAPER_BEACONS) -> None:
+    def __init__(self, parameters: BearingParameters) -> None:
         self.parameters = parameters
-        self.beacons = beacons
-        self._seed: int | None = None
-        self._random = np.random.default_rng()
-        self._grid = SampleGrid()
+        self._layout = _Layout.of(parameters.layout)
+        self._grid = InstantGrid()
+        self._track = PoseTrack()
         self._line: DelayLine[BearingMeasurement] = DelayLine()
 
-    def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """The pose at `stamp_ns`: (3,) m, (4,) unit quaternion body to world."""
-        p = self.parameters
-        if not self._grid.takes(stamp_ns, p.rate):
-            return
-        if p.seed != self._seed:
-            self._seed, self._random = p.seed, np.random.default_rng(p.seed)
-        beacons = self.beacons
-        count = len(beacons.ids)
-        # All drawn in each frame, so that what is seen does not shift the noise.
-        noise = self._random.standard_normal((count, 2)).tolist()
-        kept = self._random.random(count).tolist()
-        swapped = self._random.random() < p.swap
-        exchanged = self._random.permutation(count)[:2].tolist()
+    @property
+    def beacons(self) -> Beacons:
+        """The set that `parameters.layout` describes; any thread may ask."""
+        return self._present_layout().beacons
 
-        ids = beacons.ids.tolist()
-        if swapped:
-            one, other = exchanged
-            ids[one], ids[other] = ids[other], ids[one]
-        sigma = math.radians(p.sigma)
-        lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
-        x, y, z = position_w.tolist()
-        (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows_of(quaternion_wb)
-        seen_ids, seen = [], []
-        # Plain floats: on four beacons, numpy's calls cost more than the arithmetic.
-        for id, place_w, share, (along, across) in zip(
-            ids, beacons.positions_w.tolist(), kept, noise, strict=True
-        ):
-            u, v, w = place_w[0] - x, place_w[1] - y, place_w[2] - z
-            distance = math.sqrt(u * u + v * v + w * w)
-            if share < p.drop_out or not NEAREST < distance <= p.range_max:
-                continue
-            bearing_b = (
-                (r00 * u + r10 * v + r20 * w) / distance,
-                (r01 * u + r11 * v + r21 * w) / distance,
-                (r02 * u + r12 * v + r22 * w) / distance,
-            )
-            if -bearing_b[2] >= lowest:
-                seen_ids.append(id)
-                seen.append(perturbed(bearing_b, sigma * along, sigma * across))
-        frame = BearingMeasurement(
-            stamp_ns,
-            np.array(seen_ids, np.int32),
-            np.array(seen, np.float64).reshape(-1, 3),
-            math.radians(max(p.sigma, SIGMA_TOLD_MIN)),
-        )
-        self._line.put(stamp_ns + round(p.delay * SECOND_NS), frame)
+    def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """The pose at `stamp_ns`: (3,) m, (4,) unit quaternion body to world.
+
+        A pose that is not newer than the newest is passed over; one more than 0.1 s older begins
+        anew.
+        """
+        if self._track.went_back(stamp_ns):
+            self._track, self._line = PoseTrack(), DelayLine()
+        after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
+        if after_ns is None:
+            return
+        for instant_ns in self._grid.between(after_ns, stamp_ns, self.parameters.rate):
+            pose = self._track.at(instant_ns)
+            self._take(instant_ns, pose.position_w, pose.quaternion_wb)
 
     def due(self, now_ns: int) -> list[BearingMeasurement]:
         """What has arrived by `now_ns`, each given once, in order."""
@@ -127,6 +91,99 @@ class BearingEmulator:
     def next_ns(self) -> int | None:
         """When the next frame under way arrives, None when there is none."""
         return self._line.next_ns
+
+    def _take(self, stamp_ns: int, position_w: Triple, quaternion_wb: Quadruple) -> None:
+        p, layout = self.parameters, self._present_layout()
+        frame_draws = Draws(p.seed, stamp_ns)
+        late = p.delay + p.jitter * (1.0 - frame_draws.uniform())
+        ids = _identities([id for id, _ in layout.places], p.swap, frame_draws)
+        lost = parse_lost(p.lost)
+        sigma = math.radians(p.sigma)
+        freedom = math.inf if p.distribution == "gaussian" else p.degrees_of_freedom
+        spell_ns = round(p.occlusion_spell * SECOND_NS)
+        axis = _axis_of(p)
+        lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
+        biased = _bias_of(p)
+
+        x, y, z = position_w
+        (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows_of(quaternion_wb)
+        seen_ids: list[int] = []
+        seen: list[Triple] = []
+        # Plain floats: on four beacons, numpy's calls cost more than the arithmetic.
+        for told, (id, (px, py, pz)) in zip(ids, layout.places, strict=True):
+            u, v, w = px - x, py - y, pz - z
+            distance = math.sqrt(u * u + v * v + w * w)
+            if lost is None or id in lost or not p.range_min <= distance <= p.range_max:
+                continue
+            if hidden(p.seed, id, stamp_ns, p.occlusion, spell_ns):
+                continue
+            draws = Draws(p.seed, stamp_ns, id)
+            if draws.uniform() <= p.drop_out:
+                continue
+            bearing_b = (
+                (r00 * u + r10 * v + r20 * w) / distance,
+                (r01 * u + r11 * v + r21 * w) / distance,
+                (r02 * u + r12 * v + r22 * w) / distance,
+            )
+            if _along(axis, bearing_b) < lowest:
+                continue
+            if biased is not None:
+                bearing_b = _product(biased, bearing_b)
+            along, across = pair(draws, freedom)
+            seen_ids.append(told)
+            seen.append(perturbed(bearing_b, sigma * along, sigma * across))
+        frame = BearingMeasurement(
+            stamp_ns,
+            np.array(seen_ids, np.int32),
+            np.array(seen, np.float64).reshape(-1, 3),
+            sigma,
+        )
+        self._line.put(stamp_ns + round(late * SECOND_NS), frame)
+
+    def _present_layout(self) -> _Layout:
+        layout, text = self._layout, self.parameters.layout
+        if text != layout.text:
+            self._layout = layout = _Layout.of(text)
+        return layout
+
+
+def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
+    """The ids as they are told: in `swap` of the frames, two of them exchanged."""
+    swapped, first, second = (1.0 - draws.uniform() for _ in range(3))
+    if swapped < swap:
+        one = int(first * len(ids))
+        other = (one + 1 + int(second * (len(ids) - 1))) % len(ids)
+        ids[one], ids[other] = ids[other], ids[one]
+    return ids
+
+
+def _axis_of(p: BearingParameters) -> Triple:
+    """The sensor's axis in body axes: -z of axes turned by roll, pitch and yaw (ZYX)."""
+    if p.mount_roll == p.mount_pitch == p.mount_yaw == 0.0:
+        return 0.0, 0.0, -1.0
+    roll, pitch, yaw = (math.radians(a) for a in (p.mount_roll, p.mount_pitch, p.mount_yaw))
+    away = math.cos(roll) * math.sin(pitch)
+    return (
+        -(math.cos(yaw) * away + math.sin(yaw) * math.sin(roll)),
+        -(math.sin(yaw) * away - math.cos(yaw) * math.sin(roll)),
+        -math.cos(roll) * math.cos(pitch),
+    )
+
+
+def _bias_of(p: BearingParameters) -> tuple[Triple, Triple, Triple] | None:
+    """The rows of the constant rotation of all bearings, None for no bias."""
+    if p.bias_x == p.bias_y == p.bias_z == 0.0:
+        return None
+    x, y, z = (math.radians(a) for a in (p.bias_x, p.bias_y, p.bias_z))
+    return rows_of(quaternion_of(x, y, z))
+
+
+def _along(a: Triple, b: Triple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _product(rows: tuple[Triple, Triple, Triple], v: Triple) -> Triple:
+    return _along(rows[0], v), _along(rows[1], v), _along(rows[2], v)
 
 
 def perturbed(bearing: Triple, along: float, across: float) -> Triple:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterator
+from fractions import Fraction
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -34,8 +36,30 @@ class SampleGrid:
         return True
 
 
+class InstantGrid:
+    """The instants k/rate of the stamps' own clock, to the nanosecond and without drift."""
+
+    def __init__(self) -> None:
+        self._rate = 0.0
+        self._scale, self._per = 1, 1  # the k-th instant is at k · scale / per ns
+
+    def between(self, after_ns: int, until_ns: int, rate: float) -> Iterator[int]:
+        """Those after the one stamp and not after the other, in order; rate in Hz."""
+        if rate != self._rate:
+            exact = Fraction(rate).limit_denominator(1000)
+            self._rate = rate
+            self._scale, self._per = SECOND_NS * exact.denominator, exact.numerator
+        k = after_ns * self._per // self._scale
+        while (instant_ns := (k * self._scale + self._per // 2) // self._per) <= until_ns:
+            if instant_ns > after_ns:
+                yield instant_ns
+            k += 1
+
+
 class DelayLine(Generic[T]):
-    """Measurements on their way; those still travelling when the source went back are lost."""
+    """Measurements on their way, which stay in order; those still travelling when the source went
+    back are lost.
+    """
 
     def __init__(self) -> None:
         self._travelling: deque[tuple[int, T]] = deque()

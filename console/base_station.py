@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any
 
 from console.alarms import AlarmBoard
+from console.beacon_layout import BeaconLayout, vehicle_teller
 from console.catalogue import Catalogue
 from console.commands import CommandGateway
 from console.expansion import expanded, messages_of
@@ -91,6 +92,13 @@ class BaseStation:
         self._tracker = TrackerFeed(
             parameters.tracker, parameters.bearings, self._outbox.pose, self._outbox.bearings
         )
+        self._layout = BeaconLayout(
+            lambda: parameters.bearings.layout,
+            self._vehicle_parameters,
+            lambda: self._link_state() is not LinkState.LOST,
+            vehicle_teller(self._node),
+        )
+        self._store.before_change = self._layout.before_change
         CommandGateway(
             self._node, self._store, self._link_state, self.runs.by_hand, self.runs.asked
         )
@@ -239,6 +247,7 @@ class BaseStation:
             self.link.exchanged(exchange(time_sync))
             if not self._recorder.run_id:
                 self._vehicle_parameters.refresh()
+            self._alarms.set("beacons", self._layout.agree() or None)
         except LinkError:
             # The link's state on the page says it; asked again in a second.
             log.debug("the vehicle did not answer", exc_info=True)

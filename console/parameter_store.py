@@ -10,6 +10,9 @@ from quadrotor.parameters import ParameterDescription, ParameterStore, Parameter
 
 PREFIX = "station."
 
+BeforeChange = Callable[[Mapping[str, ParameterValue], str], None]
+"""Values and requester; raises ParameterError to refuse them."""
+
 OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
 """Name, old value, new value, requester, revision."""
 
@@ -19,6 +22,9 @@ class StationStore:
 
     Args:
         on_change: called once for each value that really changed, outside any lock.
+
+    Attributes:
+        before_change: has a say in sound values before they are applied; outside any lock.
     """
 
     def __init__(self, on_change: OnChange = lambda *_: None) -> None:
@@ -27,6 +33,7 @@ class StationStore:
         )
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
+        self.before_change: BeforeChange = lambda *_: None
         self.on_change = on_change
 
     @property
@@ -45,9 +52,8 @@ class StationStore:
         return self._store.values()
 
     def check(self, values: Mapping[str, object]) -> None:
-        """Raises ParameterError when `change` would."""
-        for name, value in values.items():
-            self._store.check(name, value)
+        """Raises ParameterError when `change` would, but for `before_change`."""
+        self._checked(values)
 
     def preset(self, values: Mapping[str, object]) -> None:
         """Before the start, from the command line. Raises ParameterError."""
@@ -57,6 +63,7 @@ class StationStore:
         self, values: Mapping[str, object], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
         """(applied values, revision); all or nothing. Raises ParameterError."""
+        self.before_change(self._checked(values), requester)
         with self._lock:
             before = self._store.values()
             applied = self._store.set(values)
@@ -65,3 +72,11 @@ class StationStore:
             if value != before[name]:
                 self.on_change(name, before[name], value, requester, revision)
         return applied, revision
+
+    def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        """As they would be applied. Raises ParameterError.
+
+        Tried on a copy: texts such as the beacons' layout are checked where they are assigned,
+        and of several values none may stay when one is refused.
+        """
+        return ParameterStore(self._tree.model_copy(deep=True)).set(values)

@@ -1,7 +1,8 @@
 """The simulated tracking system and the bearing emulator of the station, fed with the truth.
 
 Measurements without delay leave in the truth's own callback; delayed ones from a thread.
-Stamps are the truth's, which are of the vehicle's clock.
+Poses have the truth's stamps, which are of the vehicle's clock; frames of bearings are taken at
+instants of their own on that clock, seen from the tracker's poses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The station's copy of the vehicle's parameters, for the head of each run's file."""
+"""The station's copy of the vehicle's parameters, for runs' files and for what must be the same."""
 
 from __future__ import annotations
 
@@ -27,6 +27,13 @@ class VehicleParameters:
             if wanted >= 0 and wanted != self._revision:
                 self._values = self._client.values()
                 self._revision = wanted
+
+    def known(self, name: str) -> ParameterValue | None:
+        """As it was fetched; None when the vehicle has none, or shows a newer revision."""
+        with self._fetching:
+            if self._values is None or self._revision != self.shown_revision:
+                return None
+            return self._values.get(name)
 
     def snapshot(self) -> tuple[dict[str, ParameterValue] | None, int, str]:
         """(values or None, revision, why there are none or old ones); may wait 1 s."""

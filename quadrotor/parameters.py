@@ -133,11 +133,19 @@ class ParameterStore:
         self._apply({n: coerce(self._descriptions[n], v) for n, v in values.items()})
 
     def _apply(self, values: Mapping[str, ParameterValue]) -> None:
+        before = {name: self.get(name) for name in values}
+        try:
+            self._assign(values)
+        except Exception:  # a validator of the field's own: all or nothing holds for it too
+            self._assign(before)
+            raise
+        if values:
+            self.revision += 1
+
+    def _assign(self, values: Mapping[str, ParameterValue]) -> None:
         for name, value in values.items():
             owner, field = self._places[name]
             setattr(owner, field, value)
-        if values:
-            self.revision += 1
 
     def _require(self, name: str) -> None:
         if name not in self._places:

@@ -12,6 +12,7 @@ from bearing_sim import (
     PoseMeasurement,
     TrackerParameters,
 )
+from bearing_sim.quaternions import matrix_of
 from console.tracker_feed import TrackerFeed
 
 HERE, LEVEL = np.array([0.1, 0.2, 1.0]), np.array([1.0, 0, 0, 0])
@@ -42,8 +43,10 @@ def test_without_delay_pose_and_bearings_leave_with_the_truth() -> None:
     for k in range(100):
         feed.truth(10**18 + 10 * k * MS, HERE, LEVEL)
     assert [p.stamp_ns for p in sink.poses] == [10**18 + 10 * k * MS for k in range(100)]
-    assert 29 <= len(sink.frames) <= 31
-    assert {f.stamp_ns for f in sink.frames} <= {p.stamp_ns for p in sink.poses}
+    assert [f.stamp_ns for f in sink.frames] == [
+        10**18 + round(k * 1e9 / 30) for k in range(len(sink.frames))
+    ]
+    assert len(sink.frames) == 30
     assert feed.rate == 100
     assert feed.silence is not None
     feed.close()
@@ -53,16 +56,18 @@ def test_bearings_are_seen_from_the_tracked_pose_noise_included() -> None:
     sink = Sink()
     feed = TrackerFeed(
         TrackerParameters(position_noise=0.2),
-        BearingParameters(sigma=0.0),
+        BearingParameters(sigma=0.05),
         sink.pose,
         sink.frame,
     )
     feed.truth(0, HERE, LEVEL)
     feed.close()
     [pose], [frame] = sink.poses, sink.frames
-    truth_to_beacon = np.array([1.0, 1.0, 0.1]) - HERE
-    assert np.linalg.norm(pose.position_w - HERE) > 0.01
-    assert not np.allclose(frame.bearings_b[0], truth_to_beacon / np.linalg.norm(truth_to_beacon))
+    from_truth, from_pose = (np.array([1.0, 1.0, 0.1]) - p for p in (HERE, pose.position_w))
+    assert np.linalg.norm(pose.position_w - HERE) > 0.05
+    bearing_w = matrix_of(pose.quaternion_wb) @ frame.bearings_b[0]
+    assert np.linalg.norm(bearing_w - from_pose / np.linalg.norm(from_pose)) < 0.005
+    assert np.linalg.norm(bearing_w - from_truth / np.linalg.norm(from_truth)) > 0.02
 
 
 def test_a_delayed_pose_comes_by_itself_with_the_stamp_of_its_truth() -> None:
@@ -87,3 +92,27 @@ def test_parameters_can_change_while_it_runs() -> None:
     feed.truth(100 * MS, HERE, LEVEL)
     assert len(sink.poses) == 1
     feed.close()
+
+
+def test_delayed_poses_give_frames_at_the_instants_they_were_true() -> None:
+    sink = Sink()
+    bearings = BearingParameters(rate=50.0)
+    feed = TrackerFeed(TrackerParameters(delay=0.03), bearings, sink.pose, sink.frame)
+    for k in range(20):
+        feed.truth(10**18 + 10 * k * MS, HERE, LEVEL)
+    for _ in range(20 + 10):
+        assert sink.came.acquire(timeout=5.0)
+    assert [f.stamp_ns for f in sink.frames] == [10**18 + 20 * k * MS for k in range(10)]
+    feed.close()
+
+
+def test_a_layout_that_changes_while_it_runs_is_seen_at_the_next_frame() -> None:
+    sink, bearings = Sink(), BearingParameters(rate=100.0)
+    feed = TrackerFeed(TrackerParameters(), bearings, sink.pose, sink.frame)
+    feed.truth(0, HERE, LEVEL)
+    bearings.layout = "eight"
+    feed.truth(10 * MS, HERE, LEVEL)
+    bearings.lost = "all"
+    feed.truth(20 * MS, HERE, LEVEL)
+    feed.close()
+    assert [len(f.beacon_ids) for f in sink.frames] == [4, 8, 0]

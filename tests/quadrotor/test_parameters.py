@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ConfigDict, field_validator
 
 from quadrotor.errors import (
     OutOfBoundsError,
@@ -179,3 +180,24 @@ def test_numpy_numbers_are_numbers(store):
     # np.float64 is a float; what is not must not slip through half-converted.
     assert store.check("motor.gain", np.float64(3.0)) == 3.0
     assert type(store.check("motor.gain", np.float64(3.0))) is float
+
+
+def test_a_fields_own_refusal_leaves_the_others_as_they_were():
+    class Picky(Parameters):
+        model_config = ConfigDict(validate_assignment=True)
+
+        first: float = parameter(1.0, ge=0.0, le=9.0, description="set before the refusal")
+        word: str = parameter("fine", description="no spaces")
+
+        @field_validator("word")
+        @classmethod
+        def _one_word(cls, text: str) -> str:
+            if " " in text:
+                raise OutOfBoundsError(f"word = {text!r} has a space")
+            return text
+
+    picky = Picky()
+    store = ParameterStore(picky)
+    with pytest.raises(OutOfBoundsError, match="has a space"):
+        store.set({"first": 2.0, "word": "two words"})
+    assert (picky.first, picky.word, store.revision) == (1.0, "fine", 0)

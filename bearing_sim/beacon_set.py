@@ -1,0 +1,172 @@
+"""A set of beacons: who they are, where they stand, and the plane they stand in."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.records import MAX_BEACONS
+
+Array = npt.NDArray[np.float64]
+
+LEAST = 4
+"""Beacons of a set: a planar pose needs as many in view."""
+ID_MAX = 2**31 - 1
+FARTHEST = 1000.0
+"""m from the world's origin on each axis; more is a wrong unit."""
+FLATNESS = 1e-3
+"""How far a set may leave its plane, as a share of its extent: what the planar pose accepts."""
+IN_LINE = 1e-3
+"""Share of the extent across which a set counts as standing on one line."""
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False, slots=True)
+class Beacons:
+    """N beacons with known identity and position; never changed, equal by value.
+
+    Args:
+        ids: (N,), whole numbers 0 … 2³¹ − 1, each once; 4 <= N <= MAX_BEACONS. Lists will do.
+        positions_w: (N, 3) m, world axes; in one plane, not on one line. Lists will do.
+
+    Attributes:
+        ids, positions_w: int32 and float64, copies, read-only as all arrays here.
+        center_w: (3,) m, their mean.
+        normal_w: (3,) unit normal of their plane, the one with its largest component above 0.
+
+    Raises MeasurementError when malformed; DegenerateGeometryError when they are too few, on one
+    line or not in one plane.
+    """
+
+    ids: npt.NDArray[np.int32]
+    positions_w: Array
+    center_w: Array
+    normal_w: Array
+
+    def __init__(self, ids: npt.ArrayLike, positions_w: npt.ArrayLike) -> None:
+        of_all = _checked_ids(ids)
+        places = _checked_positions(positions_w, of_all)
+        arrays: tuple[npt.NDArray[Any], ...] = (of_all, places, *_plane(places))
+        for name, array in zip(("ids", "positions_w", "center_w", "normal_w"), arrays, strict=True):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def moved(self, id: int, position_w: npt.ArrayLike) -> Beacons:
+        """The set with one beacon elsewhere: (3,) m. Raises as the constructor does."""
+        places = self.positions_w.copy()
+        try:
+            places[self._index(id)] = np.asarray(position_w, dtype=float).reshape(3)
+        except (TypeError, ValueError) as error:
+            raise MeasurementError(
+                f"beacon {id} cannot be moved to {position_w!r}; allowed are three numbers, m"
+            ) from error
+        return Beacons(self.ids, places)
+
+    def place(self, id: int) -> tuple[float, float, float]:
+        """Where one stands, m. Raises MeasurementError."""
+        x, y, z = self.positions_w[self._index(id)].tolist()
+        return x, y, z
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Beacons):
+            return NotImplemented
+        return np.array_equal(self.ids, other.ids) and np.array_equal(
+            self.positions_w, other.positions_w
+        )
+
+    def __hash__(self) -> int:
+        return hash((*self.ids.tolist(), *self.positions_w.ravel().tolist()))
+
+    def __repr__(self) -> str:
+        return f"Beacons({self.ids.tolist()}, {self.positions_w.tolist()})"
+
+    def _index(self, id: int) -> int:
+        [found] = np.nonzero(self.ids == id)
+        if len(found) == 0:
+            raise MeasurementError(f"no beacon {id}; there are {self.ids.tolist()}")
+        return int(found[0])
+
+
+def _checked_ids(ids: npt.ArrayLike) -> npt.NDArray[np.int32]:
+    try:
+        given = np.asarray(ids)
+        whole = given.astype(np.int64)
+        sound = given.ndim == 1 and given.dtype != bool and np.array_equal(whole, given)
+    except (TypeError, ValueError, OverflowError):
+        sound = False
+    if not sound:
+        raise MeasurementError(f"beacon ids must be a row of whole numbers, not {ids!r}")
+    if len(whole) < LEAST:
+        raise DegenerateGeometryError(
+            f"{len(whole)} beacons; allowed are {LEAST} to {MAX_BEACONS}: add {LEAST - len(whole)}"
+        )
+    if len(whole) > MAX_BEACONS:
+        raise MeasurementError(
+            f"{len(whole)} beacons; allowed are {LEAST} to {MAX_BEACONS}: "
+            f"leave out {len(whole) - MAX_BEACONS}"
+        )
+    for one in whole.tolist():
+        if not 0 <= one <= ID_MAX:
+            raise MeasurementError(f"beacon id {one}; allowed are 0 to {ID_MAX}: number it anew")
+    twice = [one for one, times in Counter(whole.tolist()).items() if times > 1]
+    if twice:
+        raise MeasurementError(
+            f"beacon id {twice[0]} comes more than once; "
+            "allowed is once: give each beacon an id of its own"
+        )
+    return whole.astype(np.int32)
+
+
+def _checked_positions(positions_w: npt.ArrayLike, ids: npt.NDArray[np.int32]) -> Array:
+    try:
+        places = np.array(positions_w, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise MeasurementError(
+            "beacon positions are not numbers; allowed is (N, 3), x y z in m"
+        ) from error
+    if places.shape != (len(ids), 3):
+        raise MeasurementError(
+            f"beacon positions of shape {places.shape} for {len(ids)} ids; "
+            f"({len(ids)}, 3) is needed: x y z of each, m"
+        )
+    wrong = np.nonzero(~(np.abs(places) <= FARTHEST).all(axis=1))[0]
+    if len(wrong):
+        raise MeasurementError(
+            f"beacon {ids[wrong[0]]} stands at {places[wrong[0]].tolist()} m; allowed are finite "
+            f"numbers within ±{FARTHEST:g} m: give it in metres"
+        )
+    return places
+
+
+def _plane(places: Array) -> tuple[Array, Array]:
+    """Centre and unit normal. Raises DegenerateGeometryError when they span no plane, or leave it.
+
+    The limits are those of `estimation.beacon_plane`: what is accepted here can be solved there.
+    """
+    center = places.mean(axis=0)
+    from_center = places - center
+    _, singular, axes = np.linalg.svd(from_center, full_matrices=False)
+    extent = float(singular[0]) / math.sqrt(len(places))
+    if not (singular[1] > IN_LINE * singular[0] and extent > 1e-6):
+        raise DegenerateGeometryError(
+            f"all {len(places)} beacons stand on one line or one spot; "
+            "allowed are sets that span a plane: move one aside"
+        )
+    normal: Array = axes[2]
+    if singular[2] > FLATNESS * singular[0]:
+        off = float(np.abs(from_center @ normal).max())
+        raise DegenerateGeometryError(
+            f"the beacons leave their common plane by up to {off:.3g} m; "
+            f"allowed is about {FLATNESS * extent:.2g} m: level them or correct their positions"
+        )
+    if normal[np.argmax(np.abs(normal))] < 0.0:
+        normal = -normal
+    return center, normal.copy()

@@ -1,0 +1,68 @@
+"""Random numbers that are a function of seed, instant and beacon, and of nothing else.
+
+What a frame draws does not depend on the frames before it, on what is seen, or on the other
+beacons: the same seed and the same truth give the same bearings however the poses came.
+"""
+
+from __future__ import annotations
+
+import math
+
+_ALL = 0xFFFF_FFFF_FFFF_FFFF
+_STEP = 0x9E37_79B9_7F4A_7C15
+_UNIT = 2.0**-53
+
+
+class Draws:
+    """Uniform numbers of one stream: SplitMix64 (Steele et al., OOPSLA 2014), keyed by integers."""
+
+    __slots__ = ("_state",)
+
+    def __init__(self, *key: int) -> None:
+        state = 0
+        for part in key:
+            state = _mixed((state ^ part) + _STEP & _ALL)
+        self._state = state
+
+    def uniform(self) -> float:
+        """The next one, in (0, 1]."""
+        self._state = self._state + _STEP & _ALL
+        return ((_mixed(self._state) >> 11) + 1) * _UNIT
+
+
+def _mixed(z: int) -> int:
+    z = ((z ^ z >> 30) * 0xBF58_476D_1CE4_E5B9) & _ALL
+    z = ((z ^ z >> 27) * 0x94D0_49BB_1331_11EB) & _ALL
+    return z ^ z >> 31
+
+
+def pair(draws: Draws, degrees_of_freedom: float) -> tuple[float, float]:
+    """Two numbers of unit standard deviation, isotropic in their plane.
+
+    Independent N(0, 1) when `degrees_of_freedom` is infinite (Box and Muller, 1958). Otherwise,
+    above 2, the bivariate Student t scaled to unit variance: each number is
+    t_ν √((ν − 2)/ν), and both are large together, as an outlier of a direction is. Its radius
+    √(ν (u^(−2/ν) − 1)) tends to the Gaussian's √(−2 ln u).
+    """
+    u, angle = draws.uniform(), 2.0 * math.pi * draws.uniform()
+    if math.isinf(degrees_of_freedom):
+        radius = math.sqrt(-2.0 * math.log(u))
+    else:
+        grown = math.expm1(-2.0 / degrees_of_freedom * math.log(u))
+        radius = math.sqrt((degrees_of_freedom - 2.0) * grown)
+    return radius * math.cos(angle), radius * math.sin(angle)
+
+
+def hidden(seed: int, beacon_id: int, stamp_ns: int, share: float, spell_ns: int) -> bool:
+    """Whether a beacon is hidden at an instant: `share` of the time, in spells of `spell_ns`.
+
+    Time is cut into periods of spell/share, shifted for each beacon, with one spell in each at a
+    random place; two spells may meet.
+    """
+    if share <= 0.0:
+        return False
+    period_ns = max(spell_ns, round(spell_ns / share))
+    shift = int(Draws(seed, beacon_id, 1).uniform() * period_ns)
+    number, into = divmod(stamp_ns + shift, period_ns)
+    begin = Draws(seed, beacon_id, 2, number).uniform() * (period_ns - spell_ns)
+    return begin <= into < begin + spell_ns

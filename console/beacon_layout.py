@@ -1,0 +1,116 @@
+"""One layout of beacons for station and vehicle: bearings mean nothing at any other.
+
+The station's `station.bearings.layout` is the authority. A change is made on the vehicle first
+and refused when the vehicle refuses it; a vehicle that connects with another layout is told.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from quadrotor.errors import LinkError, ParameterError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.topics import SERVICES
+
+OURS = "station.bearings.layout"
+THEIRS = "beacons.layout"
+SERVICE = "change_parameters"
+TIMEOUT = 1.0
+AGAIN = 5.0
+"""s before a vehicle that has refused is asked anew."""
+
+
+class Known(Protocol):
+    """console.vehicle_parameters.VehicleParameters, as much of it as is needed."""
+
+    def known(self, name: str) -> ParameterValue | None: ...
+
+
+Tell = Callable[[str, str], None]
+"""Sets the layout (text, requester) on the vehicle. Raises ParameterError or LinkError."""
+
+
+def vehicle_teller(node: Node) -> Tell:
+    """Through the vehicle's command service, which logs who asked."""
+    client = node.client(SERVICE, SERVICES[SERVICE])
+
+    def tell(text: str, requester: str) -> None:
+        request = new(
+            f"{SERVICES[SERVICE]}_Request",
+            request_id=uuid.uuid4().hex,
+            requester=requester,
+            parameters=to_parameters({THEIRS: text}),
+        )
+        response = client.call(request, timeout=TIMEOUT)
+        if not response.accepted:
+            raise ParameterError(str(response.reason))
+
+    return tell
+
+
+class BeaconLayout:
+    """Keeps the vehicle's layout the station's; thread-safe.
+
+    Args:
+        ours: the station's text, now.
+        vehicle: the copy of the vehicle's parameters.
+        connected: whether there is a vehicle to ask.
+        tell, clock: see `vehicle_teller`; s.
+    """
+
+    def __init__(
+        self,
+        ours: Callable[[], str],
+        vehicle: Known,
+        connected: Callable[[], bool],
+        tell: Tell,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._ours, self._vehicle, self._connected = ours, vehicle, connected
+        self._tell, self._clock = tell, clock
+        self._telling = threading.Lock()
+        self._refused_at: float | None = None
+        self._reason = ""
+
+    def before_change(self, values: Mapping[str, ParameterValue], requester: str) -> None:
+        """The vehicle's word on a new layout of the station. Raises ParameterError."""
+        text = str(values.get(OURS, self._ours()))
+        if text == self._ours() or not self._connected():
+            return  # told when it connects
+        with self._telling:
+            try:
+                self._tell(text, requester)
+            except ParameterError as error:
+                raise ParameterError(f"{OURS} not changed, the vehicle refuses: {error}") from None
+            except LinkError as error:
+                raise ParameterError(
+                    f"{OURS} not changed, the vehicle did not answer: {error}; try again"
+                ) from None
+
+    def agree(self) -> str:
+        """Tell a vehicle that has another layout; why it still has one, empty when it has not.
+
+        Raises LinkError.
+        """
+        with self._telling:
+            theirs, text = self._vehicle.known(THEIRS), self._ours()
+            if theirs is None or theirs == text:
+                self._refused_at = None
+                return ""
+            if self._refused_at is not None and self._clock() < self._refused_at + AGAIN:
+                return self._reason
+            try:
+                self._tell(text, "station")
+            except ParameterError as error:
+                self._refused_at = self._clock()
+                self._reason = f"the vehicle keeps other beacons ({theirs}): {error}"
+                return self._reason
+            self._refused_at = None
+            return ""
