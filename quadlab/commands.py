@@ -8,6 +8,7 @@ from quadlab.fly import Fly
 from quadlab.gains import Gains
 from quadlab.log import LogCommand
 from quadlab.processes import Simulator, Station, Vehicle, Web
+from quadlab.replay.command import Replay
 from quadlab.up import Up
 
 
@@ -21,6 +22,7 @@ COMMANDS: dict[str, type[Command]] = {
     "up": Up,
     "fly": Fly,
     "log": LogCommand,
+    "replay": Replay,
     "gains": Gains,
     "vehicle": Vehicle,
     "simulator": Simulator,

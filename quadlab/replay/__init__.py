@@ -1,0 +1,1 @@
+"""`quadlab replay`: other estimators over a recorded flight."""

@@ -1,0 +1,166 @@
+"""`quadlab replay LOG`: other estimators, gains, beacons or noise over a recorded flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from quadlab.processes import Settings
+from quadrotor.errors import LogFormatError, StorageError, UsageError
+
+if TYPE_CHECKING:
+    from quadlab.replay.errors import Truth
+    from quadlab.replay.log import Recording
+
+Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
+Runs = Annotated[
+    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="'NAME NAME=VALUE …'")
+]
+On = Annotated[
+    Literal["auto", "bearings", "recorded-bearings", "poses", "both"],
+    tyro.conf.arg(metavar="auto|bearings|recorded-bearings|poses|both"),
+]
+File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+
+
+@dataclass
+class Replay:
+    """Run estimators over the IMU, measurements and truth of a recorded flight, and compare them.
+
+    Any number of runs, each a row of the table and a line of the plot:
+    quadlab replay LOG --run 'error_state' --run 'complementary estimation.preset=paper'
+    --run 'complementary estimation.preset=resolved bearings.sigma=3' --plot errors.png.
+    Without any, the flight's own estimator is replayed as it flew.
+    """
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+    """log of `quadlab fly`, or one of the vehicle's folder onboard/"""
+    estimator: Names = ()
+    """a run of this estimator with the --set words; may be repeated"""
+    run_words: Annotated[Runs, tyro.conf.arg(name="run")] = ()
+    """a run with settings of its own, in one pair of quotes; --set words apply before them; may
+    be repeated"""
+    set: Settings = ()
+    """set estimation.NAME, bearings.NAME or tracker.NAME in all runs; the flight's are the
+    defaults; estimation.preset=NAME sets the gains of a named set"""
+    on: On = "auto"
+    """what the estimators are given: bearings made anew from the truth, those recorded, the
+    tracker's poses (made anew where a tracker.NAME is set), or poses and bearings; auto: the
+    bearings recorded if there are any and no bearings.NAME is set, else made anew, but what was
+    flown on without --estimator and --run; estimation.source=… in a run has precedence"""
+    beacons: File = None
+    """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
+    --set bearings.layout=NAME"""
+    truth: Literal["recorded", "tracker"] = "recorded"
+    """compare with, and make bearings from, the simulator's truth or the tracker's poses"""
+    start: Annotated[float | None, tyro.conf.arg(name="from", metavar="S")] = None
+    """compare from this time after the log's first sample (default: while airborne)"""
+    end: Annotated[float | None, tyro.conf.arg(name="to", metavar="S")] = None
+    """compare up to this time"""
+    plot: File = None
+    """draw the position errors over time"""
+    csv: File = None
+    """write the table"""
+    json: bool = False
+    """print the table as one line of JSON at the end"""
+
+    def run(self) -> int:
+        self._check_words()
+        from quadlab.replay.flown import flown_choices
+        from quadlab.replay.log import read_recording
+        from quadlab.replay.measurements import MeasurementStore
+        from quadlab.replay.plot import draw
+        from quadlab.replay.report import as_json, print_table, recorded_row, run_row, write_csv
+        from quadlab.replay.run import replay
+        from quadlab.replay.window import find_window
+        from quadlab.replay.words import plan_runs
+
+        settings = [*self._beacon_words(), *self.set]
+        recording = read_recording(self.file)
+        truth = self._truth(recording)
+        runs = plan_runs(
+            recording,
+            self.estimator,
+            self.run_words,
+            settings,
+            None if self.on == "auto" else self.on,
+        )
+        window = find_window(recording, truth, self.start, self.end)
+        store = MeasurementStore(recording, truth)
+        rows = [recorded_row(recording, truth, window)] if len(recording.state) else []
+        for run in runs:
+            replayed = replay(recording, run, store.of(run))
+            rows.append(run_row(recording, truth, window, run, replayed))
+        if self.plot is not None:
+            draw(self.plot, recording, window, rows)
+        if self.csv is not None:
+            write_csv(self.csv, rows)
+        start, end = recording.seconds(window.start_ns), recording.seconds(window.end_ns)
+        print(
+            f"{self.file.name}: {start:.2f} to {end:.2f} s ({window.found}), "
+            f"errors against the {'truth' if self.truth == 'recorded' else 'tracker'}: rms and max"
+        )
+        if self.set or self.beacons:
+            words = [*self.set, *([f"beacons of {self.beacons}"] if self.beacons else [])]
+            print(f"set in all runs: {', '.join(words)}")
+        print_table(rows)
+        if len(flown := flown_choices(recording)) > 1:
+            told = ", ".join(
+                f"{one.estimator} on {one.source} {one.seconds:.1f} s" for one in flown
+            )
+            print(f"  the flight was flown on {told}")
+        for path in (self.plot, self.csv):
+            if path is not None:
+                print(f"  wrote {path}")
+        if self.json:
+            print(as_json(recording, self.truth, window, rows))
+        return 0
+
+    def _check_words(self) -> None:
+        """What can be refused before the log is read."""
+        if not self.file.is_file():
+            what = "a folder" if self.file.is_dir() else "no file"
+            raise StorageError(f"{self.file} is {what}; give the path of an .mcap file")
+        if self.start is not None and self.end is not None and not self.start < self.end:
+            raise UsageError(f"--from {self.start:g} --to {self.end:g}: the first must be earlier")
+        for word, path in (("--plot", self.plot), ("--csv", self.csv)):
+            if path is not None and not path.resolve().parent.is_dir():
+                raise StorageError(f"{word} {path}: there is no folder {path.parent}; make it")
+            if path is not None and path.resolve() == self.file.resolve():
+                raise UsageError(f"{word} {path} is the log itself; name another file")
+        if self.plot is not None:
+            from quadlab.replay.plot import check_plot
+
+            check_plot(self.plot)
+
+    def _beacon_words(self) -> list[str]:
+        if self.beacons is None:
+            return []
+        from bearing_sim.beacons import format_layout, load_beacons
+        from quadrotor.errors import MeasurementError
+
+        try:
+            return [f"bearings.layout={format_layout(load_beacons(self.beacons))}"]
+        except MeasurementError as error:
+            raise UsageError(f"--beacons: {error}") from None
+
+    def _truth(self, recording: Recording) -> Truth:
+        from quadlab.replay.errors import Truth
+        from quadlab.replay.window import tracked_truth
+
+        if self.truth == "tracker":
+            if len(recording.poses) < 2:
+                raise LogFormatError(f"{self.file} holds no tracker poses to compare with")
+            return tracked_truth(recording)
+        if len(recording.truth) < 2:
+            hint = (
+                "--truth tracker takes the tracker's poses for it" if recording.poses
+                else "and no tracker poses either, so nothing can be compared"
+            )  # fmt: skip
+            raise LogFormatError(
+                f"{self.file} holds no truth (topic /{recording.vehicle}/truth); {hint}"
+            )
+        return Truth(recording.truth_ns, recording.truth)

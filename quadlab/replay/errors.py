@@ -1,0 +1,132 @@
+"""Errors of an estimate against what was true, interpolated at the estimate's stamps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.records import Record
+
+Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
+
+GAP_NS = 200_000_000
+"""Across a longer gap of the truth nothing is compared."""
+
+
+class Truth:
+    """True states at their stamps, and between them.
+
+    Args:
+        stamps_ns: (N,), in order, N >= 2.
+        states: (N,) STATE; with velocities of NaN the position is joined by straight lines.
+    """
+
+    def __init__(self, stamps_ns: Stamps, states: Record) -> None:
+        self.stamps_ns = stamps_ns
+        self.position_w = states["position_w"]
+        self.velocity_w = states["velocity_w"]
+        self.quaternion_wb = states["quaternion_wb"]
+
+    def covers(self, stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
+        """Where a true state stands on either side, at most GAP_NS apart; shape of `stamps_ns`."""
+        k = self._interval(stamps_ns)
+        apart = self.stamps_ns[k + 1] - self.stamps_ns[k]
+        inside: npt.NDArray[np.bool_] = (stamps_ns >= self.stamps_ns[0]) & (
+            stamps_ns <= self.stamps_ns[-1]
+        )
+        inside &= apart <= GAP_NS
+        return inside
+
+    def at(self, stamps_ns: Stamps) -> tuple[Array, Array, Array]:
+        """position_w (M, 3), velocity_w (M, 3), quaternion_wb (M, 4) at stamps of (M,).
+
+        Position by the cubic through both ends with their velocities, velocity by a straight
+        line, attitude by the shortest turn.
+        """
+        k = self._interval(stamps_ns)
+        step = 1e-9 * (self.stamps_ns[k + 1] - self.stamps_ns[k])[:, None]
+        s = (1e-9 * (stamps_ns - self.stamps_ns[k]))[:, None] / step
+        p0, p1 = self.position_w[k], self.position_w[k + 1]
+        v0, v1 = self.velocity_w[k], self.velocity_w[k + 1]
+        line = p0 + s * (p1 - p0)
+        bend = s * (1.0 - s) * ((1.0 - s) * (step * v0 - p1 + p0) - s * (step * v1 - p1 + p0))
+        position = line + np.where(np.isfinite(bend), bend, 0.0)
+        return position, v0 + s * (v1 - v0), _between(self.quaternion_wb, k, s)
+
+    def _interval(self, stamps_ns: Stamps) -> Stamps:
+        after = np.searchsorted(self.stamps_ns, stamps_ns, side="right")
+        return np.clip(after, 1, len(self.stamps_ns) - 1) - 1
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Lengths of the errors at the samples compared."""
+
+    stamps_ns: Stamps  # (M,)
+    position: Array  # (M,) m
+    velocity: Array  # (M,) m/s; NaN where the true one is not known
+    attitude: Array  # (M,) rad
+
+    def metrics(self) -> dict[str, float | None]:
+        """rms and largest of each; None where one is not known or not finite."""
+        out: dict[str, float | None] = {}
+        for name, values, unit in (
+            ("position", self.position, "m"),
+            ("velocity", self.velocity, "m_s"),
+            ("attitude", np.degrees(self.attitude), "deg"),
+        ):
+            with np.errstate(over="ignore"):
+                rms = math.sqrt(float(np.mean(values**2))) if len(values) else math.nan
+            sound = math.isfinite(rms)
+            out[f"{name}_rms_{unit}"] = rms if sound else None
+            out[f"{name}_max_{unit}"] = float(values.max()) if sound else None
+        return out
+
+
+def errors(truth: Truth, stamps_ns: Stamps, states: Record) -> Errors:
+    """Of STATE (N,) at these stamps, where `truth` covers them."""
+    covered = truth.covers(stamps_ns)
+    stamps_ns, states = stamps_ns[covered], states[covered]
+    position, velocity, quaternion = truth.at(stamps_ns)
+    return Errors(
+        stamps_ns,
+        np.linalg.norm(states["position_w"] - position, axis=1),
+        np.linalg.norm(states["velocity_w"] - velocity, axis=1),
+        angles(states["quaternion_wb"], quaternion),
+    )
+
+
+def angles(one: Array, other: Array) -> Array:
+    """Angle (rad) between unit quaternions (N, 4), exact for small ones too."""
+    sign = np.where(np.sum(one * other, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
+    half_chord = 0.5 * np.linalg.norm(one - sign * other, axis=1)
+    found: Array = 4.0 * np.arcsin(np.minimum(half_chord, 1.0))
+    return found
+
+
+def rotated(quaternions: Array, vectors: Array) -> Array:
+    """Body to world: unit quaternions (N, 4), vectors (N, 3)."""
+    axis = quaternions[:, 1:]
+    across = 2.0 * np.cross(axis, vectors)
+    turned: Array = vectors + quaternions[:, :1] * across + np.cross(axis, across)
+    return turned
+
+
+def _between(quaternions: Array, k: Stamps, s: Array) -> Array:
+    """Share s (M, 1) of the turn from quaternion k to the next, (M, 4)."""
+    start, end = quaternions[k], quaternions[k + 1]
+    share = np.sum(start * end, axis=1, keepdims=True)
+    end = np.where(share < 0.0, -end, end)
+    angle = np.arccos(np.minimum(np.abs(share), 1.0))
+    whole = np.sin(angle)
+    near = whole < 1e-6
+    whole = np.where(near, 1.0, whole)
+    a = np.where(near, 1.0 - s, np.sin((1.0 - s) * angle) / whole)
+    b = np.where(near, s, np.sin(s * angle) / whole)
+    mixed: Array = a * start + b * end
+    mixed /= np.linalg.norm(mixed, axis=1, keepdims=True)
+    return mixed

@@ -1,0 +1,225 @@
+"""What a replay needs of a log: samples, truth, measurements with their arrivals, parameters."""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from quadlab.replay.errors import rotated
+from quadlab.simulated_flight import FlightParameters
+from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
+from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.records import IMU_SAMPLE, STATE, Record
+from vehicle import mailbox
+from vehicle_link.log import LogMessage, read_attachments, read_log
+from vehicle_link.log.records import ReadState
+from vehicle_link.messages import decode, stamp_of
+from vehicle_link.topics import decode_bearings, decode_odometry, decode_pose
+from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, body_frame, layout
+
+Stamps = npt.NDArray[np.int64]
+
+WANTED = (
+    "imu", "state", "truth", "tracker_pose", "bearings", "status", "events", "parameter_changes",
+)  # fmt: skip
+CALIBRATED = "ready: gyroscope bias"
+"""The event at whose sample the vehicle's estimators forget what they learnt."""
+UNIT = 1e-14
+"""A quaternion this near to unit length is taken as it was sent, as simulated flights do."""
+
+
+class Arrival(NamedTuple):
+    """A measurement and when the vehicle had it; it acts at the first sample after that."""
+
+    arrival_ns: int
+    measurement: mailbox.Pose | mailbox.Bearings
+
+
+class Change(NamedTuple):
+    """A parameter changed in flight after this sample; those of one revision at once."""
+
+    stamp_ns: int
+    revision: int
+    name: str
+    value: ParameterValue
+
+
+@dataclass
+class Recording:
+    """One vehicle's flight; stamps are ns of its clock, times s since its first IMU sample."""
+
+    path: Path
+    vehicle: str
+    imu: Record  # (N,) IMU_SAMPLE, in order
+    state_ns: Stamps  # (M,)
+    state: Record  # (M,) STATE: what was flown on
+    truth_ns: Stamps
+    truth: Record  # STATE
+    poses: list[Arrival]
+    bearings: list[Arrival]
+    parameters: FlightParameters
+    changes: list[Change] = field(default_factory=list)
+    resets: set[int] = field(default_factory=set)  # stamps of samples
+    airborne: list[tuple[int, bool]] = field(default_factory=list)
+
+    @property
+    def start_ns(self) -> int:
+        return int(self.imu["stamp_ns"][0])
+
+    def seconds(self, stamps_ns: Any) -> Any:
+        """Time of stamps, s."""
+        return 1e-9 * (stamps_ns - self.start_ns)
+
+
+def read_recording(path: Path) -> Recording:
+    """Raises StorageError or LogFormatError that say what is missing or how to mend it."""
+    vehicle, found = _messages(path)
+    imu = layout("sensor_msgs/Imu", body_frame(vehicle)).decode_many(
+        [message.payload for message in found["imu"]]
+    )
+    samples = np.zeros(len(imu), IMU_SAMPLE)
+    samples["stamp_ns"] = _stamps(imu)
+    samples["specific_force_b"] = imu["linear_acceleration"]
+    samples["angular_velocity_b"] = imu["angular_velocity"]
+    samples = samples[_newer(samples["stamp_ns"])]
+    state_ns, state = _odometries(found["state"], vehicle)
+    truth_ns, truth = _odometries(found["truth"], vehicle)
+    newer = _newer(truth_ns)
+    truth_ns, truth = truth_ns[newer], truth[newer]
+    return Recording(
+        path, vehicle, samples, state_ns, state, truth_ns, truth,
+        poses=_arrivals(found["tracker_pose"], _pose),
+        bearings=_arrivals(found["bearings"], _bearings),
+        parameters=_parameters(path),
+        changes=sorted(map(_change, found["parameter_changes"]), key=lambda one: one[:2]),
+        resets=_calibrations(found["events"]),
+        airborne=[_airborne(message) for message in found["status"]],
+    )  # fmt: skip
+
+
+def _messages(path: Path) -> tuple[str, dict[str, list[LogMessage]]]:
+    """The vehicle of the log's IMU, and its messages by topic without namespace."""
+    all_of: dict[tuple[str, str], list[LogMessage]] = defaultdict(list)
+    read = ReadState()
+    for message in read_log(path, state=read):
+        space, _, name = message.topic.rpartition("/")
+        if name in WANTED:
+            all_of[space.strip("/"), name].append(message)
+    if not read.closed:
+        raise LogFormatError(
+            f"{path} is torn ({read.tear or 'no end mark'}); "
+            f"`quadlab log recover {path}` mends it, then replay it again"
+        )
+    vehicles = [space for space, name in all_of if name == "imu"]
+    if not vehicles:
+        raise LogFormatError(
+            f"{path} has no IMU samples (topic /…/imu); "
+            "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
+        )
+    vehicle = vehicles[0]
+    return vehicle, {name: all_of[vehicle, name] for name in WANTED}
+
+
+def _parameters(path: Path) -> FlightParameters:
+    """What the flight began with; names that are no longer known are left out."""
+    parameters = FlightParameters().model_copy(deep=True)
+    attached = read_attachments(path).get("parameters.json")
+    if attached is None:
+        return parameters
+    store = ParameterStore(parameters)
+    try:
+        values = json.loads(attached)
+        store.preset({name: values[name] for name in store.names if name in values})
+    except (ValueError, TypeError, ParameterError) as error:
+        raise LogFormatError(
+            f"{path}: its parameters are not this version's ({error}); "
+            "replay it with the version in its metadata"
+        ) from error
+    return parameters
+
+
+def _odometries(messages: list[LogMessage], vehicle: str) -> tuple[Stamps, Record]:
+    """Stamps (N,) and STATE (N,)."""
+    states = np.zeros(len(messages), STATE)
+    if not messages:
+        return np.zeros(0, np.int64), states
+    payloads = [message.payload for message in messages]
+    try:
+        read = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle)).decode_many(payloads)
+    except LinkError:  # other frames: a foreign node's
+        each = [decode_odometry(payload, vehicle) for payload in payloads]
+        return np.array([stamp for stamp, _ in each]), np.concatenate([one for _, one in each])
+    states["position_w"] = read["pose.pose.position"]
+    states["quaternion_wb"] = read["pose.pose.orientation"][:, FROM_ROS]
+    states["velocity_w"] = rotated(states["quaternion_wb"], read["twist.twist.linear"])
+    states["angular_velocity_b"] = read["twist.twist.angular"]
+    return _stamps(read), states
+
+
+def _stamps(messages: Record) -> Stamps:
+    seconds = messages["header.stamp.sec"].astype(np.int64)
+    stamps: Stamps = seconds * SECOND_NS + messages["header.stamp.nanosec"]
+    return stamps
+
+
+def _newer(stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
+    """Those newer than all before them; the vehicle's tick passes over the others too."""
+    newest = np.maximum.accumulate(stamps_ns)
+    return np.concatenate([np.ones(min(1, len(newest)), bool), newest[1:] > newest[:-1]])
+
+
+def _arrivals(messages: list[LogMessage], read: Any) -> list[Arrival]:
+    """Those the vehicle could use: it drops the others when they arrive."""
+    out = []
+    for message in messages:
+        try:
+            out.append(Arrival(message.log_ns, read(message.payload)))
+        except MeasurementError:
+            continue
+    return out
+
+
+def _pose(payload: bytes) -> mailbox.Pose:
+    pose = decode_pose(payload)
+    quaternion = pose["quaternion_wb"][0]
+    poses = layout("geometry_msgs/PoseStamped", WORLD)
+    if poses.fits(payload):
+        sent = poses.decode(payload)["pose.orientation"][FROM_ROS]
+        if abs(float(sent @ sent) - 1.0) < UNIT:
+            quaternion = sent
+    position = pose["position_w"][0]
+    return mailbox.Pose(
+        int(pose["stamp_ns"][0]), tuple(position.tolist()), tuple(quaternion.tolist())
+    )
+
+
+def _bearings(payload: bytes) -> mailbox.Bearings:
+    frame = decode_bearings(payload)
+    return mailbox.Bearings(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
+
+
+def _change(message: LogMessage) -> Change:
+    change = decode(message.payload, "quadlab_msgs/ParameterChange")
+    value = ast.literal_eval(change.new_value)
+    return Change(stamp_of(change), int(change.revision), change.name, value)
+
+
+def _calibrations(messages: list[LogMessage]) -> set[int]:
+    events = (decode(message.payload, "rcl_interfaces/Log") for message in messages)
+    return {
+        event.stamp.sec * SECOND_NS + event.stamp.nanosec
+        for event in events
+        if event.msg.startswith(CALIBRATED)
+    }
+
+
+def _airborne(message: LogMessage) -> tuple[int, bool]:
+    status = decode(message.payload, "quadlab_msgs/VehicleStatus")
+    return stamp_of(status), bool(status.airborne)

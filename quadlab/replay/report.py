@@ -1,0 +1,146 @@
+"""The rows of a replay: on the terminal, as CSV and as JSON."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from quadlab.replay.errors import Array, Errors, Stamps, Truth, errors
+from quadlab.replay.log import Recording
+from quadlab.replay.run import Replayed
+from quadlab.replay.window import Window
+from quadlab.replay.words import Run
+from quadrotor.errors import StorageError
+
+RECORDED = "recorded state"
+
+Value = float | int | str | None
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run, or what was flown on."""
+
+    label: str
+    measurements: str
+    values: dict[str, Value]
+    errors: Errors
+    deviation_ns: Stamps  # where the estimator told its deviation of position
+    deviation: Array  # m
+    note: str = ""
+
+
+def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
+    """The state that was flown on."""
+    inside = _inside(recording.state_ns, window)
+    found = errors(truth, recording.state_ns[inside], recording.state[inside])
+    values: dict[str, Value] = {
+        **found.metrics(), "measurements": None, "rejected_share": None, "nis": None,
+        "processor_s_per_s": None,
+    }  # fmt: skip
+    return Row(RECORDED, "", values, found, np.zeros(0, np.int64), np.zeros(0))
+
+
+def run_row(
+    recording: Recording, truth: Truth, window: Window, run: Run, replayed: Replayed
+) -> Row:
+    """Errors of a run from its start on; a note when it started late or never."""
+    stamps = recording.imu["stamp_ns"]
+    started_ns = replayed.started_ns
+    inside = _inside(stamps, window)
+    inside &= stamps > started_ns if started_ns is not None else np.zeros(len(stamps), bool)
+    found = errors(truth, stamps[inside], replayed.states[inside])
+    count, rejected, nis = replayed.within(window.start_ns, window.end_ns)
+    duration = 1e-9 * float(stamps[-1] - stamps[0])
+    values: dict[str, Value] = {
+        **found.metrics(), "measurements": count, "rejected_share": rejected, "nis": nis,
+        "processor_s_per_s": replayed.processor / duration if duration > 0.0 else None,
+    }  # fmt: skip
+    note = ""
+    if started_ns is None:
+        note = f"never started: {replayed.complaint or 'no measurement came'}"
+    elif started_ns > window.start_ns:
+        note = f"started at {recording.seconds(started_ns):.2f} s, compared from there on"
+    unsound = int((~np.isfinite(found.position)).sum())
+    if unsound:
+        note = f"{unsound} of {len(found.position)} estimates are not finite"
+    return Row(run.label, run.measurements, values, found, *replayed.position_deviations(), note)
+
+
+def print_table(rows: list[Row]) -> None:
+    """Aligned; lengths in mm, angles in degrees."""
+    head = (
+        "run", "on", "position mm", "max", "velocity mm/s", "max", "attitude deg", "max",
+        "measured", "rejected", "NIS", "ms per s",
+    )  # fmt: skip
+    lines = [head, *(_cells(row) for row in rows)]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
+    for line in lines:
+        texts = [f"{text:<{width}}" for text, width in zip(line[:2], widths[:2], strict=True)]
+        numbers = [f"{text:>{width}}" for text, width in zip(line[2:], widths[2:], strict=True)]
+        print("  ".join([*texts, *numbers]).rstrip())
+    for row in rows:
+        if row.note:
+            print(f"  {row.label}: {row.note}")
+
+
+def as_json(recording: Recording, truth: str, window: Window, rows: list[Row]) -> str:
+    """One line; SI units and degrees, as the names say."""
+    start, end = (float(recording.seconds(one)) for one in (window.start_ns, window.end_ns))
+    report = {
+        "log": str(recording.path),
+        "vehicle": recording.vehicle,
+        "truth": truth,
+        "window": {"from_s": round(start, 9), "to_s": round(end, 9), "found": window.found},
+        "runs": [
+            {"run": row.label, "on": row.measurements or None, **row.values}
+            | ({"note": row.note} if row.note else {})
+            for row in rows
+        ],
+    }
+    return json.dumps(report)
+
+
+def write_csv(path: Path, rows: list[Row]) -> None:
+    """The table with its full digits. Raises StorageError."""
+    try:
+        with path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["run", "on", *rows[0].values])
+            for row in rows:
+                cells = ("" if value is None else value for value in row.values.values())
+                writer.writerow([row.label, row.measurements, *cells])
+    except OSError as error:
+        raise StorageError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _inside(stamps_ns: Stamps, window: Window) -> npt.NDArray[np.bool_]:
+    inside: npt.NDArray[np.bool_] = (stamps_ns >= window.start_ns) & (stamps_ns <= window.end_ns)
+    return inside
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    v = row.values
+    return (
+        row.label,
+        row.measurements or "-",
+        _text(v["position_rms_m"], 1e3, 1),
+        _text(v["position_max_m"], 1e3, 1),
+        _text(v["velocity_rms_m_s"], 1e3, 1),
+        _text(v["velocity_max_m_s"], 1e3, 1),
+        _text(v["attitude_rms_deg"], 1.0, 2),
+        _text(v["attitude_max_deg"], 1.0, 2),
+        _text(v["measurements"], 1.0, 0),
+        "-" if v["rejected_share"] is None else f"{float(v['rejected_share']):.1%}",
+        _text(v["nis"], 1.0, 2),
+        _text(v["processor_s_per_s"], 1e3, 0),
+    )
+
+
+def _text(value: Value, unit: float, digits: int) -> str:
+    return "-" if value is None else f"{unit * float(value):.{digits}f}"

@@ -1,0 +1,213 @@
+"""One estimator over a recorded flight: the estimation part of the vehicle's tick."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bearing_sim.beacons import parse_layout
+from estimation import registry
+from estimation.estimator import Estimator
+from quadlab.replay.errors import Array, Stamps
+from quadlab.replay.log import Arrival, Change, Recording
+from quadlab.replay.words import BELIEVED_LAYOUT, Run
+from quadrotor.errors import MeasurementError, ParameterError
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import (
+    BEARINGS_SAMPLE,
+    ESTIMATE,
+    MAX_BEACONS,
+    POSE_SAMPLE,
+    STATE,
+    Record,
+    new_state,
+)
+from vehicle import mailbox
+from vehicle.stack import LONGEST_STEP, NOMINAL_STEP
+
+_BYTES = f"V{STATE.itemsize}"
+
+
+@dataclass
+class Replayed:
+    """What became of the run; a row of the lists a measurement."""
+
+    states: Record  # (N,) STATE, at the samples
+    processor: float = 0.0  # s
+    started_ns: int | None = None  # sample at which a measurement gave it its start
+    complaint: str = ""  # the last measurement that could not be used
+    taken_ns: list[int] = field(default_factory=list)
+    rejected: list[bool] = field(default_factory=list)
+    nis: list[float] = field(default_factory=list)  # a number measured; NaN: none
+    deviations: list[tuple[float, float, float]] = field(default_factory=list)  # m, m/s, rad
+
+    def within(self, start_ns: int, end_ns: int) -> tuple[int, float | None, float | None]:
+        """Measurements given, share rejected of them and mean NIS (expected 1) of a window."""
+        taken = np.array(self.taken_ns, np.int64)
+        inside = (taken >= start_ns) & (taken <= end_ns)
+        count = int(inside.sum())
+        nis = np.array(self.nis)[inside]
+        nis = nis[np.isfinite(nis)]
+        return (
+            count,
+            float(np.mean(np.array(self.rejected)[inside])) if count else None,
+            float(nis.mean()) if len(nis) else None,
+        )
+
+    def position_deviations(self) -> tuple[Stamps, Array]:
+        """Stamps and standard deviation of position (m) where the estimator gave one."""
+        stamps = np.array(self.taken_ns, np.int64)
+        position = np.array([one[0] for one in self.deviations])
+        known = np.isfinite(position)
+        return stamps[known], position[known]
+
+
+def replay(recording: Recording, run: Run, arrivals: list[Arrival]) -> Replayed:
+    """Feed samples and measurements in the order the vehicle had them.
+
+    Args:
+        arrivals: in the order of their arrival.
+    """
+    registry.prepare(run.estimator, bearings=True)
+    return _Vehicle(recording, run).fly(arrivals)
+
+
+class _Vehicle:
+    """What `vehicle.navigation` does with its active estimator.
+
+    Parameters changed in flight change here too, unless the run fixes them.
+    """
+
+    def __init__(self, recording: Recording, run: Run) -> None:
+        self._recording = recording
+        self._parameters = run.parameters.model_copy(deep=True)
+        self._store = ParameterStore(self._parameters)
+        self._changes = [
+            change
+            for change in recording.changes
+            if change.name.startswith(("estimation.", BELIEVED_LAYOUT))
+            and change.name not in run.fixed
+        ]
+        self._estimator: Estimator = registry.create(run.estimator, self._parameters.estimation)
+        self._estimate = np.zeros(1, ESTIMATE)
+        self._refused = 0
+        self._last_pose_ns = -(1 << 62)
+        self._out = Replayed(np.zeros(len(recording.imu), STATE))
+        self._begin_ns = run.begin_ns
+        self._configure()
+
+    def fly(self, arrivals: list[Arrival]) -> Replayed:
+        imu, out, estimator = self._recording.imu, self._out, self._estimator
+        state, states = new_state(), out.states.view(_BYTES)
+        state_bytes = state.view(_BYTES)
+        resets, changes = self._recording.resets, self._changes
+        next_arrival = next_change = 0
+        last_ns = 0
+        began = time.process_time()
+        for k, now_ns in enumerate(imu["stamp_ns"].tolist()):
+            dt = (now_ns - last_ns) * 1e-9 if last_ns else NOMINAL_STEP
+            if dt > 0.0:
+                last_ns = now_ns
+                while next_change < len(changes) and changes[next_change].stamp_ns < now_ns:
+                    self._change(changes[next_change])
+                    next_change += 1
+                begins = self._begin_ns is not None and now_ns > self._begin_ns
+                if now_ns in resets or begins:
+                    estimator.reset()
+                    self._refused, out.started_ns = 0, None
+                    self._begin_ns = None if begins else self._begin_ns
+                estimator.predict(imu[k : k + 1], min(dt, LONGEST_STEP), state)
+                while next_arrival < len(arrivals) and arrivals[next_arrival].arrival_ns < now_ns:
+                    self._take(arrivals[next_arrival].measurement, now_ns)
+                    next_arrival += 1
+                estimator.report(self._estimate)
+            states[k] = state_bytes[0]
+        out.processor = time.process_time() - began
+        return out
+
+    def _change(self, change: Change) -> None:
+        try:
+            self._store.preset({change.name: change.value})
+        except ParameterError:
+            return  # of another version
+        self._configure()
+
+    def _configure(self) -> None:
+        p = self._parameters
+        self._estimator.configure(p.estimation)
+        self._source = p.estimation.source
+        self._timeout_ns = round(1e9 * p.estimation.measurement_timeout)
+        beacons = parse_layout(p.beacons.layout)
+        places = beacons.positions_w.tolist()
+        self._places = dict(zip(beacons.ids.tolist(), places, strict=True))
+
+    def _take(self, measurement: mailbox.Pose | mailbox.Bearings, now_ns: int) -> None:
+        estimator, raised = self._estimator, False
+        applied = _number(estimator, "applied")
+        try:
+            if isinstance(measurement, mailbox.Pose):
+                if self._source == "bearings":
+                    return
+                self._last_pose_ns = now_ns
+                pose = np.zeros(1, POSE_SAMPLE)
+                pose[0] = measurement.stamp_ns, measurement.position_w, measurement.quaternion_wb
+                estimator.correct(pose, self._estimate)
+            else:
+                if self._source == "poses" or not self._wants_bearings(now_ns):
+                    return
+                frame = self._frame(measurement)
+                if frame is None:
+                    return
+                estimator.correct_bearings(frame, self._estimate)
+        except MeasurementError as error:
+            self._out.complaint, raised = str(error), True
+        self._note(now_ns, raised, _number(estimator, "applied") > applied)
+
+    def _note(self, now_ns: int, raised: bool, applied: bool) -> None:
+        out, estimator = self._out, self._estimator
+        refused = sum(getattr(estimator, "ignored", {}).values())
+        freedom = _number(estimator, "freedom")
+        deviations = estimator.deviations if estimator.initialized else None
+        out.taken_ns.append(now_ns)
+        out.rejected.append(raised or refused > self._refused)
+        out.nis.append(_number(estimator, "nis") / freedom if applied and freedom > 0 else math.nan)
+        out.deviations.append(
+            (deviations.position, deviations.velocity, deviations.attitude)
+            if deviations is not None
+            else (math.nan, math.nan, math.nan)
+        )
+        self._refused = refused
+        if out.started_ns is None and estimator.initialized:
+            out.started_ns = now_ns
+
+    def _wants_bearings(self, now_ns: int) -> bool:
+        """Fixed gains take bearings for as good as poses: only without poses, then."""
+        if self._source == "bearings" or self._estimator.deviations is not None:
+            return True
+        return now_ns - self._last_pose_ns > self._timeout_ns
+
+    def _frame(self, measurement: mailbox.Bearings) -> Record | None:
+        """BEARINGS_SAMPLE of the beacons that are known, None when none is."""
+        seen = [
+            (self._places[one], bearing)
+            for one, bearing in zip(measurement.beacon_ids, measurement.bearings_b, strict=False)
+            if one in self._places
+        ][:MAX_BEACONS]
+        if not seen:
+            return None
+        frame = np.zeros(1, BEARINGS_SAMPLE)
+        frame["stamp_ns"], frame["count"] = measurement.stamp_ns, len(seen)
+        frame["sigma"] = measurement.sigma
+        frame["beacon_w"][0, : len(seen)] = [place for place, _ in seen]
+        frame["bearing_b"][0, : len(seen)] = [bearing for _, bearing in seen]
+        return frame
+
+
+def _number(estimator: Estimator, name: str) -> float:
+    """A number of an estimator's memory that not every one has; 0 without it."""
+    memory = getattr(estimator, "memory", None)
+    names = getattr(getattr(memory, "dtype", None), "names", None) or ()
+    return float(memory[name][0]) if memory is not None and name in names else 0.0

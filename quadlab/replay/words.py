@@ -1,0 +1,183 @@
+"""The runs that the words of `quadlab replay` ask for."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from estimation import registry
+from quadlab.replay.flown import CHOICES, ESTIMATOR, SHADOWS, SOURCE, flown_choices
+from quadlab.replay.log import Recording
+from quadlab.settings import parse_settings
+from quadlab.simulated_flight import FlightParameters
+from quadrotor.errors import LogFormatError, ParameterError, UsageError
+
+On = Literal["bearings", "recorded-bearings", "poses", "both"]
+CHANGEABLE = ("estimation.", "bearings.", "tracker.", "beacons.layout")
+LAYOUT, BELIEVED_LAYOUT = "bearings.layout", "beacons.layout"
+
+
+@dataclass
+class Run:
+    """One estimator over the flight."""
+
+    label: str
+    estimator: str
+    parameters: FlightParameters
+    source: str  # poses, bearings or both
+    emulated: frozenset[str]  # of poses and bearings, what is made anew
+    fixed: frozenset[str]  # parameters that the flight's own changes leave alone
+    begin_ns: int | None = None  # stamp after which it begins, None: with the log
+
+    @property
+    def measurements(self) -> str:
+        """What it is given, for the table."""
+        kinds = ("poses", "bearings") if self.source == "both" else (self.source,)
+        return " + ".join(
+            f"{'emulated' if kind in self.emulated else 'recorded'} {kind}" for kind in kinds
+        )
+
+    def uses(self, kind: str) -> bool:
+        """Whether poses, or bearings, are given to it."""
+        return self.source in (kind, "both")
+
+
+def plan_runs(
+    recording: Recording,
+    estimators: Sequence[str],
+    runs: Sequence[str],
+    settings: Sequence[str],
+    on: On | None,
+) -> list[Run]:
+    """The runs in the order --estimator, --run; without either, the flight's own estimator.
+
+    Raises UsageError; LogFormatError when the log lacks the measurements.
+    """
+    asked = [(name, [name]) for name in estimators]
+    asked += [(text.strip(), _split(text)) for text in runs]
+    if not asked:
+        flown = flown_choices(recording)[0].estimator
+        asked = [(f"{flown}, {'as set' if settings or on else 'as flown'}", [])]
+    planned = [_run(recording, label, words, settings, on) for label, words in asked]
+    for prefix, kind in (("bearings.", "bearings"), ("tracker.", "poses")):
+        named = [word for word in settings if word.startswith(prefix)]
+        if named and not any(run.uses(kind) for run in planned):
+            raise _unused(named[0], kind)
+    return planned
+
+
+def _split(text: str) -> list[str]:
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise UsageError(f"--run {text!r}: {error}; close the quotes") from None
+    if not words or "=" in words[0]:
+        raise UsageError(
+            f"--run {text!r}: write the estimator first ({', '.join(registry.names())}), then "
+            "name=value words, like --run 'complementary estimation.preset=paper'"
+        )
+    return words
+
+
+def _run(
+    recording: Recording, label: str, words: list[str], settings: Sequence[str], on: On | None
+) -> Run:
+    own = words[1:]
+    parameters = recording.parameters.model_copy(deep=True)
+    flown = flown_choices(recording)[0]
+    parameters.estimation.estimator, parameters.estimation.source = flown.estimator, flown.source
+    fixed = _apply(parameters, [*settings, *own])
+    name = _estimator(words, parameters, fixed)
+    source = parameters.estimation.source
+    if SOURCE not in fixed and on is not None:
+        source = "bearings" if on == "recorded-bearings" else on
+    elif SOURCE not in fixed:
+        tracker, bearings = _any(fixed, "tracker."), _any(fixed, "bearings.")
+        if bearings or (words and not tracker):
+            source = "bearings"
+        elif tracker:
+            source = "poses"
+    for word in own:
+        for prefix, kind in (("bearings.", "bearings"), ("tracker.", "poses")):
+            if word.startswith(prefix) and source not in (kind, "both"):
+                raise _unused(word, kind)
+    if LAYOUT in fixed and BELIEVED_LAYOUT not in fixed:
+        parameters.beacons.layout = parameters.bearings.layout
+    parameters.estimation.estimator, parameters.estimation.source = name, source
+    emulated = _emulated(recording, fixed, source, on)
+    run = Run(
+        label, name, parameters, source, emulated, frozenset({*fixed, *CHOICES}),
+        None if words else flown.begin_ns,
+    )  # fmt: skip
+    _check_measurements(recording, run)
+    return run
+
+
+def _apply(parameters: FlightParameters, words: Sequence[str]) -> set[str]:
+    """Set what the words say; the names set."""
+    for word in words:
+        name = word.partition("=")[0]
+        if not name.startswith(CHANGEABLE):
+            raise UsageError(
+                f"{word}: a replay changes estimation.*, bearings.*, tracker.* and "
+                "beacons.layout; everything else was flown as it was"
+            )
+        if name in SHADOWS:
+            raise UsageError(f"{word}: a replay has no shadow; give it a --run of its own")
+    try:
+        return set(parse_settings(parameters, words))
+    except ParameterError as error:
+        raise UsageError(str(error)) from None
+
+
+def _estimator(words: list[str], parameters: FlightParameters, fixed: set[str]) -> str:
+    chosen = parameters.estimation.estimator
+    name = words[0] if words else chosen
+    if name not in registry.names():
+        raise UsageError(
+            f"no estimator is called {name!r}: there are {', '.join(registry.names())}"
+        )
+    if ESTIMATOR in fixed and chosen != name:
+        raise UsageError(
+            f"{ESTIMATOR}={chosen} and the estimator {name} in one run: give each a run of its own"
+        )
+    return name
+
+
+def _emulated(recording: Recording, fixed: set[str], source: str, on: On | None) -> frozenset[str]:
+    changed = {name for name in fixed if name.startswith("bearings.")}
+    if on == "recorded-bearings" and changed:
+        raise UsageError(
+            f"--on recorded-bearings with {min(changed)} changed: what was recorded cannot be; "
+            "use --on bearings, or leave it out"
+        )
+    anew = set()
+    if changed or on == "bearings" or (not recording.bearings and on != "recorded-bearings"):
+        anew.add("bearings")
+    if _any(fixed, "tracker."):
+        anew.add("poses")
+    return frozenset(kind for kind in anew if source in (kind, "both"))
+
+
+def _check_measurements(recording: Recording, run: Run) -> None:
+    for kind, found, instead in (
+        ("poses", recording.poses, "--on bearings, or a setting tracker.NAME=VALUE"),
+        ("bearings", recording.bearings, "--on bearings"),
+    ):
+        if run.uses(kind) and kind not in run.emulated and not found:
+            raise LogFormatError(
+                f"{recording.path} holds no {kind}; {instead} makes them from the truth"
+            )
+
+
+def _any(names: set[str], prefix: str) -> bool:
+    return any(name.startswith(prefix) for name in names)
+
+
+def _unused(word: str, kind: str) -> UsageError:
+    source = "poses" if kind == "bearings" else "bearings"
+    return UsageError(
+        f"{word} changes {kind}, but only {source} are used; say {SOURCE}={kind} or both"
+    )
