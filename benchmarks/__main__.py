@@ -21,7 +21,7 @@ from typing import Any
 
 from benchmarks.harness import Report
 
-NAMES = ("onboard", "closed_loop", "pose", "filters", "start")
+NAMES = ("onboard", "closed_loop", "pose", "filters", "start", "bearing_flights")
 
 
 def main() -> int:

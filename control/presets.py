@@ -16,7 +16,7 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
         "attitude.kr_xy": 100.0,
         "attitude.kw_xy": 17.0,
     },
-    # Soft enough for poses that come from bearings, tens of millimetres wrong.
+    # Softer in position: smaller motions on a noisy estimate, larger errors in wind.
     "gentle": {
         "position.kp_xy": 2.0,
         "position.kv_xy": 2.6,

@@ -39,7 +39,12 @@ class EstimationParameters(Parameters):
     shadow: str = parameter(
         "none",
         choices=("none", "complementary", "error_state"),
-        description="estimator that runs beside on the same measurements, to be compared",
+        description="estimator that runs beside, to be compared or to take over",
+    )
+    shadow_source: str = parameter(
+        "same",
+        choices=("same", "poses", "bearings", "both"),
+        description="measurements of the shadow; on bearings it may be handed over to in flight",
     )
     source: str = parameter(
         "poses",

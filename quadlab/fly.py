@@ -7,7 +7,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -15,6 +15,10 @@ from quadlab.data_folder import open_data_folder
 from quadlab.processes import Folder, Settings
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
+
+if TYPE_CHECKING:
+    from console.experiments.client import Experiment
+    from quadlab.simulated_flight import FlightParameters
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
 
@@ -24,15 +28,18 @@ class Fly:
     """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
 
     experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
-    """figure_eight or hover"""
+    """figure_eight, hover or bearings"""
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
     """of all noise; the same seed gives the same messages"""
     set: Settings = ()
-    """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated"""
+    """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated,
+    experiment.NAME for what is flown"""
     true_state: bool = False
     """let the controller see the true state instead of the estimate"""
+    report: bool = False
+    """write the experiment's plots and figures beside the log"""
     json: bool = False
     """print verdict, log and metrics as one line of JSON at the end"""
 
@@ -40,6 +47,8 @@ class Fly:
         from console.experiments.catalogue import find
 
         experiment = find(self.experiment)
+        if self.report:
+            check_report(experiment)
         if not 0 <= self.seed <= LARGEST_SEED:
             raise UsageError(f"--seed {self.seed}: allowed 0 to {LARGEST_SEED}")
 
@@ -50,9 +59,11 @@ class Fly:
         from vehicle.simulator.simulated_vehicle import SimulatedVehicle
         from vehicle_link.messages import typestore
 
-        parameters = FlightParameters().model_copy(deep=True)
+        parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
         parameters.seed(self.seed)
-        parse_settings(parameters, self.set)
+        values = parse_settings(parameters, self.set)
+        if "beacons.layout" not in values:  # the vehicle is told where the beacons stand
+            parameters.beacons.layout = parameters.bearings.layout
         folder = self.out or open_data_folder(None) / "flights"
         path = _new_log(open_data_folder(folder, "--out"), f"{self.experiment}_seed{self.seed}")
         simulated = SimulatedVehicle(parameters.simulator)
@@ -87,17 +98,61 @@ class Fly:
             a_tick = seconds / flown / rate * 1e6
             print(f"    {stage:16} {seconds:7.2f} s {seconds / wall:6.1%} {a_tick:7.1f} µs a tick")
         print(f"  log {path}")
+        files = write_report(experiment, path) if self.report else []
+        for file in files:
+            print(f"  report {file}")
         if self.json:
             report = {
                 "experiment": self.experiment,
                 "verdict": result.verdict,
                 "log": str(path),
+                "report": [str(file) for file in files],
                 "metrics": result.metrics
                 | {"flown_s": flown, "wall_s": wall, "processor_s": processor,
                    "speed": flown / wall},
             }  # fmt: skip
             print(json.dumps(report))
         return 0 if result.verdict == "passed" else 1
+
+
+def with_experiment(parameters: FlightParameters, experiment: Experiment) -> FlightParameters:
+    """The tree with what can be chosen about the experiment, as `experiment.NAME`."""
+    from pydantic import create_model
+
+    options = experiment.parameters
+    if options is None:
+        return parameters
+    tree = create_model(
+        "ExperimentParameters", __base__=type(parameters), experiment=(type(options), options)
+    )
+    # Not copied: the experiment reads the very same object.
+    return tree.model_construct(**dict(parameters), experiment=options)
+
+
+def check_report(experiment: Experiment) -> None:
+    """Raises UsageError when no report can be written, before a flight is flown for it."""
+    from importlib.util import find_spec
+
+    from console.experiments.client import Reporting
+
+    if not isinstance(experiment, Reporting):
+        raise UsageError(f"--report: the experiment {experiment.name} writes none")
+    try:
+        found = find_spec("matplotlib") is not None
+    except ValueError:  # shut out by whoever runs this
+        found = False
+    if not found:
+        raise UsageError(
+            "--report needs matplotlib, which is not installed: uv sync --extra bench, or "
+            "pip install matplotlib"
+        )
+
+
+def write_report(experiment: Experiment, log: Path) -> list[Path]:
+    """The files, beside the log."""
+    from console.experiments.client import Reporting
+
+    return experiment.report(log, log.parent) if isinstance(experiment, Reporting) else []
 
 
 def _new_log(folder: Path, stem: str) -> Path:

@@ -7,10 +7,11 @@ wait flies on.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
@@ -29,6 +30,7 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.stack import FlightStack
 from vehicle_link.serial.ids import MotorState
+from vehicle_link.topics import TOPICS, encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
@@ -66,13 +68,14 @@ class SimulatedFlight:
         log: FlightLog,
         estimator: Estimator | None = None,
     ) -> None:
+        self.parameters = parameters
         self.stack = FlightStack(parameters, estimator=estimator)
         self.clock = StageClock()
         self._simulated = simulated
         self._mcu = Microcontroller(simulated.ports, epoch_ns=0)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
-        self._bearing_pose = BearingPose()
+        self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
         self._log = log
         self._motor_state = MotorState.OFF
         self._requests = 0
@@ -103,6 +106,17 @@ class SimulatedFlight:
     def change(self, values: dict[str, ParameterValue]) -> None:
         """Set vehicle parameters. Raises RefusedError with the vehicle's reason."""
         self._command(mailbox.ChangeParameters(self._request_id(), REQUESTER, values))
+
+    def parameter(self, name: str) -> ParameterValue:
+        """Raises UnknownParameterError."""
+        return self.stack.store.get(name)
+
+    def sticks(self, axes: Sequence[float]) -> None:
+        forward, left, up, yaw = (float(axis) for axis in axes)
+        stamp_ns, held = self.stack.stamp_ns, (forward, left, up, yaw)
+        self.stack.measure(mailbox.Joy(stamp_ns, held, True))
+        payload = encode_joy(stamp_ns, held, True)
+        self._log.message("joy", TOPICS["joy"].type_name, payload, stamp_ns, stamp_ns)
 
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
@@ -198,6 +212,8 @@ class SimulatedFlight:
                 self._log.event(message)
             else:
                 self._log.parameter_change(message)
+                if message.name == "beacons.layout":
+                    self._bearing_pose.place(parse_layout(str(message.new)))
         self.stack.outbox.clear()
 
     def _command(self, command: mailbox.Command) -> None:

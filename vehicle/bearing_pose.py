@@ -22,11 +22,15 @@ class BearingPose:
     """
 
     def __init__(self, beacons: Beacons = PAPER_BEACONS) -> None:
+        self.place(beacons)
+        # Made here, which compiles: at the first frame in flight all that follow would be late.
+        self._solver = PlanarPoseSolver(PAPER_BEACONS.positions_w)
+
+    def place(self, beacons: Beacons) -> None:
+        """The beacons stand elsewhere from the next frame on."""
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
         self._ids: list[int] | None = None
         self._known: list[int] = []
-        # Made here, which compiles: at the first frame in flight all that follow would be late.
-        self._solver = PlanarPoseSolver(PAPER_BEACONS.positions_w)
 
     def solve(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Protocol
 
 from control.behaviors.machine import BehaviorMachine
@@ -10,6 +11,7 @@ from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
+from vehicle.bearings_guard import BearingsGuard
 from vehicle.modes import Flag, Mode
 from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters, check_pairs
@@ -27,6 +29,7 @@ class Commanded(Protocol):
     supervisor: Supervisor
     behaviors: BehaviorMachine
     navigation: Navigation
+    guard: BearingsGuard
     steering: Steering
     state: Record
     status: Record
@@ -82,9 +85,17 @@ class CommandHandler:
         check_pairs(stack.store.values() | checked)
         armed = stack.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
         stack.steering.check(checked, armed)
+        stack.guard.check(checked, armed)
         checked |= stack.navigation.check(checked, stack.state, armed)
-        old = {name: stack.store.get(name) for name in checked}
-        applied = stack.store.set(checked)
+        return self.apply(checked, command.requester)
+
+    def apply(
+        self, values: Mapping[str, ParameterValue], requester: str
+    ) -> dict[str, ParameterValue]:
+        """Set parameters that were checked, tell each part and the log."""
+        stack = self._stack
+        old = {name: stack.store.get(name) for name in values}
+        applied = stack.store.set(values)
         stack.configure()
         for name, value in applied.items():
             stack.outbox.append(
@@ -93,7 +104,7 @@ class CommandHandler:
                     name=name,
                     old=old[name],
                     new=value,
-                    requester=command.requester,
+                    requester=requester,
                     revision=stack.store.revision,
                 )
             )
@@ -109,6 +120,7 @@ class CommandHandler:
             raise RefusedError("not armed: the motors were cut; disarm first to acknowledge it")
         if not stack.has_pose:
             raise RefusedError("not armed: no fresh pose measurement; check tracker and station")
+        stack.guard.check_take_off()
         flags = stack.supervisor.flags
         if flags & Flag.LINK_LOST:
             raise RefusedError("not armed: the station is not heard; check the link")

@@ -111,10 +111,13 @@ class Comms:
             self._mirror.deliver(message)
             if self._mirror.complete:
                 self._log.start()  # not before: its files begin with the parameters
+                self._inbound.lay_out(str(self._mirror.values()["beacons.layout"]))
         elif isinstance(message, mailbox.Event):
             self._publisher.event(message)
         else:
             self._mirror.changed(message)
+            if message.name == "beacons.layout":
+                self._inbound.lay_out(str(message.new))
             self._publisher.parameter_change(message)
 
     def _watch_drops(self) -> None:

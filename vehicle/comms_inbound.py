@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from bearing_sim.beacons import PAPER_BEACONS, parse_layout
 from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import Record
 from vehicle import mailbox
@@ -72,6 +73,7 @@ class Inbound:
         self._bearing_pose = bearing_pose
         self._log = log
         self._solver: BearingPose | None = None
+        self._layout, self._beacons = "paper", PAPER_BEACONS
         self._preparing: threading.Thread | None = None
         self._heard_ns: int | None = None
         self.newest_state: Record | None = None
@@ -94,7 +96,18 @@ class Inbound:
         return self._preparing
 
     def _make_solver(self) -> None:
-        self._solver = BearingPose()
+        self._solver = BearingPose(self._beacons)
+
+    def lay_out(self, text: str) -> None:
+        """Where the beacons stand, as the parameter beacons.layout tells. Raises MeasurementError.
+
+        A solver of its own: the one in use may be solving in another thread.
+        """
+        if text == self._layout:
+            return
+        self._layout, self._beacons = text, parse_layout(text)
+        if self._solver is not None:
+            self._make_solver()
 
     @property
     def station_silence(self) -> float:

@@ -47,3 +47,5 @@ class Flag(IntFlag):
     SATURATED = 32  # scaling < 1 in the last tick
     TILT_LIMITED = 64
     NOT_REAL_TIME = 128  # no SCHED_FIFO here
+    ON_BEARINGS = 256  # flown on bearings to beacons, without the tracker
+    FELL_BACK = 512  # on the tracker again by the vehicle's own decision

@@ -1,46 +1,47 @@
-"""Which estimator the vehicle flies on, which runs beside it, and what both are given.
+"""The estimators of one vehicle: the one flown on, a shadow, a reserve on the tracker's poses.
 
-On the ground a choice acts at once. In flight the only change is to the shadow, which has seen the
-same measurements, and only when it has converged and agrees with what is flown on; everything
-else is refused and changes nothing. An estimator is compiled before it is accepted, never in
-flight.
+`vehicle.estimator_choice` says who may take over when. While bearings are flown on, the reserve
+goes on with the tracker's poses, so that falling back is a matter of one tick, and
+`vehicle.bearings_watch` judges the innovations.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from estimation import registry
-from estimation.convergence import Difference, difference
+from estimation.convergence import difference
 from estimation.estimator import Estimator
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import MeasurementError, RefusedError
+from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import (
-    BEARINGS_SAMPLE,
-    ESTIMATE,
-    MAX_BEACONS,
-    POSE_SAMPLE,
-    Record,
-    new_state,
-)
+from quadrotor.records import POSE_SAMPLE, Record
 from vehicle import mailbox
+from vehicle.bearings_watch import BearingsWatch
+from vehicle.estimator_choice import (
+    ESTIMATOR,
+    NONE,
+    SHADOW,
+    SHADOW_SOURCE,
+    SOURCE,
+    Choice,
+    Seats,
+    check,
+)
+from vehicle.known_beacons import KnownBeacons
 from vehicle.measurement_rate import MeasurementRate
+from vehicle.parameters import FallBackParameters
+from vehicle.runner import BEARINGS, POSES, Runner
 
-AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
-"""How far the shadow may be from the estimate in use to take its place in flight."""
 COMPLAIN_NS = 1_000_000_000
 """Between two lines about measurements that cannot be used: 30 frames a second may be such."""
-ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
-NONE = "none"
 
 
 class Navigation:
-    """The estimators of one vehicle.
+    """What is estimated, by whom, from what.
 
     Args:
         parameters: of the estimation, read again by each `configure`.
@@ -48,6 +49,12 @@ class Navigation:
         plugin: flown on in place of the estimator named in the parameters, until another
             name is set.
         beacons: where the bearings' ids stand.
+        fallback: when bearings are no longer flown on.
+
+    Attributes:
+        active: the estimator flown on.
+        source: what it is fed with: "poses", "bearings" or "both".
+        deaf: bearings are no longer taken: the rest of the flight is predicted, or on poses.
     """
 
     def __init__(
@@ -56,145 +63,195 @@ class Navigation:
         say: Callable[[str, int], None],
         plugin: Estimator | None = None,
         beacons: Beacons = PAPER_BEACONS,
+        fallback: FallBackParameters | None = None,
     ) -> None:
-        self.shadow: Estimator | None = None
-        self.shadow_state, self.shadow_estimate = new_state(), np.zeros(1, ESTIMATE)
+        p = self._parameters = parameters
+        self.watch = BearingsWatch(fallback or FallBackParameters())
+        self.deaf = False
         self._say = say
-        self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True))
         self._queue: list[Record] = []
-        self._last_pose_ns = self._complained_ns = -(1 << 62)
+        self._complained_ns = -(1 << 62)
         self._rate = MeasurementRate()
-        self._name, self._shadow_name = parameters.estimator, NONE
-        self._plugged = plugin is not None  # of unknown make: nothing to compile
+        plugged = plugin is not None
         if plugin is None:
-            registry.prepare(self._name, parameters.source != "poses")
-            plugin = registry.create(self._name, parameters)
-        self.active: Estimator = plugin
-        self.configure(parameters)
+            registry.prepare(p.estimator, p.source != POSES)
+            plugin = registry.create(p.estimator, p)
+        self._choice: Choice | None = None
+        self._seats = Seats(Runner(p.estimator, p.source, plugin, plugged))
+        self.place(beacons)
+        self.configure(p)
+
+    @property
+    def shadow(self) -> Estimator | None:
+        runner = self._seats.shadow
+        return None if runner is None else runner.estimator
+
+    @property
+    def shadow_state(self) -> Record:
+        """STATE (1,) of the shadow, which there must be."""
+        assert self._seats.shadow is not None
+        return self._seats.shadow.state
+
+    @property
+    def reserve_ready(self) -> bool:
+        """An estimate of fresh poses is there to fall back to."""
+        reserve = self._seats.reserve
+        return reserve is not None and reserve.estimator.converged
 
     # ------------------------------------------------------------------ the tick
     def step(self, imu: Record, dt: float, state: Record, estimate: Record) -> None:
         """Predict by one sample, apply what came since the last; write STATE and ESTIMATE."""
         active = self.active
         active.predict(imu, dt, state)
-        if self.shadow is not None:
-            self._step_shadow(imu, dt)
+        for runner in self._beside:
+            self._step_beside(runner, imu, dt)
+        if self.source != POSES:
+            self.watch.remember(imu["stamp_ns"].item(), state)
         if self._queue:
-            self._take_measurements(imu["stamp_ns"].item(), estimate)
+            self._take_measurements(imu["stamp_ns"].item(), state, estimate)
         active.report(estimate)
 
     def measure(self, measurement: mailbox.Pose | mailbox.Bearings) -> None:
         """Take one measurement; it acts at the next step."""
         if isinstance(measurement, mailbox.Pose):
-            if self._source != "bearings":
+            if self._takes_poses:
                 pose = np.zeros(1, POSE_SAMPLE)
                 pose[0] = measurement.stamp_ns, measurement.position_w, measurement.quaternion_wb
                 self._queue.append(pose)
-        elif self._source != "poses":
-            frame = self._frame(measurement)
+        elif self._takes_bearings and not self.deaf:
+            frame = self._beacons.frame(measurement)
             if frame is not None:
                 self._queue.append(frame)
+            elif measurement.beacon_ids:
+                self._say_unknown(measurement)
 
     def reset(self) -> None:
         """Forget everything: the gyroscope was calibrated anew."""
-        self.active.reset()
-        if self.shadow is not None:
-            self.shadow.reset()
+        for runner in self._seats.all():
+            runner.estimator.reset()
 
     # ------------------------------------------------------------------ choices
     def check(
         self, values: Mapping[str, ParameterValue], state: Record, armed: bool
     ) -> dict[str, ParameterValue]:
-        """What else a change of parameters changes; compiles what it asks for on the ground.
+        """What else a change changes; see `estimator_choice.check`. Raises RefusedError."""
+        p = self._parameters
+        present: dict[str, ParameterValue] = {
+            ESTIMATOR: p.estimator, SHADOW: p.shadow, SOURCE: p.source,
+            SHADOW_SOURCE: p.shadow_source,
+        }  # fmt: skip
+        return check(self._seats, present, values, state, armed)
 
-        In flight, the estimator and its shadow change places. Raises RefusedError with the
-        reason and its numbers.
-        """
-        name = str(values.get(ESTIMATOR, self._name))
-        shadow = str(values.get(SHADOW, self._shadow_name))
-        bearings = str(values.get(SOURCE, self._source)) != "poses"
-        extra: dict[str, ParameterValue] = {}
-        if not values.keys() & {ESTIMATOR, SHADOW, SOURCE}:
-            return extra
-        if name != self._name:
-            if armed:
-                self._check_shadow(name, state)
-            if shadow == name:
-                shadow = self._name if armed else NONE
-                extra[SHADOW] = shadow
-        elif shadow == name:
-            raise RefusedError(
-                f"{SHADOW} = {name} is what the vehicle flies on; choose another, or {NONE}"
-            )
-        for one in self._new(name, shadow, bearings):
-            if not registry.ready(one, bearings):
-                if armed:
-                    raise RefusedError(
-                        f"estimator {one} is not compiled for these measurements, which takes "
-                        "seconds; disarm, or choose it before arming"
-                    )
-                registry.prepare(one, bearings)
-        return extra
+    def fallen_back(self) -> dict[str, ParameterValue]:
+        """The parameters after falling back to the reserve, which must be ready."""
+        seats = self._seats
+        assert seats.reserve is not None
+        return {
+            SOURCE: POSES, ESTIMATOR: seats.reserve.name, SHADOW: seats.active.name,
+            SHADOW_SOURCE: seats.active.source,
+        }  # fmt: skip
+
+    def place(self, beacons: Beacons) -> None:
+        """Where the beacons stand; what was estimated from others beside the flight is void."""
+        self._beacons = KnownBeacons(beacons)
+        for runner in self._seats.beside():
+            if runner.source != POSES:
+                runner.estimator.reset()
 
     def configure(self, parameters: EstimationParameters) -> None:
         """Take the present parameters; `check` has seen the choices."""
-        p = parameters
-        self._source = p.source
-        if p.estimator != self._name:
-            if p.estimator == self._shadow_name and self.shadow is not None:
-                self.active, self.shadow = self.shadow, self.active
-                self._shadow_name = self._name
-            else:
-                self.active = registry.create(p.estimator, p)
-            self._name, self._plugged = p.estimator, False
-            self._say(f"estimator {self._name}", mailbox.INFO)
-        if p.shadow != self._shadow_name:
-            self.shadow = None if p.shadow == NONE else registry.create(p.shadow, p)
-            self._shadow_name = p.shadow
-        self.active.configure(p)
-        if self.shadow is not None:
-            self.shadow.configure(p)
+        p = self._parameters = parameters
+        choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source)
+        before = str(self._seats.active)
+        if choice != self._choice:  # a shadow that broke is not made again by another change
+            self._choice = choice
+            self._seat(choice)
+        seats = self._seats
+        self.active, self.source = seats.active.estimator, seats.active.source
+        if str(seats.active) != before:
+            self.deaf = False
+            self.watch.begin()
+            self._say(f"estimator {seats.active}", mailbox.INFO)
+        for runner in seats.all():
+            runner.estimator.configure(p)
+        self._remember_seats()
         self._timeout_ns = round(1e9 * p.measurement_timeout)
         self._rate.forget_warnings()
 
     # ------------------------------------------------------------------ parts
-    def _new(self, name: str, shadow: str, bearings: bool) -> set[str]:
-        """Names of the estimators that would meet what they have not met so far."""
-        more = bearings and self._source == "poses"
-        found = set()
-        if name != self._name or (more and not self._plugged):
-            found.add(name)
-        if shadow not in (NONE, self._name) and (more or shadow != self._shadow_name):
-            found.add(shadow)
-        return found
+    def _seat(self, choice: Choice) -> None:
+        """Everyone takes the seat that the choice gives; who has none ends."""
+        seats = self._seats
+        there, old = list(seats.beside()), seats.active
+        active = old
+        if not old.is_(choice.name, choice.source):
+            taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
+            if taker is not None:
+                active = taker
+                there.append(old)
+            elif old.name == choice.name:
+                old.source = choice.source
+            else:
+                active = self._make(choice.name, choice.source)
+            there = [one for one in there if one is not active]
+        shadow = reserve = None
+        if choice.shadow != NONE:
+            name, source = choice.shadow, choice.shadow_source
+            shadow = next((one for one in there if one.is_(name, source)), None)
+            shadow = shadow or self._make(name, source)
+        if choice.source != POSES:
+            poses = [one for one in there if one.source == POSES and one is not shadow]
+            reserve = poses[-1] if poses else self._make(choice.name, POSES)
+        self._seats = Seats(active, shadow, reserve)
 
-    def _take_measurements(self, now_ns: int, estimate: Record) -> None:
+    def _make(self, name: str, source: str) -> Runner:
+        registry.prepare(name, source != POSES)  # nothing, when `check` has seen it
+        return Runner(name, source, registry.create(name, self._parameters))
+
+    def _remember_seats(self) -> None:
+        runners = self._seats.all()
+        self._beside = self._seats.beside()
+        self._takes_poses = any(one.source != BEARINGS for one in runners)
+        self._takes_bearings = any(one.source != POSES for one in runners)
+
+    def _take_measurements(self, now_ns: int, state: Record, estimate: Record) -> None:
+        runner = self._seats.active
         for measurement in self._queue:
-            is_pose = measurement.dtype == POSE_SAMPLE
-            if is_pose:
-                self._last_pose_ns = now_ns
-            taken = is_pose or self._wants_bearings(self.active, now_ns)
-            try:
-                if taken and is_pose:
-                    self.active.correct(measurement, estimate)
-                elif taken:
-                    self.active.correct_bearings(measurement, estimate)
-            except MeasurementError as error:
-                if now_ns - self._complained_ns > COMPLAIN_NS:
-                    self._complained_ns = now_ns
-                    self._say(str(error), mailbox.WARN)
-                continue
-            if taken:
-                self._warn(now_ns)
-            if self.shadow is not None:
-                self._correct_shadow(measurement, is_pose, now_ns)
+            mine: Record | None = measurement
+            if self.source != POSES:
+                mine = self._watched(measurement, now_ns, state)
+            if mine is not None and runner.wants(mine, now_ns, self._timeout_ns):
+                try:
+                    runner.correct(mine, estimate)
+                except MeasurementError as error:
+                    self._complain(str(error), now_ns)
+                else:
+                    self._warn(now_ns)
+            for other in self._beside:
+                self._correct_beside(other, measurement, now_ns)
         self._queue.clear()
 
-    def _wants_bearings(self, estimator: Estimator, now_ns: int) -> bool:
-        """A filter of fixed gains would take bearings for as good as poses: only without them."""
-        if self._source == "bearings" or estimator.deviations is not None:
-            return True
-        return now_ns - self._last_pose_ns > self._timeout_ns
+    def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
+        """The measurement as the estimator in use gets it; None when nothing is left of it."""
+        watch, reserve = self.watch, self._seats.reserve
+        if self.source == BEARINGS:
+            watch.age(self.active.measurement_age)
+        if measurement.dtype == POSE_SAMPLE:
+            if reserve is not None and reserve.estimator.converged:
+                watch.pose(difference(reserve.state, state))
+            return measurement
+        deviations = self.active.deviations
+        passed = watch.frame(measurement, deviations, now_ns)
+        count = int(measurement["count"][0])
+        if deviations is not None or len(passed) == count:
+            return measurement  # a filter with a covariance has a gate of its own
+        if not passed:
+            return None
+        kept = measurement.copy()
+        kept["count"] = len(passed)
+        for field in ("beacon_w", "bearing_b"):
+            kept[field][0, : len(passed)] = measurement[field][0, passed]
+        return kept
 
     def _warn(self, now_ns: int) -> None:
         rate = self._rate.add(now_ns)
@@ -202,69 +259,36 @@ class Navigation:
             for line in self._rate.unsaid(self.active.warnings(rate)):
                 self._say(line, mailbox.WARN)
 
-    def _step_shadow(self, imu: Record, dt: float) -> None:
-        assert self.shadow is not None
+    def _complain(self, line: str, now_ns: int) -> None:
+        if now_ns - self._complained_ns > COMPLAIN_NS:
+            self._complained_ns = now_ns
+            self._say(line, mailbox.WARN)
+
+    def _step_beside(self, runner: Runner, imu: Record, dt: float) -> None:
         try:
-            self.shadow.predict(imu, dt, self.shadow_state)
+            runner.estimator.predict(imu, dt, runner.state)
         except Exception as error:
-            self._drop_shadow(error)
+            self._drop(runner, error)
 
-    def _correct_shadow(self, measurement: Record, is_pose: bool, now_ns: int) -> None:
-        shadow = self.shadow
-        assert shadow is not None
+    def _correct_beside(self, runner: Runner, measurement: Record, now_ns: int) -> None:
         try:
-            if is_pose:
-                shadow.correct(measurement, self.shadow_estimate)
-            elif self._wants_bearings(shadow, now_ns):
-                shadow.correct_bearings(measurement, self.shadow_estimate)
-        except MeasurementError:
-            pass  # said of the estimator in use
+            if runner.wants(measurement, now_ns, self._timeout_ns):
+                runner.correct(measurement, runner.estimate)
+        except MeasurementError as error:
+            if runner.source != self.source:  # else said of the estimator in use
+                self._complain(f"{runner}: {error}", now_ns)
         except Exception as error:
-            self._drop_shadow(error)
+            self._drop(runner, error)
 
-    def _drop_shadow(self, error: Exception) -> None:
-        """A defect in what is only compared must not end the flight."""
-        self.shadow = None
-        self._say(
-            f"shadow {self._shadow_name} stopped: {type(error).__name__}: {error}", mailbox.WARN
-        )
+    def _drop(self, runner: Runner, error: Exception) -> None:
+        """A defect in what is not flown on must not end the flight."""
+        seats = self._seats
+        what = "shadow" if runner is seats.shadow else "reserve"
+        setattr(seats, what, None)
+        self._remember_seats()
+        self._say(f"{what} {runner.name} stopped: {type(error).__name__}: {error}", mailbox.WARN)
 
-    def _check_shadow(self, name: str, state: Record) -> None:
-        if self.shadow is None or name != self._shadow_name:
-            raise RefusedError(
-                f"estimator {name} does not run: in flight only the shadow "
-                f"({self._shadow_name}) may be chosen; set {SHADOW} = {name} first"
-            )
-        convergence = self.shadow.convergence
-        if not convergence.reached:
-            raise RefusedError(f"estimator {name} has not converged: {convergence.reason}")
-        apart = difference(self.shadow_state, state)
-        if not apart.within(AGREEMENT):
-            raise RefusedError(
-                f"estimator {name} is {apart} away from {self._name}; allowed {AGREEMENT}"
-            )
-
-    def _frame(self, measurement: mailbox.Bearings) -> Record | None:
-        """As BEARINGS_SAMPLE with the known beacons' places; None when none is known."""
-        places = self._places
-        seen = [
-            (places[one], bearing)
-            for one, bearing in zip(measurement.beacon_ids, measurement.bearings_b, strict=False)
-            if one in places
-        ][:MAX_BEACONS]
-        if not seen:
-            if measurement.beacon_ids:
-                line = f"no known beacon among {list(measurement.beacon_ids)}"
-                for unsaid in self._rate.unsaid([line]):
-                    self._say(f"{unsaid}; known are {sorted(places)}", mailbox.WARN)
-            return None
-        frame = np.zeros(1, BEARINGS_SAMPLE)
-        item = frame[0]
-        item["stamp_ns"], item["count"], item["sigma"] = (
-            measurement.stamp_ns,
-            len(seen),
-            measurement.sigma,
-        )
-        item["beacon_w"][: len(seen)] = [place for place, _ in seen]
-        item["bearing_b"][: len(seen)] = [bearing for _, bearing in seen]
-        return frame
+    def _say_unknown(self, measurement: mailbox.Bearings) -> None:
+        line = f"no known beacon among {list(measurement.beacon_ids)}"
+        for unsaid in self._rate.unsaid([line]):
+            self._say(f"{unsaid}; known are {self._beacons.ids}", mailbox.WARN)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from bearing_sim.beacons import parse_layout
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
 from estimation.mass_estimator import MassParameters
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import OutOfBoundsError
+from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.imu_calibration import ImuCalibration
@@ -63,12 +64,82 @@ class SafetyParameters(Parameters):
     )  # fmt: skip
 
 
+class BeaconParameters(Parameters):
+    """Where the beacons stand, and where their bearings are good enough to fly on."""
+
+    layout: str = parameter(
+        "paper",
+        description="a preset (paper, wide, eight, ceiling, wall) or 'id x y z; id x y z; ...' "
+        "in m; not changed while bearings are flown on",
+    )  # fmt: skip
+    envelope_xy: float = parameter(
+        1.5, unit="m", ge=0.2, le=20.0, step=0.1,
+        description="bearings are flown on within this of the origin in x and in y",
+    )  # fmt: skip
+    envelope_z_max: float = parameter(
+        2.0, unit="m", ge=0.4, le=20.0, step=0.1,
+        description="highest flight on bearings",
+    )  # fmt: skip
+    height_min: float = parameter(
+        0.3, unit="m", ge=0.1, le=2.0, step=0.05,
+        description="lowest flight on bearings, above take-off",
+    )  # fmt: skip
+
+
+class FallBackParameters(Parameters):
+    """When bearings are no longer flown on; the table is docs/safety.md."""
+
+    enabled: bool = parameter(
+        True,
+        description="fall back to the tracker, or land without it, by the bounds below; "
+        "false also takes bearings that the gate would reject",
+    )
+    window: float = parameter(
+        1.0, unit="s", ge=0.2, le=5.0, step=0.1,
+        description="time over which innovations are judged",
+    )  # fmt: skip
+    gate: float = parameter(
+        5.0, ge=2.0, le=20.0, step=0.5,
+        description="standard deviations beyond which a bearing counts as rejected",
+    )  # fmt: skip
+    rejected_max: float = parameter(
+        0.3, ge=0.05, le=1.0, step=0.05,
+        description="largest share of rejected bearings",
+    )  # fmt: skip
+    consistency_max: float = parameter(
+        3.0, ge=1.2, le=20.0, step=0.1,
+        description="largest mean square of the other bearings' normalised innovations",
+    )  # fmt: skip
+    age_max: float = parameter(
+        0.5, unit="s", ge=0.1, le=5.0, step=0.05,
+        description="longest time without a frame applied",
+    )  # fmt: skip
+    position_deviation_max: float = parameter(
+        0.3, unit="m", ge=0.02, le=5.0, step=0.01,
+        description="largest deviation of position by the estimator's own covariance",
+    )  # fmt: skip
+    attitude_deviation_max: float = parameter(
+        6.0, unit="deg", ge=0.2, le=45.0, step=0.5,
+        description="the same of attitude",
+    )  # fmt: skip
+    disagreement_max: float = parameter(
+        0.3, unit="m", ge=0.05, le=5.0, step=0.05,
+        description="largest distance from the estimate that the tracker's poses give",
+    )  # fmt: skip
+    disagreement_attitude_max: float = parameter(
+        5.0, unit="deg", ge=1.0, le=90.0, step=1.0,
+        description="the same of attitude",
+    )  # fmt: skip
+
+
 class VehicleParameters(Parameters):
     """The vehicle's own tree; the vehicle is the authority for every value in it."""
 
     model: VehicleModel = VehicleModel()
     control: ControlParameters = ControlParameters()
     estimation: EstimationParameters = EstimationParameters()
+    beacons: BeaconParameters = BeaconParameters()
+    fallback: FallBackParameters = FallBackParameters()
     mass: MassParameters = MassParameters()
     behavior: BehaviorParameters = BehaviorParameters()
     safety: SafetyParameters = SafetyParameters()
@@ -87,13 +158,23 @@ ORDERED = (
 
 
 def check_pairs(values: Mapping[str, ParameterValue]) -> None:
-    """Raises OutOfBoundsError naming the pair that is out of order in these values of all."""
+    """What no single value shows: pairs out of order, a layout that is none.
+
+    Args:
+        values: all of them.
+
+    Raises OutOfBoundsError that names the parameters.
+    """
     for low, high in ORDERED:
         if not float(values[low]) < float(values[high]):
             raise OutOfBoundsError(
                 f"{low} = {values[low]} is not below {high} = {values[high]}; "
                 "change the other one first, or both at once"
             )
+    try:
+        parse_layout(str(values["beacons.layout"]))
+    except MeasurementError as error:
+        raise OutOfBoundsError(f"beacons.layout: {error}") from None
 
 
 def new_parameters() -> VehicleParameters:

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from bearing_sim.beacons import parse_layout
 from control.behaviors.ground import stand
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
@@ -24,6 +24,7 @@ from quadrotor.parameters import ParameterStore
 from quadrotor.records import ACTUATORS, Record, new_tick
 from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
+from vehicle.bearings_guard import BearingsGuard
 from vehicle.commands import CommandHandler
 from vehicle.gyro_calibration import GyroCalibration
 from vehicle.imu_calibration import ImuCalibrator
@@ -50,7 +51,6 @@ class FlightStack:
         parameters: the vehicle's tree; this stack becomes its only writer.
         estimator, controller: plugins, any object with the protocol's methods; defaults are the
             estimator and the law that the parameters name.
-        beacons: where the bearings' ids stand.
     """
 
     def __init__(
@@ -58,7 +58,6 @@ class FlightStack:
         parameters: VehicleParameters,
         estimator: Estimator | None = None,
         controller: Controller | None = None,
-        beacons: Beacons = PAPER_BEACONS,
     ) -> None:
         self.parameters = parameters
         self.store = ParameterStore(parameters)
@@ -79,7 +78,15 @@ class FlightStack:
         self.airborne = False
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self._stamp_ns = 0
-        self.navigation = Navigation(parameters.estimation, self.say, estimator, beacons)
+        self._layout = parameters.beacons.layout
+        self.navigation = Navigation(
+            parameters.estimation,
+            self.say,
+            estimator,
+            parse_layout(self._layout),
+            parameters.fallback,
+        )
+        self.guard = BearingsGuard(self)
         self.motor_state_wanted = MotorState.OFF
         self._gyro: GyroCalibration | None = None
         self._off = np.zeros(1, ACTUATORS)
@@ -95,7 +102,7 @@ class FlightStack:
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._armed_ns = 0
         self._landed_ns: int | None = None
-        self._ground_z = 0.0
+        self.ground_z = 0.0
         self.configure()
 
     # ------------------------------------------------------------------ the tick
@@ -124,6 +131,8 @@ class FlightStack:
         )
         if verdict is not None:
             self._react(verdict)
+        if self.guard.on:
+            self.guard.step()
 
         flying = self.mode in FLYING
         if flying and self.behaviors.name is not BehaviorName.GROUND:
@@ -174,7 +183,11 @@ class FlightStack:
         p = self.parameters
         self.steering.configure(p.control, p.model)
         self.behaviors.model = self.steering.model
+        if p.beacons.layout != self._layout:
+            self._layout = p.beacons.layout
+            self.navigation.place(parse_layout(self._layout))
         self.navigation.configure(p.estimation)
+        self.guard.configure()
         self._pose_timeout = p.estimation.measurement_timeout
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
@@ -189,8 +202,9 @@ class FlightStack:
         if mode is Mode.ARMED:
             self.motor_state_wanted = MotorState.ON
             self._armed_ns = self._stamp_ns
-            self._ground_z = float(self.state["position_w"][0, 2])
+            self.ground_z = float(self.state["position_w"][0, 2])
             self.supervisor.begin_flight()
+            self.guard.begin_flight()
         elif mode in (Mode.READY, Mode.CUT):
             self.motor_state_wanted = MotorState.OFF
             self.airborne = False
@@ -277,7 +291,7 @@ class FlightStack:
 
     def _watch_ground(self) -> None:
         if not self.airborne and self.behaviors.name is not BehaviorName.LAND:
-            height = float(self.state["position_w"][0, 2]) - self._ground_z
+            height = float(self.state["position_w"][0, 2]) - self.ground_z
             self.airborne = height > 0.03
         if self.behaviors.landed:
             self.airborne = False
@@ -318,6 +332,7 @@ class FlightStack:
             behavior=self.behaviors.name,
             airborne=self.airborne,
             supervisor_flags=self.supervisor.flags,
+            bearings_flags=self.guard.flags,
             stale_pose=pose_age > self._pose_timeout,
             saturated=self._scaling.item() < 1.0,
             tilt_limited=self.controller.tilt_limited,

@@ -40,6 +40,7 @@ class StatusWriter:
         behavior: int,
         airborne: bool,
         supervisor_flags: Flag,
+        bearings_flags: int,
         stale_pose: bool,
         saturated: bool,
         tilt_limited: bool,
@@ -48,7 +49,7 @@ class StatusWriter:
     ) -> None:
         """Once a tick. voltage: V. pressure: Pa."""
         self._voltage[0], self._pressure[0] = voltage, pressure
-        flags = int(supervisor_flags)
+        flags = int(supervisor_flags) | bearings_flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
         if stale_pose:

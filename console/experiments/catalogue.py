@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from console.experiments.bearings import BearingsExperiment
 from console.experiments.client import Experiment
 from console.experiments.figure_eight import FigureEight
 from console.experiments.hover import Hover
 from quadrotor.errors import UsageError
 
-EXPERIMENTS: dict[str, Callable[[], Experiment]] = {"figure_eight": FigureEight, "hover": Hover}
+EXPERIMENTS: dict[str, Callable[[], Experiment]] = {
+    "figure_eight": FigureEight,
+    "hover": Hover,
+    "bearings": BearingsExperiment,
+}
 
 
 def find(name: str) -> Experiment:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameters import Parameters, ParameterValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,18 @@ class Client(Protocol):
 
     def start(self, behavior: str, **arguments: ParameterValue) -> None: ...
 
+    def change(self, values: dict[str, ParameterValue]) -> None:
+        """Set vehicle parameters, all or none."""
+        ...
+
+    def parameter(self, name: str) -> ParameterValue:
+        """The vehicle's present value. Raises UnknownParameterError."""
+        ...
+
+    def sticks(self, axes: Sequence[float]) -> None:
+        """Forward, left, up, yaw in -1..1, dead-man held; to be sent again within 0.2 s."""
+        ...
+
     def wait_until(
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
     ) -> None: ...
@@ -52,10 +64,25 @@ class Result:
 
 
 class Experiment(Protocol):
-    """One experiment: `fly` commands the vehicle, `evaluate` judges the log alone."""
+    """One experiment: `fly` commands the vehicle, `evaluate` judges the log alone.
+
+    `parameters` is what can be chosen about it, None when nothing can.
+    """
 
     name: str
+
+    @property
+    def parameters(self) -> Parameters | None: ...
 
     def fly(self, client: Client) -> None: ...
 
     def evaluate(self, log: Path) -> Result: ...
+
+
+@runtime_checkable
+class Reporting(Protocol):
+    """An experiment that also writes what it found."""
+
+    def report(self, log: Path, folder: Path) -> list[Path]:
+        """The files written. Raises UsageError when something for it is not installed."""
+        ...

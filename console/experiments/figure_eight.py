@@ -18,6 +18,7 @@ class FigureEight:
     """Takes off to 1 m, flies the 8 for some laps, lands; judged on the steady laps."""
 
     name = "figure_eight"
+    parameters = None
     limits = {"position_rms_m": 0.005, "position_max_m": 0.009, "yaw_rms_deg": 0.4}  # noqa: RUF012
 
     def __init__(self, vehicle: str = "quad1") -> None:

@@ -15,6 +15,7 @@ class Hover:
     """Takes off to 1 m, hovers, lands; judged on the hover."""
 
     name = "hover"
+    parameters = None
     limits = {"position_rms_m": 0.005, "position_max_m": 0.010}  # noqa: RUF012
 
     def __init__(self, vehicle: str = "quad1") -> None:

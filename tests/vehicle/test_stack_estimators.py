@@ -155,9 +155,9 @@ def test_in_flight_what_is_not_compiled_is_refused(monkeypatch: pytest.MonkeyPat
 
 def test_bearings_alone_fly_within_bounds() -> None:
     """Handed over in flight: on the floor the beacons' own plane is too near."""
-    lab = Lab(estimator="error_state", source="both").hovering()
+    lab = Lab(shadow="error_state", shadow_source="bearings").hovering()
     lab.wait(2.0)
-    lab.set(source="bearings")
+    lab.set(source="bearings", estimator="error_state")
     lab.start("follow_trajectory", trajectory="figure_eight", laps=1)
     worst = 0.0
     for _ in range(50):

@@ -1,0 +1,235 @@
+"""Fly on bearings to beacons alone (Secs. 6.2 and 7, Fig. 6): taken over in flight, handed back.
+
+The vehicle takes off on the tracker, an estimator runs beside on the bearings until the vehicle
+accepts it, a manoeuvre is flown on it, and the tracker takes over again for the landing.
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.emulator import BearingParameters
+from console.experiments.bearings_log import read_flight
+from console.experiments.client import Client, Result
+from console.experiments.stick_sequences import RATE, recorded, scripted
+from control.presets import PRESETS as CONTROL_PRESETS
+from control.presets import preset
+from estimation.parameters import PRESETS as ESTIMATION_PRESETS
+from quadrotor.errors import RefusedError, UsageError
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
+from vehicle_link.log.reader import read_attachments
+
+RAMP = 4.0
+"""s, longer than the 8's ramp in or out."""
+SETTLE = 2.0
+"""s after the hand-over before the manoeuvre."""
+PERIOD = 8.0
+PATIENCE = 40.0
+"""s, how long the hand-over is asked for."""
+LIMITS = {
+    ("error_state", "hover"): 0.025,
+    ("error_state", "figure_eight"): 0.04,
+    ("complementary", "hover"): 0.05,
+    ("complementary", "figure_eight"): 0.07,
+    ("complementary", "sticks"): 0.055,
+}
+"""m rms of the tracking error with the sensor of Sec. 7; elsewhere figures are only reported."""
+
+
+class BearingsOptions(Parameters):
+    """What to fly, on what."""
+
+    manoeuvre: str = parameter(
+        "hover",
+        choices=("hover", "figure_eight", "sticks"),
+        description="flown on bearings; sticks are scripted, or those of sticks_file",
+    )
+    duration: float = parameter(
+        60.0, unit="s", ge=5.0, le=3600.0, step=1.0, description="of the manoeuvre, at least"
+    )
+    height: float = parameter(1.0, unit="m", ge=0.4, le=1.9, step=0.1, description="of take-off")
+    estimator: str = parameter(
+        "error_state",
+        choices=("error_state", "complementary"),
+        description="flown on while the tracker is not",
+    )
+    gains: str = parameter(
+        "auto",
+        choices=("auto", "as_set", *ESTIMATION_PRESETS),
+        description="of the complementary filter on bearings; auto is resolved, as_set leaves "
+        "those of estimation.*",
+    )
+    control: str = parameter(
+        "as_set",
+        choices=("as_set", *CONTROL_PRESETS),
+        description="gains of the control while on bearings; as_set leaves those of control.*",
+    )
+    sticks_file: str = parameter(
+        "", description="CSV with the columns t,forward,left,up,yaw; empty for scripted sticks"
+    )
+    sticks_seed: int = parameter(
+        1, ge=0, le=2**31 - 1, step=1, description="of the scripted sticks"
+    )
+
+
+class BearingsExperiment:
+    """Take-off on the tracker, hand-over, manoeuvre, back, landing; judged on the manoeuvre."""
+
+    name = "bearings"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = BearingsOptions()
+        self._vehicle = vehicle
+
+    # ------------------------------------------------------------------ flight
+    def fly(self, client: Client) -> None:
+        """Raises RefusedError with the vehicle's reason when it will not, UsageError for sticks.
+
+        A vehicle that goes back to the tracker or lands by itself ends the manoeuvre.
+        """
+        p = self.parameters
+        if p.gains not in ("auto", "as_set") and p.estimator != "complementary":
+            raise UsageError(
+                f"experiment.gains={p.gains} is of the complementary filter; "
+                f"experiment.estimator is {p.estimator}"
+            )
+        sticks = self._sticks()
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        before = {name: client.parameter(name) for name in self._control_gains()}
+        client.change(self._shadow())  # compiled on the ground, started anew in the air
+        client.change({"estimation.shadow": "none"})
+        client.wait(0.5)
+        client.arm()
+        client.wait(1.0)
+        client.start("take_off", height=p.height)
+        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        try:
+            self._hand_over(client)
+        except RefusedError:
+            self._land(client)
+            raise
+        client.wait(SETTLE)
+        self._manoeuvre(client, sticks)
+        if self._on_bearings(client):
+            with suppress(RefusedError):  # no tracker: landed on bearings
+                client.change({"estimation.source": "poses"})
+        client.change(before)
+        client.wait(1.0)
+        self._land(client)
+
+    def _land(self, client: Client) -> None:
+        if client.view().mode == "armed":
+            client.start("land")
+        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
+        client.wait(0.5)
+
+    def _hand_over(self, client: Client) -> None:
+        p = self.parameters
+        name = "resolved" if p.gains in ("auto", "paper") else p.gains
+        gains = ESTIMATION_PRESETS.get(name, {}) if p.estimator == "complementary" else {}
+        changes: dict[str, ParameterValue] = {f"estimation.{k}": v for k, v in gains.items()}
+        client.change(changes | self._shadow() | self._control_gains())
+        patient_until = client.view().time + PATIENCE
+        while True:
+            client.wait(0.5)
+            try:
+                client.change(
+                    {"estimation.estimator": p.estimator, "estimation.source": "bearings"}
+                )
+                break
+            except RefusedError:
+                if client.view().time > patient_until:
+                    raise
+        if p.gains == "paper":
+            # Noisier than what the vehicle would ever accept, so set once it is flown on.
+            paper = {f"estimation.{k}": v for k, v in ESTIMATION_PRESETS["paper"].items()}
+            client.change({**paper, "fallback.enabled": False})
+
+    def _manoeuvre(self, client: Client, sticks: npt.NDArray[np.float64]) -> None:
+        p = self.parameters
+        if p.manoeuvre == "figure_eight":
+            laps = max(1, round(p.duration / PERIOD))
+            client.start("follow_trajectory", trajectory="figure_eight", laps=laps, period=PERIOD)
+            client.wait_until(
+                lambda v: v.behavior != "follow_trajectory" or not self._on_bearings(client),
+                what="the end of the 8", timeout=(laps + 2) * PERIOD + 10,
+            )  # fmt: skip
+            if client.view().behavior == "follow_trajectory":
+                client.start("brake")
+                client.wait(2.0)
+        elif p.manoeuvre == "sticks":
+            client.start("velocity")
+            for axes in sticks:
+                client.sticks(axes)
+                client.wait(1.0 / RATE)
+                if not self._on_bearings(client) or client.view().behavior != "velocity":
+                    break
+            if client.view().behavior == "velocity":
+                client.start("brake")
+                client.wait(2.0)
+        else:
+            end = client.view().time + p.duration + RAMP
+            client.wait_until(
+                lambda v: v.time >= end or not self._on_bearings(client) or v.mode != "armed",
+                what="the end of hover", timeout=p.duration + RAMP + 5.0,
+            )  # fmt: skip
+
+    def _sticks(self) -> npt.NDArray[np.float64]:
+        p = self.parameters
+        if p.sticks_file:
+            return recorded(Path(p.sticks_file))
+        return scripted(p.sticks_seed, p.duration)
+
+    def _shadow(self) -> dict[str, ParameterValue]:
+        return {
+            "estimation.shadow": self.parameters.estimator,
+            "estimation.shadow_source": "bearings",
+        }
+
+    def _control_gains(self) -> dict[str, ParameterValue]:
+        if self.parameters.control == "as_set":
+            return {}
+        gains = ParameterStore(preset(self.parameters.control)).values()
+        return {
+            f"control.{name}": value for name, value in gains.items()
+            if name.startswith(("position.", "attitude."))
+        }  # fmt: skip
+
+    def _on_bearings(self, client: Client) -> bool:
+        return client.parameter("estimation.source") == "bearings"
+
+    # ------------------------------------------------------------------ the log
+    def evaluate(self, log: Path) -> Result:
+        """Errors on bearings against the limit there is. Raises LogFormatError."""
+        p = self.parameters
+        flight = read_flight(log, self._vehicle, RAMP)
+        metrics = flight.metrics()
+        limits: dict[str, float] = {"fallbacks": 0.0}
+        rms = LIMITS.get((p.estimator, p.manoeuvre))
+        if rms is not None and p.gains != "paper" and _papers_sensor(log):
+            limits["position_rms_m"] = rms
+            limits["saturated_share"] = 0.0
+        passed = all(metrics[name] <= limit for name, limit in limits.items())
+        return Result("passed" if passed else "failed", metrics, limits)
+
+    def report(self, log: Path, folder: Path) -> list[Path]:
+        """Fig. 6 and its figures. Raises UsageError without matplotlib."""
+        from console.experiments.bearings_report import write
+
+        flight = read_flight(log, self._vehicle, RAMP)
+        return write(flight, self.parameters, self.evaluate(log), folder / log.stem)
+
+
+def _papers_sensor(log: Path) -> bool:
+    """Whether the emulated sensor was that of Sec. 7, which the limits are for."""
+    values = json.loads(read_attachments(log).get("parameters.json", b"{}"))
+    return all(
+        values.get(f"bearings.{name}", default) == default
+        for name, default in BearingParameters()
+        if name != "seed"
+    )

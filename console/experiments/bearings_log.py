@@ -1,0 +1,170 @@
+"""A flight on bearings as its log tells it: when, how near to truth and reference."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import LogFormatError
+from vehicle_link.log.reader import read_log
+from vehicle_link.messages import decode
+from vehicle_link.topics import decode_actuators, decode_odometry, decode_reference
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class BearingsFlight:
+    """Truth, estimate and reference at the stamps of truth while bearings were flown on.
+
+    Attributes:
+        time: (N,) s. truth, estimate: (N, 10) position, velocity, quaternion.
+        reference_w: (N, 3) m. saturated: share of ticks with a scaled wrench.
+        window: s, what is judged. fell_back: the events that say so.
+    """
+
+    time: Array
+    truth: Array
+    estimate: Array
+    reference_w: Array
+    saturated: float
+    window: tuple[float, float]
+    fell_back: tuple[str, ...]
+
+    @property
+    def judged(self) -> npt.NDArray[np.bool_]:
+        """(N,) which rows lie in the window."""
+        start, end = self.window
+        return (self.time >= start) & (self.time <= end)
+
+    @property
+    def turns(self) -> Array:
+        """(N, 3) rad, world axes: rotation vector from the estimated attitude to the true one."""
+        w, x, y, z = self.truth[:, 6:].T
+        a, b, c, d = self.estimate[:, 6:].T
+        scalar = w * a + x * b + y * c + z * d
+        vector = np.stack(
+            [
+                -w * b + x * a - y * d + z * c,
+                -w * c + x * d + y * a - z * b,
+                -w * d - x * c + y * b + z * a,
+            ],
+            axis=1,
+        )
+        length = np.linalg.norm(vector, axis=1)
+        angle = 2.0 * np.arctan2(length, np.abs(scalar))
+        sign = np.where(scalar < 0.0, -1.0, 1.0)
+        turns: Array = vector * (sign * angle / np.maximum(length, 1e-12))[:, None]
+        return turns
+
+    def metrics(self) -> dict[str, float]:
+        """Tracking and estimation errors in the window: m, m/s, deg, shares."""
+        rows = self.judged
+        truth, estimate = self.truth[rows], self.estimate[rows]
+        tracking = np.linalg.norm(truth[:, :3] - self.reference_w[rows], axis=1)
+        off = truth - estimate
+        start, end = self.window
+        return {
+            "position_rms_m": _rms(tracking),
+            "position_max_m": float(tracking.max()),
+            "estimate_position_rms_m": _rms(np.linalg.norm(off[:, :3], axis=1)),
+            "estimate_velocity_rms_m_s": _rms(np.linalg.norm(off[:, 3:6], axis=1)),
+            "estimate_attitude_rms_deg": float(
+                np.degrees(_rms(np.linalg.norm(self.turns[rows], axis=1)))
+            ),
+            "saturated_share": self.saturated,
+            "fallbacks": float(len(self.fell_back)),
+            "judged_s": end - start,
+            "samples": float(rows.sum()),
+        }
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
+    """The first stay on bearings of a log.
+
+    Args:
+        ramp: s left out at both ends of a trajectory, and at the start of anything else.
+
+    Raises LogFormatError when it was not flown on bearings, or truth is missing.
+    """
+    topics = ("truth", "state", "reference", "actuators", "events", "parameter_changes")
+    truth: dict[int, Array] = {}
+    state: dict[int, Array] = {}
+    reference: dict[int, Array] = {}
+    scaled: list[tuple[int, bool]] = []
+    events: list[tuple[float, str]] = []
+    phase: list[float] = []
+    newest = 0.0
+    for message in read_log(log, {f"/{vehicle}/{topic}" for topic in topics}):
+        stamp_ns, topic = message.publish_ns, message.topic.rsplit("/", 1)[1]
+        newest = max(newest, stamp_ns * 1e-9)
+        if topic == "parameter_changes":
+            change = decode(message.payload, message.type_name)
+            if change.name == "estimation.source":
+                on = ast.literal_eval(change.new_value) == "bearings"
+                if on is (len(phase) == 0) and len(phase) < 2:
+                    phase.append(stamp_ns * 1e-9)
+        elif topic == "events":
+            events.append((stamp_ns * 1e-9, decode(message.payload, message.type_name).msg))
+        elif not phase or len(phase) == 2:
+            continue
+        elif topic == "reference":
+            reference[stamp_ns] = decode_reference(message.payload)[1]["position_w"][0].copy()
+        elif topic == "actuators":
+            scaled.append((stamp_ns, bool(decode_actuators(message.payload)[1]["scaling"][0] < 1)))
+        else:
+            row = decode_odometry(message.payload, vehicle)[1]
+            values = np.concatenate(
+                [row[name][0] for name in ("position_w", "velocity_w", "quaternion_wb")]
+            )
+            (truth if topic == "truth" else state)[stamp_ns] = values
+    if not phase:
+        raise LogFormatError(
+            f"{log.name} never flew on bearings: no change of estimation.source to bearings in it"
+        )
+    begin, end = phase[0], newest if len(phase) == 1 else phase[1]
+    window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
+    common = sorted(truth.keys() & state.keys() & reference.keys())
+    time = np.array(common) * 1e-9
+    if not ((time >= window[0]) & (time <= window[1])).any():
+        raise LogFormatError(
+            f"{log.name} has no truth, state and reference at common stamps between "
+            f"{window[0]:.1f} s and {window[1]:.1f} s: too short a stay on bearings"
+        )
+    inside = [flag for ns, flag in scaled if window[0] <= ns * 1e-9 <= window[1]]
+    return BearingsFlight(
+        time,
+        np.array([truth[ns] for ns in common]),
+        np.array([state[ns] for ns in common]),
+        np.array([reference[ns] for ns in common]),
+        sum(inside) / max(len(inside), 1),
+        window,
+        tuple(
+            text for _, text in events
+            if text.startswith("fell back") or "no tracker to fall back" in text
+        ),
+    )  # fmt: skip
+
+
+def _window(
+    events: list[tuple[float, str]], begin: float, end: float, ramp: float
+) -> tuple[float, float]:
+    """What of the stay on bearings is judged: the manoeuvre without its ramps, if that long."""
+    start, late = begin + ramp, 0.0
+    for time, text in events:
+        if text.startswith("follow_trajectory by"):
+            start, late = time + ramp, ramp
+        elif text.startswith("velocity by"):
+            start = time
+        else:
+            continue
+        break
+    return (start, end - late) if start < end - late else (begin, end)

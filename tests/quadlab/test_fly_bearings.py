@@ -1,0 +1,149 @@
+"""`quadlab fly bearings`: flown on bearings alone, judged from the log, reported."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.experiments.bearings_log import read_flight
+from quadlab.__main__ import main
+from quadrotor.errors import LogFormatError
+from vehicle_link.log import read_log
+from vehicle_link.log.reader import read_attachments
+
+
+def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
+    main(["fly", "bearings", *words, "--out", str(out), "--json"])
+    report: dict[str, Any] = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    return report
+
+
+def test_the_eight_on_bearings_is_flown_judged_and_the_same_for_the_same_seed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = ("--set", "experiment.manoeuvre=figure_eight", "--set", "experiment.duration=8")
+    one, again = (fly(capsys, tmp_path / name, *words, "--seed", "7") for name in "ab")
+    metrics = one["metrics"]
+    assert one["verdict"] == "passed"
+    assert 0.005 < metrics["position_rms_m"] <= 0.04  # on the tracker it were 3 mm
+    assert 0.004 < metrics["estimate_position_rms_m"] < 0.025
+    assert 0.0 < metrics["estimate_attitude_rms_deg"] < 0.5
+    assert (metrics["saturated_share"], metrics["fallbacks"]) == (0.0, 0.0)
+    messages = [
+        [(m.topic, m.publish_ns, m.payload) for m in read_log(Path(report["log"]))]
+        for report in (one, again)
+    ]
+    assert messages[0] == messages[1]
+
+    flight = read_flight(Path(one["log"]), "quad1", 4.0)
+    rows = flight.judged
+    apart = np.linalg.norm((flight.truth[:, :3] - flight.reference_w)[rows], axis=1)
+    assert np.sqrt(np.mean(apart**2)) == pytest.approx(metrics["position_rms_m"])
+
+
+def test_recorded_sticks_fly_the_complementary_filter(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    rows = ["t,forward,left,up,yaw"]
+    rows += [f"{0.5 * k},{0.3 * np.sin(k):.3f},{0.3 * np.cos(k):.3f},0,0.1" for k in range(17)]
+    file = tmp_path / "sticks.csv"
+    file.write_text("\n".join(rows))
+    report = fly(
+        capsys, tmp_path, "--set", "experiment.manoeuvre=sticks",
+        "--set", f"experiment.sticks_file={file}", "--set", "experiment.estimator=complementary",
+    )  # fmt: skip
+    assert report["verdict"] == "passed"
+    assert 7.0 < report["metrics"]["judged_s"] < 12.0
+    assert 0.005 < report["metrics"]["position_rms_m"] < 0.055
+
+
+def test_a_failing_sensor_ends_on_the_tracker_and_fails(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    report = fly(
+        capsys, tmp_path, "--set", "experiment.duration=10",
+        "--set", "fallback.consistency_max=1.2", "--set", "fallback.window=0.2",
+    )  # fmt: skip
+    assert report["metrics"]["fallbacks"] == 1.0
+    assert report["verdict"] == "failed"
+
+
+def test_the_report_is_four_plots_and_a_table(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    pytest.importorskip("matplotlib")
+    report = fly(capsys, tmp_path, "--set", "experiment.duration=5", "--report")
+    picture, text = (Path(file) for file in report["report"])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert picture.parent == text.parent == Path(report["log"]).parent
+    written = text.read_text()
+    assert f"| position_rms_m | {report['metrics']['position_rms_m']:.5g} | 0.025 |" in written
+    assert "`experiment.manoeuvre` = hover" in written
+    assert picture.name in written
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--set", "experiment.manoeuvre=loop"], "one of hover, figure_eight, sticks"),
+        (["--set", "experiment.duration=1"], "5 to 3600"),
+        (["--set", "experiment.manouvre=hover"], "did you mean experiment.manoeuvre"),
+        (["--set", "experiment.estimator=magic"], "one of error_state, complementary"),
+        (["--set", "experiment.gains=paper"], "of the complementary filter"),
+        (["--set", "beacons.layout=1 0 0 0"], "beacons.layout"),
+    ],
+)
+def test_wrong_words_are_refused_with_what_is_allowed(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: list[str], said: str
+) -> None:
+    assert main(["fly", "bearings", *words, "--out", str(tmp_path)]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_without_matplotlib_a_report_is_refused_before_the_flight(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["fly", "bearings", "--report", "--out", str(tmp_path)]) == 2
+    assert "pip install matplotlib" in capsys.readouterr().err
+    assert main(["fly", "hover", "--report", "--out", str(tmp_path)]) == 2
+    assert "hover writes none" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_that_never_flew_on_bearings_is_told(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    main(["fly", "hover", "--out", str(tmp_path), "--json"])
+    log = json.loads(capsys.readouterr().out.strip().splitlines()[-1])["log"]
+    with pytest.raises(LogFormatError, match="never flew on bearings"):
+        read_flight(Path(log), "quad1")
+
+
+def test_the_vehicle_is_told_where_the_emulated_beacons_stand_unless_it_is_told_otherwise(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def layouts(*words: str) -> tuple[str, str]:
+        main(["fly", "hover", "--set", "bearings.layout=wide", *words, "--out", str(tmp_path),
+              "--json"])  # fmt: skip
+        log = json.loads(capsys.readouterr().out.strip().splitlines()[-1])["log"]
+        values = json.loads(read_attachments(Path(log))["parameters.json"])
+        return values["bearings.layout"], values["beacons.layout"]
+
+    assert layouts() == ("wide", "wide")
+    assert layouts("--set", "beacons.layout=paper") == ("wide", "paper")
+
+
+def test_another_sensor_is_reported_and_not_held_to_the_limits(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    coarse = fly(
+        capsys, tmp_path, "--set", "experiment.duration=8", "--set", "bearings.sigma=5",
+    )  # fmt: skip
+    assert coarse["metrics"]["position_rms_m"] > 0.025
+    assert coarse["verdict"] == "passed"

@@ -1,0 +1,309 @@
+"""Flying on bearings alone: from where, within which walls, and back to the tracker by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bearing_sim.emulator import BearingParameters
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.errors import OutOfBoundsError, RefusedError
+from quadrotor.parameters import ParameterStore
+from vehicle import mailbox
+from vehicle.modes import Flag
+from vehicle.parameters import check_pairs, new_parameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+
+class Log:
+    def __init__(self) -> None:
+        self.events: list[mailbox.Event] = []
+        self.changes: list[mailbox.ParameterChange] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.events.append(event)
+
+    def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        self.changes.append(change)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class Lab(SimulatedFlight):
+    """A vehicle that hovers at 1 m with the error-state filter beside it on bearings."""
+
+    def __init__(self, height: float = 1.0, shadow: bool = True) -> None:
+        parameters = FlightParameters().model_copy(deep=True)
+        parameters.seed(3)
+        self.kept = Log()
+        self.robot = SimulatedVehicle(parameters.simulator)
+        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
+        if shadow:
+            self.change(
+                {"estimation.shadow": "error_state", "estimation.shadow_source": "bearings"}
+            )
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(0.3)
+        self.arm()
+        self.wait(0.5)
+        self.start("take_off", height=height)
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.wait(2.0)
+
+    def hand_over(self) -> Lab:
+        self.change({"estimation.source": "bearings", "estimation.estimator": "error_state"})
+        self.advance()
+        return self
+
+    @property
+    def source(self) -> str:
+        return str(self.parameter("estimation.source"))
+
+    def texts(self) -> list[str]:
+        self.advance()
+        return [event.text for event in self.kept.events]
+
+    def flags(self) -> Flag:
+        self.advance()
+        return Flag(int(self.stack.status["flags"][0]))
+
+    def off(self) -> float:
+        """m, from where the estimate believes the vehicle to where it is."""
+        true_w = self.robot.truth["position_w"][0]
+        return float(np.linalg.norm(self.stack.state["position_w"][0] - true_w))
+
+
+def refusal(action: Callable[[], object]) -> str:
+    with pytest.raises(RefusedError) as caught:
+        action()
+    return str(caught.value)
+
+
+def refused_unchanged(lab: Lab, values: dict[str, Any]) -> str:
+    store = lab.stack.store
+    before, revision, active = store.values(), store.revision, lab.stack.estimator
+    reason = refusal(lambda: lab.change(values))
+    assert (store.values(), store.revision) == (before, revision)
+    assert lab.stack.estimator is active
+    return reason
+
+
+HAND_OVER = {"estimation.source": "bearings", "estimation.estimator": "error_state"}
+
+
+def test_hand_over_and_back_jump_by_no_more_than_the_estimates_differ() -> None:
+    lab = Lab()
+    stack = lab.stack
+    apart = np.linalg.norm(stack.navigation.shadow_state["position_w"] - stack.state["position_w"])
+    before, reference = stack.state["position_w"][0].copy(), stack.reference.copy()
+    lab.hand_over()
+    assert np.linalg.norm(stack.state["position_w"][0] - before) <= apart + 0.003
+    assert np.abs(stack.reference["position_w"] - reference["position_w"]).max() < 0.003
+    assert stack.estimator.name == "error_state"  # type: ignore[attr-defined]
+    assert stack.store.get("estimation.shadow") == "none"
+    assert Flag.ON_BEARINGS in lab.flags()
+    lab.wait(3.0)
+    assert 0.001 < lab.off() < 0.06  # no pose helps
+    lab.change({"estimation.source": "poses"})
+    assert stack.estimator.name == "complementary"  # type: ignore[attr-defined]
+    assert stack.store.get("estimation.shadow") == "error_state"
+    assert stack.store.get("estimation.shadow_source") == "bearings"
+    assert Flag.ON_BEARINGS not in lab.flags()
+    lab.wait(1.0)
+    assert lab.off() < 0.005
+    lab.hand_over()  # again, at once: what was flown on went on beside
+    assert lab.source == "bearings"
+
+
+def test_taking_off_on_bearings_is_refused_with_what_to_do() -> None:
+    parameters = FlightParameters().model_copy(deep=True)
+    parameters.estimation.source = "bearings"
+    parameters.estimation.estimator = "error_state"
+    robot = SimulatedVehicle(parameters.simulator)
+    flight = SimulatedFlight(parameters, robot, Log())  # type: ignore[arg-type]
+    flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+    flight.wait(0.3)
+    reason = refusal(flight.arm)
+    assert "take off on the tracker" in reason
+    assert "above 0.3 m" in reason
+
+
+def test_low_outside_or_on_a_way_the_hand_over_is_refused_with_numbers() -> None:
+    lab = Lab(height=0.25)
+    assert "0.25 m above take-off" in refused_unchanged(lab, HAND_OVER)
+    lab.start("fly_to", x=1.7, y=0.0, z=1.0)
+    lab.wait_until(lambda v: v.position_w[2] > 0.4, what="some height", timeout=5)
+    assert "during fly_to" in refused_unchanged(lab, HAND_OVER)
+    lab.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+    reason = refused_unchanged(lab, HAND_OVER)
+    assert "x = 1.70 m" in reason
+    assert "-1.50 to 1.50 m" in reason
+    lab.start("fly_to", x=0.0, y=0.0, z=2.3)
+    lab.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+    assert "z = 2.30 m" in refused_unchanged(lab, HAND_OVER)
+
+
+def test_what_does_not_run_or_has_not_converged_is_refused_with_numbers() -> None:
+    lab = Lab()
+    lab.change({"estimation.shadow_source": "poses"})
+    lab.wait(1.0)
+    reason = refused_unchanged(lab, HAND_OVER)
+    assert "error_state on bearings does not run" in reason
+    assert "now: error_state on poses" in reason
+    lab.change({"estimation.shadow_source": "bearings"})
+    assert "no measurement" in refused_unchanged(lab, HAND_OVER)
+    lab.wait(0.15)
+    assert "needs 10" in refused_unchanged(lab, HAND_OVER)
+    lab.wait(2.0)
+    lab.stack.navigation.shadow_state["position_w"][0, 1] += 0.4
+    assert "allowed 0.250 m" in refused_unchanged(lab, HAND_OVER)
+    lab.advance()
+    lab.hand_over()
+
+
+def test_the_walls_close_in_on_bearings_and_open_again() -> None:
+    lab = Lab()
+    lab.start("velocity")
+    lab.hand_over()
+    walls = lab.stack.behaviors.parameters
+    assert (walls.volume_x_min, walls.volume_y_max) == (-1.5, 1.5)
+    assert walls.volume_z_min == pytest.approx(0.3, abs=0.01)
+    assert walls.volume_z_max == 2.0
+    for _ in range(300):  # full stick forward for 6 s, begun before and after
+        lab.sticks((1.0, 0.0, 0.0, 0.0))
+        lab.wait(0.02)
+    assert 1.2 < lab.stack.reference["position_w"][0, 0] <= 1.5
+    assert "outside the flight volume" in refusal(lambda: lab.start("fly_to", x=1.8))
+    lab.change({"behavior.volume_x_max": 1.4})  # the user's own walls still count
+    assert lab.stack.behaviors.parameters.volume_x_max == 1.4
+    lab.change({"behavior.volume_x_max": 3.0, "estimation.source": "poses"})
+    assert lab.stack.behaviors.parameters.volume_x_max == 3.0
+    lab.start("fly_to", x=1.8)
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ({"swap": 1.0}, "bearings rejected, allowed 30%"),
+        ({"bias_x": 8.0}, ""),
+        ({"lost": "all"}, "no frame of bearings applied for 0.5"),
+    ],
+)
+def test_with_the_tracker_there_bad_bearings_end_on_the_tracker(
+    fault: dict[str, Any], said: str
+) -> None:
+    lab = Lab().hand_over()
+    lab.wait(2.0)
+    assert lab.source == "bearings"
+    for name, value in fault.items():
+        setattr(lab.parameters.bearings, name, value)
+    lab.wait_until(lambda v: lab.source == "poses", what="falling back", timeout=10)
+    texts = [text for text in lab.texts() if text.startswith("fell back to the tracker: ")]
+    assert len(texts) == 1
+    assert said in texts[0]
+    assert any(character.isdigit() for character in texts[0])
+    assert Flag.FELL_BACK in lab.flags()
+    change = next(c for c in reversed(lab.kept.changes) if c.name == "estimation.source")
+    assert (change.new, change.requester) == ("poses", "vehicle")
+    lab.wait(1.0)
+    assert lab.off() < 0.01
+    for name in fault:  # well again: and yet it stays on the tracker until it is asked
+        setattr(lab.parameters.bearings, name, getattr(BearingParameters(), name))
+    lab.wait(5.0)
+    assert lab.source == "poses"
+    assert lab.view().armed
+    lab.hand_over()
+    assert Flag.FELL_BACK not in lab.flags()
+
+
+def test_without_the_tracker_bad_bearings_land_the_vehicle_inside() -> None:
+    lab = Lab().hand_over()
+    lab.parameters.tracker.drop_out = 1.0
+    lab.wait(2.0)
+    assert lab.source == "bearings"
+    assert lab.view().mode == "armed"
+    lab.parameters.bearings.swap = 1.0
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5)
+    assert any("no tracker to fall back to" in text for text in lab.texts())
+    lab.wait_until(lambda v: not v.armed, what="touch-down", timeout=15)
+    assert np.abs(lab.robot.truth["position_w"][0, :2]).max() < 1.5
+
+
+def test_without_tracker_and_bearings_the_vehicle_lands_on_its_imu() -> None:
+    lab = Lab().hand_over()
+    lab.parameters.tracker.drop_out = 1.0
+    lab.parameters.bearings.lost = "all"
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5)
+    lab.wait_until(lambda v: not v.armed, what="touch-down", timeout=15)
+    assert any("no pose measurement for" in text for text in lab.texts())
+
+
+def test_land_goes_back_to_the_tracker_first_and_without_it_down_on_bearings() -> None:
+    lab = Lab().hand_over()
+    lab.start("land")
+    lab.wait(0.1)
+    assert lab.source == "poses"
+    lab.start("hover")
+    lab.wait(2.0)
+    lab.hand_over()
+    lab.parameters.tracker.drop_out = 1.0
+    lab.wait(0.5)
+    assert "has not converged" in refusal(lambda: lab.change({"estimation.source": "poses"}))
+    lab.start("land")
+    lab.wait_until(lambda v: not v.armed, what="touch-down", timeout=15)
+    assert lab.source == "bearings"
+    assert np.abs(lab.robot.truth["position_w"][0, :2]).max() < 0.2
+
+
+def test_the_tracker_that_returns_during_a_landing_takes_over() -> None:
+    lab = Lab().hand_over()
+    lab.parameters.tracker.drop_out = 1.0
+    lab.wait(0.5)
+    lab.start("land")
+    lab.wait(0.5)
+    assert lab.source == "bearings"
+    lab.parameters.tracker.drop_out = 0.0
+    lab.wait_until(lambda v: lab.source == "poses", what="the tracker", timeout=2)
+    assert lab.view().airborne
+
+
+def test_the_layout_is_checked_and_stays_while_bearings_are_flown_on() -> None:
+    lab = Lab()
+    moved = "1 1.2 1.0 0.1; 2 -1.0 1.0 0.1; 3 -1.0 -1.0 0.1; 4 1.0 -1.0 0.1"
+    store = lab.stack.store
+    before, revision = store.values(), store.revision
+    with pytest.raises(RefusedError, match=r"beacons\.layout: "):
+        lab.change({"beacons.layout": "1 0 0 0; 2 1 0 0"})
+    assert (store.values(), store.revision) == (before, revision)
+    lab.change({"beacons.layout": moved})
+    lab.parameters.bearings.layout = moved
+    shadow = lab.stack.navigation.shadow
+    assert shadow is not None
+    assert not shadow.converged  # begun anew
+    lab.wait(2.0)
+    lab.hand_over()
+    lab.wait(2.0)
+    assert lab.off() < 0.06  # the places were taken over
+    assert "while bearings are flown on" in refused_unchanged(lab, {"beacons.layout": "paper"})
+    lab.change({"estimation.source": "poses"})
+    lab.change({"beacons.layout": "paper"})
+
+
+def test_a_layout_that_is_none_is_refused_at_the_start_too() -> None:
+    values: dict[str, Any] = ParameterStore(new_parameters()).values() | {
+        "beacons.layout": "papper"
+    }
+    with pytest.raises(OutOfBoundsError, match="did you mean paper"):
+        check_pairs(values)
+
+
+def test_no_bearings_are_watched_before_a_hand_over() -> None:
+    lab = Lab()
+    lab.parameters.bearings.swap = 1.0
+    lab.wait(3.0)
+    assert lab.stack.navigation.watch.verdict is None
+    assert lab.off() < 0.005

@@ -1,0 +1,55 @@
+"""One estimator that runs on board, what it is fed with, and where it writes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimation.estimator import Estimator
+from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state
+
+POSES, BEARINGS, BOTH = "poses", "bearings", "both"
+
+
+class Runner:
+    """An estimator beside the one flown on, or that one itself.
+
+    Args:
+        name: in `estimation.registry`.
+        source: "poses", "bearings" or "both".
+
+    Attributes:
+        state, estimate: STATE and ESTIMATE (1,) of one that is not flown on.
+        plugged: of unknown make, so that its name says nothing about it.
+    """
+
+    def __init__(self, name: str, source: str, estimator: Estimator, plugged: bool = False) -> None:
+        self.name, self.source, self.estimator, self.plugged = name, source, estimator, plugged
+        self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
+        self._last_pose_ns = -(1 << 62)
+
+    def __str__(self) -> str:
+        return f"{self.name} on {self.source}"
+
+    def is_(self, name: str, source: str) -> bool:
+        return self.name == name and self.source == source
+
+    def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
+        """Whether this POSE_SAMPLE or BEARINGS_SAMPLE is for it.
+
+        A filter of fixed gains would take bearings for as good as poses: only without them.
+        """
+        if measurement.dtype == POSE_SAMPLE:
+            if self.source == BEARINGS:
+                return False
+            self._last_pose_ns = now_ns
+            return True
+        if self.source != BOTH or self.estimator.deviations is not None:
+            return self.source != POSES
+        return now_ns - self._last_pose_ns > timeout_ns
+
+    def correct(self, measurement: Record, estimate: Record) -> None:
+        """Apply it. Raises MeasurementError."""
+        if measurement.dtype == POSE_SAMPLE:
+            self.estimator.correct(measurement, estimate)
+        else:
+            self.estimator.correct_bearings(measurement, estimate)
