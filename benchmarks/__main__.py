@@ -2,8 +2,8 @@
 
     .venv/bin/python -m benchmarks [pose filters onboard closed_loop start] [--quick] [--out DIR]
 
-Without --out the tables are printed only. With it DIR gets performance.md, performance.json and
-one PNG a plot (matplotlib, from the extra `bench`).
+Without --out the tables are printed only. With it DIR gets performance.md and the folder
+performance with the JSON and one PNG a plot.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
-    parser.add_argument("--out", type=Path, help="folder for performance.md, .json and plots")
+    parser.add_argument("--out", type=Path, help="folder for performance.md, JSON and plots")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
     if unknown:
@@ -68,12 +68,14 @@ def _cpu_lines() -> list[str]:
 
 
 def write(out: Path, reports: list[Report], conditions: dict[str, str], quick: bool) -> None:
-    """performance.md, performance.json and the plots into the folder `out`."""
-    out.mkdir(parents=True, exist_ok=True)
+    """`out`/performance.md, and beside it the folder performance with the JSON and the plots."""
+    beside = out / "performance"
+    beside.mkdir(parents=True, exist_ok=True)
     lines = [
         "# Performance",
         "",
-        "Written by `python -m benchmarks --out docs/performance`; every peer ran in the same run,",
+        f"Written by `python -m benchmarks {' '.join(r.name for r in reports)} --out DIR`;",
+        "every peer ran in the same run,",
         "in turns with ours. Times are medians of rounds, ratios medians of the rounds' ratios.",
         "",
         *(f"- {key}: {value}" for key, value in conditions.items()),
@@ -82,11 +84,11 @@ def write(out: Path, reports: list[Report], conditions: dict[str, str], quick: b
     ]
     # Figures first: a plot that fails must not lose minutes of measuring.
     document = {"conditions": conditions, "reports": [r.as_json() for r in reports]}
-    (out / "performance.json").write_text(json.dumps(document, indent=1, default=float) + "\n")
+    (beside / "performance.json").write_text(json.dumps(document, indent=1, default=float) + "\n")
     for report in reports:
         lines.append(report.as_markdown())
-        if report.plot and draw(report.plot, out / f"{report.name}.png"):
-            lines.append(f"![{report.title}]({report.name}.png)\n")
+        if report.plot and draw(report.plot, beside / f"{report.name}.png"):
+            lines.append(f"![{report.title}](performance/{report.name}.png)\n")
     (out / "performance.md").write_text("\n".join(lines))
 
 
@@ -100,7 +102,7 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
     try:
         import matplotlib
     except ImportError:
-        print("no plots: matplotlib is not installed (extra `bench`)", file=sys.stderr)
+        print("no plots: matplotlib is not installed", file=sys.stderr)
         return False
     matplotlib.use("Agg")
     from matplotlib import pyplot

@@ -143,8 +143,7 @@ def check_report(experiment: Experiment) -> None:
         found = False
     if not found:
         raise UsageError(
-            "--report needs matplotlib, which is not installed: uv sync --extra bench, or "
-            "pip install matplotlib"
+            "--report needs matplotlib, which is not installed: pip install matplotlib"
         )
 
 

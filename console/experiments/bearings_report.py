@@ -24,8 +24,7 @@ def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Pat
         import matplotlib
     except ImportError:
         raise UsageError(
-            "the plots of --report need matplotlib, which is not installed: "
-            "uv sync --extra bench, or pip install matplotlib"
+            "the plots of --report need matplotlib, which is not installed: pip install matplotlib"
         ) from None
     matplotlib.use("Agg")
     from matplotlib import pyplot

@@ -22,7 +22,7 @@ def check_plot(path: Path) -> None:
         import matplotlib  # noqa: F401
     except ImportError:
         raise UsageError(
-            "--plot needs matplotlib, of the extra `bench`: pip install -e '.[bench]'"
+            "--plot needs matplotlib, which is not installed: pip install matplotlib"
         ) from None
     from matplotlib.backend_bases import FigureCanvasBase
 

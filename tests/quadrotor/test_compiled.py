@@ -45,7 +45,8 @@ def project(tmp_path):
 
 def law(project: Path, gain: float, factor: float) -> list[str]:
     (project / "control" / "gain.py").write_text(GAIN.format(gain=gain, factor=factor))
-    command = [sys.executable, "-c", "import control.law"]
+    # -B: Python's own cache tells two versions of the same second and length not apart.
+    command = [sys.executable, "-B", "-c", "import control.law"]
     return subprocess.run(
         command, cwd=project, env={"PYTHONPATH": str(project), "PATH": ""}, check=True,
         capture_output=True, text=True, timeout=120,
