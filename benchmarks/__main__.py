@@ -107,14 +107,16 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(figsize=(8.0, 4.5), layout="constrained")
+    figure, axes = pyplot.subplots(figsize=(9.0, 4.5), layout="constrained")
     if plot["kind"] == "scatter":
-        axes.loglog(plot["x"], plot["y"], "o", color="#1f6f8b")
-        points = sorted(zip(plot["x"], plot["y"], plot["labels"], strict=True))
-        for k, (x, y, label) in enumerate(points):  # in turns above and below: neighbours clash
-            offset = (6, 5 if k % 2 == 0 else -11)
-            axes.annotate(label, (x, y), xytext=offset, textcoords="offset points", fontsize=8)
-        axes.margins(x=0.25, y=0.2)
+        # Numbers at the points and names beside the axes: names at the points lie on each other.
+        points = sorted(zip(plot["y"], plot["x"], plot["labels"], strict=True), reverse=True)
+        for number, (y, x, label) in enumerate(points, start=1):
+            axes.plot(x, y, "o", color="#1f6f8b", label=f"{number}  {label}")
+            offset = (-13, -4) if number % 2 else (7, -4)
+            axes.annotate(f"{number}", (x, y), xytext=offset, textcoords="offset points")
+        axes.loglog()
+        axes.margins(x=0.12, y=0.12)
     else:
         # Dots, not bars: a logarithmic axis has no zero for a bar to start from.
         axes.plot(plot["values"], plot["labels"], "o", color="#1f6f8b")
@@ -124,13 +126,17 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
                 fontsize=8,
             )  # fmt: skip
         axes.set_xscale("log")
-        axes.margins(x=0.15)
+        axes.margins(x=0.2)
         axes.invert_yaxis()
     if "limit" in plot:
         line = axes.axhline if plot["kind"] == "scatter" else axes.axvline
         line(plot["limit"], color="#b3402e", linewidth=1.0, linestyle="--")
         axes.plot([], [], color="#b3402e", linestyle="--", label=plot.get("limit_label", "limit"))
-        axes.legend(frameon=False, loc="best")
+    if plot["kind"] == "scatter":
+        axes.legend(
+            frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2,
+            fontsize=8,
+        )  # fmt: skip
     axes.set_xlabel(plot["x_label"])
     axes.set_ylabel(plot.get("y_label", ""))
     axes.grid(True, which="major", alpha=0.3)

@@ -75,7 +75,7 @@ def _ahrs(flights: list[Flight], discarded: float) -> Iterator[Row]:
             name,
             {
                 "deg": float(np.degrees(np.sqrt(np.mean(errors)))),
-                "us a second": 1e6 * float(np.median(seconds)),
+                "µs a second": 1e6 * float(np.median(seconds)),
             },
         )
 
@@ -113,7 +113,7 @@ def _filterpy(
     position, velocity = np.sqrt(np.mean(errors, axis=0)).tolist()
     return Row(
         "filterpy KalmanFilter (translation)",
-        {"m": position, "m/s": velocity, "us a second": 1e6 * float(np.median(seconds))},
+        {"m": position, "m/s": velocity, "µs a second": 1e6 * float(np.median(seconds))},
     )
 
 

@@ -249,10 +249,10 @@ def run(quick: bool = False) -> Report:
     report.rows += peer_rows
     report.notes += notes
     _targets(report, found, late, limit, bounds)
-    timed = [row for row in report.rows if "us a second" in row.figures and "m" in row.figures]
+    timed = [row for row in report.rows if "µs a second" in row.figures and "m" in row.figures]
     report.plot = {
         "kind": "scatter",
-        "x": [row.figures["us a second"] for row in timed],
+        "x": [row.figures["µs a second"] for row in timed],
         "y": [row.figures["m"] for row in timed],
         "labels": [row.method for row in timed],
         "x_label": "processor time, µs a second of flight",
@@ -271,7 +271,7 @@ def _row(method: str, rms: Array, limit: Array, seconds: list[float] | None) -> 
         "× bound": " / ".join(f"{ratio:.2f}" for ratio in rms / limit),
     }
     if seconds is not None:
-        figures["us a second"] = 1e6 * float(np.median(seconds))
+        figures["µs a second"] = 1e6 * float(np.median(seconds))
     return Row(method, figures)
 
 

@@ -101,6 +101,7 @@ class Report:
                 for t in self.targets
             ],
             "notes": self.notes,
+            "plot": self.plot,
         }
 
     def as_markdown(self) -> str:
