@@ -74,6 +74,7 @@ _ROWS = (
     Topic("actuators", "quadlab_msgs/Actuators", "station", 100),
     Topic("station_status", "quadlab_msgs/StationStatus", "station", 5),
     Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5),
+    Topic("comparison", "quadlab_msgs/EstimatorComparison", "station", 10),
     Topic("truth", "nav_msgs/Odometry", "simulator", 100),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
 )
