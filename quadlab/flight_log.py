@@ -12,7 +12,7 @@ from bearing_sim.emulator import BearingMeasurement
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record
 from vehicle import mailbox
-from vehicle.comms_publish import Publisher
+from vehicle.comms_publish import FLOWN_ON, Publisher
 from vehicle_link import topics
 from vehicle_link.cdr_layout import Records
 from vehicle_link.log import LogWriter
@@ -59,6 +59,7 @@ class FlightLog:
         self._now_ns = 0
         # The publisher of the comms process decides which slow topic is due; nothing is sent.
         self._publisher = Publisher(None, self, self, vehicle)  # type: ignore[arg-type]
+        self._publisher.estimator = str(store.values()[FLOWN_ON])
 
     def now_ns(self) -> int:
         """Simulated time, for the publisher."""
@@ -82,6 +83,8 @@ class FlightLog:
         self._publisher.event(event)
 
     def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        if change.name == FLOWN_ON:
+            self._flush()  # the ticks before it were flown on the estimator before
         self._now_ns = self._newest_ns()
         self._publisher.parameter_change(change)
 

@@ -24,7 +24,7 @@ from vehicle import mailbox
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle.comms_inbound import Inbound
-from vehicle.comms_publish import Publisher
+from vehicle.comms_publish import FLOWN_ON, Publisher
 from vehicle.comms_radio import LinkRadio
 from vehicle.comms_services import serve
 from vehicle.onboard_log import OnboardLog
@@ -111,7 +111,9 @@ class Comms:
             self._mirror.deliver(message)
             if self._mirror.complete:
                 self._log.start()  # not before: its files begin with the parameters
-                self._inbound.lay_out(str(self._mirror.values()["beacons.layout"]))
+                values = self._mirror.values()
+                self._inbound.lay_out(str(values["beacons.layout"]))
+                self._publisher.estimator = str(values[FLOWN_ON])
         elif isinstance(message, mailbox.Event):
             self._publisher.event(message)
         else:

@@ -25,7 +25,8 @@ PACKETS_A_SECOND = 100
 NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
 STALE_NS = 200_000_000  # ticks older than this are for the log only
-ESTIMATOR = "complementary"
+FLOWN_ON = "estimation.estimator"
+"""The parameter that names the estimator of the topic `estimator`."""
 
 _STABLE = ~int(
     Flag.SATURATED | Flag.TILT_LIMITED
@@ -68,6 +69,8 @@ class Publisher:
         self._probe_ns: dict[str, int] = {}
         self._status_key: tuple[int, ...] = ()
         self.station_lost = False
+        self.estimator = ""
+        """The one flown on, as `FLOWN_ON` says; followed from its changes."""
 
     def ticks(self, ticks: Record) -> None:
         """The ticks read just now, shape (N,), N ≥ 1, oldest first."""
@@ -81,7 +84,7 @@ class Publisher:
             self._status_key = key
             self._send("status", self._status(last), newest)
         if self._due("estimator", newest):
-            self._send("estimator", topics.encode_estimators(last, ESTIMATOR)[0], newest)
+            self._send("estimator", topics.encode_estimators(last, self.estimator)[0], newest)
         if self._due("battery", newest):
             self._send("battery", topics.encode_batteries(last, self._vehicle)[0], newest)
         if self._due("pressure", newest):
@@ -107,6 +110,8 @@ class Publisher:
         self._send("events", payload, event.stamp_ns, always=True)
 
     def parameter_change(self, change: mailbox.ParameterChange) -> None:
+        if change.name == FLOWN_ON:
+            self.estimator = str(change.new)
         stamp_ns = change.stamp_ns
         changed: dict[str, ParameterValue] = {change.name: change.new}
         event = topics.encode_parameter_event(stamp_ns, self._node, changed)

@@ -15,6 +15,7 @@ from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
 from vehicle_link.log import read_log
 from vehicle_link.log.reader import read_attachments
+from vehicle_link.messages import decode
 
 
 def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
@@ -39,6 +40,13 @@ def test_the_eight_on_bearings_is_flown_judged_and_the_same_for_the_same_seed(
         for report in (one, again)
     ]
     assert messages[0] == messages[1]
+    told = [
+        decode(payload, "quadlab_msgs/EstimatorStatus").estimator
+        for topic, _, payload in messages[0]
+        if topic == "/quad1/estimator"
+    ]
+    changes = [name for k, name in enumerate(told) if k == 0 or name != told[k - 1]]
+    assert changes == ["complementary", "error_state", "complementary"]
 
     flight = read_flight(Path(one["log"]), "quad1", 4.0)
     rows = flight.judged

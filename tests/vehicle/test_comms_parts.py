@@ -17,7 +17,7 @@ from vehicle import comms_clock, mailbox
 from vehicle.comms_clock import WINDOW_NS, VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle.comms_inbound import Inbound
-from vehicle.comms_publish import Publisher, flag_names, samples_a_packet
+from vehicle.comms_publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
 from vehicle.modes import Flag, Mode
 from vehicle.process_config import create_rings, open_rings
 from vehicle_link import messages, telemetry, topics
@@ -305,6 +305,16 @@ def test_status_speaks_words(sender: Sender) -> None:
     (status,) = sender.radio.decoded("status")
     assert (status.behavior, status.flags) == ("fly_to", ["no_pose", "link_lost"])
     assert flag_names(0) == []
+
+
+def test_the_estimator_flown_on_is_named(sender: Sender) -> None:
+    sender.publisher.estimator = "complementary"
+    sender.run(0.1)
+    change = mailbox.ParameterChange(START_NS, FLOWN_ON, "complementary", "mine", "anna", 2)
+    sender.publisher.parameter_change(change)
+    sender.run(0.1)
+    names = [status.estimator for status in sender.radio.decoded("estimator")]
+    assert set(names) == {"complementary", "mine"} and names == sorted(names)
 
 
 def test_a_lost_station_is_probed_and_the_log_keeps_all(sender: Sender) -> None:
