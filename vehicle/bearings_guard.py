@@ -18,6 +18,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.estimator_choice import SOURCE, hands_over
+from vehicle.ground_contact import GroundContact
 from vehicle.modes import Flag, Mode
 from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters
@@ -40,8 +41,7 @@ class Guarded(Protocol):
     """What the guard needs of the flight stack."""
 
     mode: Mode
-    airborne: bool
-    ground_z: float
+    ground: GroundContact
     parameters: VehicleParameters
     navigation: Navigation
     behaviors: BehaviorMachine
@@ -96,8 +96,8 @@ class BearingsGuard:
         stack = self._stack
         p = stack.parameters.beacons
         position = stack.state["position_w"][0].tolist()
-        height = position[2] - stack.ground_z
-        if not stack.airborne or not height >= p.height_min:
+        height = position[2] - stack.ground.ground_z
+        if not stack.ground.airborne or not height >= p.height_min:
             raise RefusedError(
                 f"hand-over refused: {max(height, 0.0):.2f} m above take-off; bearings are flown "
                 f"on from {p.height_min:g} m (beacons.height_min)"
@@ -138,7 +138,7 @@ class BearingsGuard:
     def _envelope(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
         """Lowest and highest x, y, z (m, world axes) to fly on bearings."""
         p = self._stack.parameters.beacons
-        far, low = p.envelope_xy, self._stack.ground_z + p.height_min
+        far, low = p.envelope_xy, self._stack.ground.ground_z + p.height_min
         return (-far, far), (-far, far), (low, p.envelope_z_max)
 
     def _shrunk(self, walls: BehaviorParameters) -> BehaviorParameters:
@@ -154,7 +154,7 @@ class BearingsGuard:
         stack = self._stack
         navigation = stack.navigation
         verdict = navigation.watch.verdict
-        if not stack.airborne:
+        if not stack.ground.airborne:
             return
         if verdict is not None:
             if navigation.reserve_ready:

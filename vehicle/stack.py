@@ -26,6 +26,7 @@ from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.bearings_guard import BearingsGuard
 from vehicle.commands import CommandHandler
+from vehicle.ground_contact import GroundContact
 from vehicle.gyro_calibration import GyroCalibration
 from vehicle.imu_calibration import ImuCalibrator
 from vehicle.microcontroller import RawSample
@@ -75,7 +76,7 @@ class FlightStack:
         self.estimate = self.record["estimate"]
         self.status = self.record["status"]
         self.mode = Mode.STARTING
-        self.airborne = False
+        self.ground = GroundContact()
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self._stamp_ns = 0
         self._layout = parameters.beacons.layout
@@ -101,8 +102,6 @@ class FlightStack:
         self._sequence = self.record["sequence"]
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._armed_ns = 0
-        self._landed_ns: int | None = None
-        self.ground_z = 0.0
         self.configure()
 
     # ------------------------------------------------------------------ the tick
@@ -115,16 +114,17 @@ class FlightStack:
         if self.mode is Mode.STARTING:
             self._calibrate_gyroscope()
 
+        airborne = self.ground.airborne
         self.navigation.step(self.imu, dt, self.state, self.estimate)
         # The wrench is still the last tick's: what the vehicle obeyed until now.
-        self.mass.step(self.state, self.actuators, self.airborne, dt, self.estimate)
+        self.mass.step(self.state, self.actuators, airborne, dt, self.estimate)
         if self.steering.follow_battery(sample.battery_voltage, dt):
             self.behaviors.model = self.steering.model
 
         pose_age = self.navigation.active.measurement_age
         verdict = self.supervisor.step(
             self._stamp_ns,
-            airborne=self.airborne,
+            airborne=airborne,
             voltage=sample.battery_voltage,
             pose_age=pose_age,
             tilt=self._tilt(),
@@ -141,12 +141,12 @@ class FlightStack:
                 dt,
                 self.state,
                 self._joy,
-                self.airborne,
+                airborne,
                 self._wrench.item(0),
                 self.reference,
             )
             self.steering.controller.step(
-                self.state, self.reference, self.airborne, dt, self.actuators
+                self.state, self.reference, airborne, dt, self.actuators
             )
             self._watch_ground()
         elif flying:
@@ -202,13 +202,12 @@ class FlightStack:
         if mode is Mode.ARMED:
             self.motor_state_wanted = MotorState.ON
             self._armed_ns = self._stamp_ns
-            self.ground_z = float(self.state["position_w"][0, 2])
+            self.ground.arm(float(self.state["position_w"][0, 2]))
             self.supervisor.begin_flight()
             self.guard.begin_flight()
         elif mode in (Mode.READY, Mode.CUT):
             self.motor_state_wanted = MotorState.OFF
-            self.airborne = False
-            self._landed_ns = None
+            self.ground.disarm()
             self.behaviors.reset()
             self.controller.reset()
         self.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
@@ -216,6 +215,11 @@ class FlightStack:
     def say(self, text: str, level: int = mailbox.INFO) -> None:
         """Put one line into the log and on the page."""
         self.outbox.append(mailbox.Event(stamp_ns=self._stamp_ns, level=level, text=text))
+
+    @property
+    def airborne(self) -> bool:
+        """Between take-off and touch-down."""
+        return self.ground.airborne
 
     @property
     def stamp_ns(self) -> int:
@@ -290,25 +294,19 @@ class FlightStack:
         self.behaviors.request(behavior, {}, self.state, armed=True, airborne=True)
 
     def _watch_ground(self) -> None:
-        if not self.airborne and self.behaviors.name is not BehaviorName.LAND:
-            height = float(self.state["position_w"][0, 2]) - self.ground_z
-            self.airborne = height > 0.03
-        if self.behaviors.landed:
-            self.airborne = False
-            if self._landed_ns is None:
-                self._landed_ns = self._stamp_ns
-                self.behaviors.reset()
-                self.controller.reset()
-                self.say("touched down")
+        if not self.ground.airborne and self.behaviors.name is not BehaviorName.LAND:
+            self.ground.rise(float(self.state["position_w"][0, 2]))
+        if self.behaviors.landed and self.ground.touch_down(self._stamp_ns):
+            self.behaviors.reset()
+            self.controller.reset()
+            self.say("touched down")
 
     def _idle(self) -> None:
         """Armed on the ground: motors turn slowly, the reference follows the state."""
         stand(self.state, self.reference)
         self.controller.idle(self.actuators)
-        if self._landed_ns is not None:
-            waited = (self._stamp_ns - self._landed_ns) * 1e-9
-            if waited >= self.parameters.safety.disarm_after_landing:
-                self.move(Mode.READY, "landed")
+        if self.ground.rested(self._stamp_ns) >= self.parameters.safety.disarm_after_landing:
+            self.move(Mode.READY, "landed")
 
     def _rest(self) -> None:
         stand(self.state, self.reference)
@@ -330,7 +328,7 @@ class FlightStack:
         self._status_writer.write(
             mode=self.mode,
             behavior=self.behaviors.name,
-            airborne=self.airborne,
+            airborne=self.ground.airborne,
             supervisor_flags=self.supervisor.flags,
             bearings_flags=self.guard.flags,
             stale_pose=pose_age > self._pose_timeout,
