@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from quadlab.beacon_words import beacon_words
 from quadlab.data_folder import open_data_folder
-from quadlab.processes import Folder, Settings
+from quadlab.processes import File, Folder, Settings
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
 
@@ -36,6 +37,9 @@ class Fly:
     set: Settings = ()
     """set a parameter; simulator.NAME, tracker.NAME and bearings.NAME for what is simulated,
     experiment.NAME for what is flown"""
+    beacons: File = None
+    """beacons of a CSV file with the header id,x,y,z (m); layouts by name with
+    --set bearings.layout=NAME"""
     true_state: bool = False
     """let the controller see the true state instead of the estimate"""
     report: bool = False
@@ -61,7 +65,7 @@ class Fly:
 
         parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
         parameters.seed(self.seed)
-        values = parse_settings(parameters, self.set)
+        values = parse_settings(parameters, [*beacon_words(self.beacons), *self.set])
         if "beacons.layout" not in values:  # the vehicle is told where the beacons stand
             parameters.beacons.layout = parameters.bearings.layout
         folder = self.out or open_data_folder(None) / "flights"

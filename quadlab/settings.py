@@ -63,7 +63,10 @@ def parse_settings(
             values[name] = parse_text(store.description(name), text)
         except ParameterError as error:
             raise UsageError(f"--set {prefix}{word}: {error}") from None
-    store.preset(values)
+    try:
+        store.preset(values)
+    except ParameterError as error:  # one that no description shows, like a text that is no layout
+        raise UsageError(f"--set: {error}") from None
     if values and isinstance(parameters, VehicleParameters):
         try:
             check_pairs(store.values())

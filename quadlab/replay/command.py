@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.processes import Settings
+from quadlab.beacon_words import beacon_words
+from quadlab.processes import File, Settings
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ On = Annotated[
     Literal["auto", "bearings", "recorded-bearings", "poses", "both"],
     tyro.conf.arg(metavar="auto|bearings|recorded-bearings|poses|both"),
 ]
-File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
 
 @dataclass
@@ -78,7 +78,7 @@ class Replay:
         from quadlab.replay.window import find_window
         from quadlab.replay.words import plan_runs
 
-        settings = [*self._beacon_words(), *self.set]
+        settings = [*beacon_words(self.beacons), *self.set]
         recording = read_recording(self.file)
         truth = self._truth(recording)
         runs = plan_runs(
@@ -135,17 +135,6 @@ class Replay:
             from quadlab.replay.plot import check_plot
 
             check_plot(self.plot)
-
-    def _beacon_words(self) -> list[str]:
-        if self.beacons is None:
-            return []
-        from bearing_sim.beacons import format_layout, load_beacons
-        from quadrotor.errors import MeasurementError
-
-        try:
-            return [f"bearings.layout={format_layout(load_beacons(self.beacons))}"]
-        except MeasurementError as error:
-            raise UsageError(f"--beacons: {error}") from None
 
     def _truth(self, recording: Recording) -> Truth:
         from quadlab.replay.errors import Truth

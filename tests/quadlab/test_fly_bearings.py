@@ -95,6 +95,28 @@ def test_the_report_is_four_plots_and_a_table(
     assert picture.name in written
 
 
+def test_beacons_of_a_file_are_where_station_and_vehicle_have_them(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "five.csv"
+    rows = ["7,1.5,1.5,0.1", "8,-1.5,1.5,0.1", "9,-1.5,-1.5,0.1", "10,1.5,-1.5,0.1", "11,0,0,0.1"]
+    file.write_text("\n".join(["id,x,y,z", *rows]))
+    report = fly(capsys, tmp_path, "--beacons", str(file), "--set", "experiment.duration=5")
+    values = json.loads(read_attachments(Path(report["log"]))["parameters.json"])
+    assert values["beacons.layout"] == values["bearings.layout"]
+    assert values["beacons.layout"].startswith("7 1.5 1.5 0.1; 8 -1.5")
+    assert report["metrics"]["position_rms_m"] < 0.05
+
+
+def test_a_file_that_holds_no_beacons_is_refused_with_line_and_column(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "wrong.csv"
+    file.write_text("id,x,y,z\n1,1,1,0.1\n2,-1,one,0.1\n")
+    assert main(["fly", "bearings", "--beacons", str(file), "--out", str(tmp_path)]) == 2
+    assert "wrong.csv, line 3, column 6: y is 'one'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -104,6 +126,8 @@ def test_the_report_is_four_plots_and_a_table(
         (["--set", "experiment.estimator=magic"], "one of error_state, complementary"),
         (["--set", "experiment.gains=paper"], "of the complementary filter"),
         (["--set", "beacons.layout=1 0 0 0"], "beacons.layout"),
+        (["--set", "bearings.layout=1 0 0 0"], "--set: layout of the beacons"),
+        (["--set", "bearings.lost=one"], "--set: lost = 'one' names no beacons"),
     ],
 )
 def test_wrong_words_are_refused_with_what_is_allowed(
