@@ -4,19 +4,33 @@ from __future__ import annotations
 
 TAKEN_OFF = 0.03
 """m above where it was armed; the noise of a pose stays below."""
+LEARN = 3.0
+"""s over which the lift that a newton gives is averaged, running up to it."""
+LEAST = 1.0
+"""s of flight before that average is worth comparing with."""
 
 
 class GroundContact:
-    """Stamps in ns of the vehicle's clock, heights in m."""
+    """Stamps in ns of the vehicle's clock, heights in m.
+
+    The ground shows in the accelerometer: it carries what the commanded thrust does not, whatever
+    the estimate believes. What a newton of commanded thrust gives in the air is learnt in flight,
+    so that a wrong mass, a full battery or worn propellers do not look like the ground.
+    """
 
     def __init__(self) -> None:
         self.airborne = False
         self.ground_z = 0.0
+        self.carried = 0.0
+        """s for which the ground has carried its share."""
         self._landed_ns: int | None = None
+        self._flown = 0.0
+        self._lift_per_newton = 0.0
 
     def arm(self, z: float) -> None:
         """The vehicle stands at this height."""
         self.ground_z = z
+        self.carried = self._flown = self._lift_per_newton = 0.0
 
     def disarm(self) -> None:
         self.airborne = False
@@ -25,6 +39,23 @@ class GroundContact:
     def rise(self, z: float) -> None:
         """Until it is in the air: at this height now."""
         self.airborne = z - self.ground_z > TAKEN_OFF
+
+    def feel(self, lift: float, thrust: float, share: float, dt: float) -> None:
+        """One sample in the air.
+
+        Args:
+            lift: m/s², specific force along z_B. thrust: N, commanded.
+            share: of the lift in the air, by which it exceeds that where the ground carries.
+        """
+        if not thrust > 0.0:
+            return
+        ratio, learnt = lift / thrust, self._lift_per_newton
+        if self._flown > LEAST and ratio > (1.0 + share) * learnt:
+            self.carried += dt
+            return  # of the ground there is nothing to learn
+        self.carried = 0.0
+        self._flown += dt
+        self._lift_per_newton = learnt + (ratio - learnt) * dt / min(LEARN, self._flown)
 
     def touch_down(self, stamp_ns: int) -> bool:
         """It has landed; whether that is news."""

@@ -54,6 +54,10 @@ class SafetyParameters(Parameters):
         1.0, unit="s", ge=0.0, le=30.0, step=0.5,
         description="time from touch-down to motors off",
     )  # fmt: skip
+    landing_support: float = parameter(
+        0.1, ge=0.05, le=1.0, step=0.01,
+        description="touch-down: share by which the lift exceeds what the thrust gives in the air",
+    )  # fmt: skip
     gyro_samples: int = parameter(
         500, ge=50, le=5000, step=50,
         description="still gyroscope samples averaged at each start (Sec. 5.1)",

@@ -96,6 +96,7 @@ class FlightStack:
         self._status_writer = StatusWriter(self.status)
         # Views made once: looking a field up by name in each tick costs as much as the laws.
         self._wanted_references = self.actuators["motor_references"][0]
+        self._specific_force = self.imu["specific_force_b"][0]
         self._wrench = self.actuators["wrench"][0]
         self._scaling = self.actuators["scaling"]
         self._quaternion_wb = self.state["quaternion_wb"][0]
@@ -145,10 +146,8 @@ class FlightStack:
                 self._wrench.item(0),
                 self.reference,
             )
-            self.steering.controller.step(
-                self.state, self.reference, airborne, dt, self.actuators
-            )
-            self._watch_ground()
+            self.steering.controller.step(self.state, self.reference, airborne, dt, self.actuators)
+            self._watch_ground(dt)
         elif flying:
             self._idle()
         else:
@@ -293,10 +292,17 @@ class FlightStack:
         """Start `behavior` by the vehicle's own decision; the table allows it from any flight."""
         self.behaviors.request(behavior, {}, self.state, armed=True, airborne=True)
 
-    def _watch_ground(self) -> None:
-        if not self.ground.airborne and self.behaviors.name is not BehaviorName.LAND:
-            self.ground.rise(float(self.state["position_w"][0, 2]))
-        if self.behaviors.landed and self.ground.touch_down(self._stamp_ns):
+    def _watch_ground(self, dt: float) -> None:
+        ground, p = self.ground, self.parameters
+        landing = self.behaviors.name is BehaviorName.LAND
+        if ground.airborne:
+            ground.feel(
+                self._specific_force.item(2), self._wrench.item(0), p.safety.landing_support, dt
+            )
+        elif not landing:
+            ground.rise(float(self.state["position_w"][0, 2]))
+        carried = landing and ground.carried >= p.behavior.landing_dwell
+        if (carried or self.behaviors.landed) and ground.touch_down(self._stamp_ns):
             self.behaviors.reset()
             self.controller.reset()
             self.say("touched down")

@@ -314,7 +314,8 @@ def test_the_estimator_flown_on_is_named(sender: Sender) -> None:
     sender.publisher.parameter_change(change)
     sender.run(0.1)
     names = [status.estimator for status in sender.radio.decoded("estimator")]
-    assert set(names) == {"complementary", "mine"} and names == sorted(names)
+    assert set(names) == {"complementary", "mine"}
+    assert names == sorted(names)
 
 
 def test_a_lost_station_is_probed_and_the_log_keeps_all(sender: Sender) -> None:

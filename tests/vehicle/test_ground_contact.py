@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from vehicle.ground_contact import TAKEN_OFF, GroundContact
@@ -28,3 +29,49 @@ def test_disarming_forgets_the_landing() -> None:
     ground.disarm()
     assert ground.rested(10**10) < 0.0
     assert ground.touch_down(2)
+
+
+STEP, SHARE, GRAVITY = 0.002, 0.1, 9.81
+
+
+def flown(lift_per_newton: float, seconds: float = 4.0) -> GroundContact:
+    """A vehicle that hovers with a thrust that is not what its model says."""
+    ground = GroundContact()
+    ground.arm(0.0)
+    ground.rise(1.0)
+    for k in range(round(seconds / STEP)):
+        swing = 1.0 + 0.05 * np.sin(0.01 * k)
+        thrust = swing * GRAVITY / lift_per_newton
+        ground.feel(lift_per_newton * thrust, thrust, SHARE, STEP)
+    return ground
+
+
+@pytest.mark.parametrize("lift_per_newton", [0.6, 0.77, 0.95])
+def test_the_ground_shows_in_the_lift_whatever_the_model_says(lift_per_newton: float) -> None:
+    ground = flown(lift_per_newton)
+    assert ground.carried == 0.0
+    hover = GRAVITY / lift_per_newton
+    for _ in range(100):  # 8 % less thrust would be the ground's beginning: not enough yet
+        ground.feel(GRAVITY, hover / 1.08, SHARE, STEP)
+    assert ground.carried == 0.0
+    for k in range(100):
+        ground.feel(GRAVITY, hover / 1.15, SHARE, STEP)
+        assert ground.carried == pytest.approx((k + 1) * STEP)
+    ground.feel(GRAVITY / 1.15, hover / 1.15, SHARE, STEP)  # it was a gust
+    assert ground.carried == 0.0
+
+
+def test_a_fall_a_climb_and_motors_at_rest_are_not_the_ground() -> None:
+    ground = flown(0.77)
+    hover = GRAVITY / 0.77
+    for thrust in (0.3 * hover, 1.8 * hover, 0.0, float("nan")):
+        for _ in range(500):
+            lift = 0.77 * thrust if thrust > 0.0 else 0.0
+            ground.feel(lift, thrust, SHARE, STEP)
+        assert ground.carried == 0.0
+
+
+def test_nothing_is_compared_before_a_second_of_flight() -> None:
+    ground = flown(0.77, seconds=0.9)
+    ground.feel(GRAVITY, 0.5 * GRAVITY / 0.77, SHARE, STEP)
+    assert ground.carried == 0.0
