@@ -34,23 +34,31 @@ def load_beacons(path: str | Path) -> Beacons:
         raise StorageError(
             f"beacons {path}: {error.strerror}; name a CSV file with the header id,x,y,z"
         ) from error
+    return read_beacons(data, path)
+
+
+def read_beacons(data: bytes, name: str | Path) -> Beacons:
+    """The beacons in the bytes of such a file; `name` is what its refusals call it.
+
+    Raises MeasurementError and DegenerateGeometryError, as `load_beacons`.
+    """
     if len(data) > LARGEST:
         raise MeasurementError(
-            f"beacons {path}: more than {LARGEST} bytes; "
+            f"beacons {name}: more than {LARGEST} bytes; "
             "allowed is a CSV file with the header id,x,y,z and one beacon a line"
         )
-    rows = _Reader(path).rows(data)
+    rows = _Reader(name).rows(data)
     try:
         return Beacons([id for id, *_ in rows], [place for _, *place in rows])
     except MeasurementError as error:
-        raise type(error)(f"beacons {path}: {error}") from None
+        raise type(error)(f"beacons {name}: {error}") from None
 
 
 class _Reader:
     """Reads one file and says where it is wrong."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, name: str | Path) -> None:
+        self._name = name
 
     def rows(self, data: bytes) -> list[tuple[int, float, float, float]]:
         rows: list[tuple[int, float, float, float]] = []
@@ -138,4 +146,4 @@ class _Reader:
         return value
 
     def _refuse(self, line: int, column: int, why: str) -> NoReturn:
-        raise MeasurementError(f"beacons {self._path}, line {line}, column {column}: {why}")
+        raise MeasurementError(f"beacons {self._name}, line {line}, column {column}: {why}")

@@ -16,6 +16,7 @@ class BearingParameters(Parameters):
     """The bearing sensor that is not on the vehicle.
 
     Texts are checked on each assignment: a wrong one raises OutOfBoundsError and changes nothing.
+    That `range_min` is not beyond `range_max` is checked by a ParameterStore, for both at once.
     """
 
     model_config = ConfigDict(validate_assignment=True)
@@ -106,6 +107,13 @@ class BearingParameters(Parameters):
         description="further delay at random, 0 to this; frames stay in order",
     )
     seed: int = parameter(2, ge=0, le=2**31 - 1, step=1, description="of the noise")
+
+    def check_together(self) -> None:
+        if self.range_min > self.range_max:
+            raise OutOfBoundsError(
+                f"range_min = {self.range_min:g} m exceeds range_max = {self.range_max:g} m: no "
+                "beacon would ever be seen; change both at once, or the other one first"
+            )
 
     @field_validator("layout")
     @classmethod

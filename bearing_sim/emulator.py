@@ -22,12 +22,16 @@ __all__ = ["BearingEmulator", "BearingMeasurement", "BearingParameters", "pertur
 
 
 class BearingMeasurement(NamedTuple):
-    """One frame: stamp (ns), ids (n,), unit vectors (n, 3) in body axes, sigma in rad."""
+    """One frame: stamp (ns), ids (n,), unit vectors (n, 3) in body axes, sigma in rad.
+
+    `beacons` is the set that stood there when it was taken, None when the maker does not know.
+    """
 
     stamp_ns: int
     beacon_ids: npt.NDArray[np.int32]
     bearings_b: Array
     sigma: float
+    beacons: Beacons | None = None
 
 
 class _Layout(NamedTuple):
@@ -137,6 +141,7 @@ class BearingEmulator:
             np.array(seen_ids, np.int32),
             np.array(seen, np.float64).reshape(-1, 3),
             sigma,
+            layout.beacons,
         )
         self._line.put(stamp_ns + round(late * SECOND_NS), frame)
 

@@ -21,7 +21,9 @@ from typing import Any
 
 from benchmarks.harness import Report
 
-NAMES = ("onboard", "closed_loop", "pose", "filters", "start", "bearing_flights")
+NAMES = (
+    "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
+)  # fmt: skip
 
 
 def main() -> int:

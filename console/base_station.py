@@ -18,7 +18,9 @@ from console.alarms import AlarmBoard
 from console.beacon_layout import BeaconLayout, vehicle_teller
 from console.catalogue import Catalogue
 from console.commands import CommandGateway
+from console.comparison.feed import ComparisonFeed, both
 from console.expansion import expanded, messages_of
+from console.experiment_running.runner import ExperimentRunner, settings_of
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
 from console.parameter_store import StationStore
@@ -89,8 +91,14 @@ class BaseStation:
         self._sticks = StickWatchdog()
         self._sticks_lock = threading.Lock()
         parameters = self._store.parameters
+        self._comparison = ComparisonFeed(
+            parameters.comparison, self._outbox.put, partial(self._outbox.say, INFO)
+        )
         self._tracker = TrackerFeed(
-            parameters.tracker, parameters.bearings, self._outbox.pose, self._outbox.bearings
+            parameters.tracker,
+            parameters.bearings,
+            both(self._outbox.pose, self._comparison.pose),
+            both(self._outbox.bearings, self._comparison.bearings),
         )
         self._layout = BeaconLayout(
             lambda: parameters.bearings.layout,
@@ -99,8 +107,13 @@ class BaseStation:
             vehicle_teller(self._node),
         )
         self._store.before_change = self._layout.before_change
+        self.experiments = ExperimentRunner(
+            self._node, vehicle, self._link_state, self.link.vehicle_ns, self._outbox,
+            self._vehicle_parameters, self._recorder, catalogue, settings_of(parameters),
+            self.runs.asked,
+        )  # fmt: skip
         CommandGateway(
-            self._node, self._store, self._link_state, self.runs.by_hand, self.runs.asked
+            self._node, self._store, self._link_state, self.runs.by_hand, self.experiments.commanded
         )
         serve_parameters(self._node, self._store)
         self._subscribe()
@@ -115,7 +128,9 @@ class BaseStation:
         """Close the run's file first: nothing else matters as much."""
         self._closing.set()
         self.runs.close()
+        self.experiments.close()
         self._tracker.close()
+        self._comparison.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
         self._node.close()
@@ -129,6 +144,9 @@ class BaseStation:
             "stick": self._on_stick,
             "status": self._on_status,
             "truth": self._on_truth,
+            "parameter_changes": lambda received: self.experiments.feed.parameter_changed(
+                decode(received.payload, TOPICS["parameter_changes"].type_name)
+            ),
         }
         for name in {*makers, *AS_IT_COMES}:
             callback = partial(self._on_message, name, makers.get(name))
@@ -159,6 +177,9 @@ class BaseStation:
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self.link.telemetry(sequence, stamp_ns, received.received_ns)
+        self._comparison.telemetry(received.payload)
+        if shown:
+            self.experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
         payloads: dict[str, list[bytes]] = {}
         if self._recorder.run_id:
             payloads = expanded(ticks, self._vehicle)
@@ -174,10 +195,14 @@ class BaseStation:
         status = decode(received.payload, TOPICS["status"].type_name)
         self._vehicle_parameters.shown_revision = int(status.parameter_revision)
         self.runs.status(bool(status.armed))
+        self.experiments.feed.status(status)
+        self._comparison.status(bool(status.armed), str(status.mode))
 
     def _on_truth(self, received: Received) -> None:
         stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)
-        self._tracker.truth(stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
+        pose = (stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
+        self._comparison.truth(*pose)
+        self._tracker.truth(*pose)
 
     def _on_stick(self, received: Received) -> None:
         timeout = self._store.parameters.sticks.timeout
@@ -186,7 +211,8 @@ class BaseStation:
         sticks = topics.decode_joy(received.payload)
         with self._sticks_lock:
             order = self._sticks.feed(sticks.axes, sticks.enabled, time.monotonic(), timeout)
-        self._outbox.joy(order)
+        if self.experiments.passes(order):
+            self._outbox.joy(order)
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
@@ -203,12 +229,13 @@ class BaseStation:
         with self._sticks_lock:
             order = self._sticks.tick(time.monotonic(), self._store.parameters.sticks.timeout)
             dropped = self._sticks.dropped
-        if order is not None:
+        if order is not None and self.experiments.passes(order):
             self._outbox.joy(order)
         self._alarms.set(
             "sticks", "sticks dropped: release the dead-man and press again" if dropped else None
         )
         self.runs.tick()
+        self.experiments.tick(count)
         if count % STATUS_EVERY == 0:
             self._send_status()
 

@@ -18,7 +18,10 @@ from vehicle_link.messages import encode
 from vehicle_link.node import Node
 from vehicle_link.topics import TOPICS
 
-RECORDED = ("tracker_pose", "bearings", "joy", "station_status", "link_status")
+RECORDED = (
+    "tracker_pose", "bearings", "joy", "station_status", "link_status", "comparison",
+    "experiment_status",
+)  # fmt: skip
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
 
 SHARED = ("events", "parameter_changes", "parameter_events")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bearing_sim import BearingParameters, TrackerParameters
+from console.comparison.parameters import ComparisonParameters
 from quadrotor.parameters import Parameters, parameter
 
 
@@ -37,6 +38,7 @@ class StationParameters(Parameters):
     bearings: BearingParameters = BearingParameters()
     recorder: RecorderParameters = RecorderParameters()
     sticks: StickParameters = StickParameters()
+    comparison: ComparisonParameters = ComparisonParameters()
 
 
 class StationTree(Parameters):

@@ -10,6 +10,7 @@ from quadlab.log import LogCommand
 from quadlab.processes import Simulator, Station, Vehicle, Web
 from quadlab.replay.command import Replay
 from quadlab.up import Up
+from quadlab.user import User
 
 
 class Command(Protocol):
@@ -28,4 +29,5 @@ COMMANDS: dict[str, type[Command]] = {
     "simulator": Simulator,
     "station": Station,
     "web": Web,
+    "user": User,
 }

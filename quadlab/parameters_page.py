@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore
 
+ABOVE = ("tracker.", "bearings.")
+"""Of the station's, what has a section of its own."""
 HEAD = "| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n"
 
 
@@ -13,6 +15,7 @@ def page() -> str:
     """The whole page as Markdown."""
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
+    from console.parameters import StationParameters
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 
@@ -21,6 +24,7 @@ def page() -> str:
         ("Simulator", "simulator.", SimulatorParameters()),
         ("Tracker", "tracker.", TrackerParameters()),
         ("Bearings", "bearings.", BearingParameters()),
+        ("Station", "station.", StationParameters()),
     ]
     parts = [
         "# Parameters\n\n"
@@ -28,8 +32,13 @@ def page() -> str:
         "Set one with `--set NAME=VALUE`, on the Gains tab, or with `ros2 param set`.\n"
     ]
     for title, prefix, tree in trees:
-        parts.append(f"\n## {title}\n\n{HEAD}")
-        parts.extend(_rows(prefix, ParameterStore(tree).descriptions()))
+        parts.append(f"\n## {title}\n\n")
+        described = ParameterStore(tree).descriptions()
+        if prefix == "station.":
+            parts.append("Those of tracker and bearings above are there, too.\n\n")
+            described = tuple(d for d in described if not d.name.startswith(ABOVE))
+        parts.append(HEAD)
+        parts.extend(_rows(prefix, described))
     return "".join(parts)
 
 

@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 
 from quadlab.data_folder import open_data_folder
+from quadlab.page_options import PageOptions, say_authority
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
 
@@ -118,13 +119,13 @@ class Station:
 
 
 @dataclass
-class Web:
+class Web(PageOptions):
     """Serve the page."""
 
     data: Folder = None
     """data folder"""
     port: int = 8080
-    """HTTP port on loopback"""
+    """HTTP port"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
     name: str = "quad1"
@@ -132,14 +133,20 @@ class Web:
 
     def run(self) -> int:
         check_name(self.name)
+        data = open_data_folder(self.data)
+        tls = self.check_page(data)
+        if tls is not None:
+            say_authority(tls)
         from web.process import run_web
 
         run_web(
-            open_data_folder(self.data),
+            data,
             port=self.port,
             loopback_port=self.loopback_port,
             token=os.environ.get(SIGN_IN_TOKEN),
             vehicle=self.name,
             open_browser=bool(os.environ.get(OPEN_BROWSER)),
+            host=self.host,
+            tls=tls,
         )
         return 0

@@ -19,7 +19,7 @@ from estimation.convergence import Convergence
 from estimation.estimator import Estimator
 from quadlab.flight_log import FlightLog
 from quadlab.stage_clock import StageClock
-from quadrotor.errors import MeasurementError, RefusedError
+from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
 from vehicle.bearing_pose import BearingPose
@@ -85,6 +85,13 @@ class SimulatedFlight:
         self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
 
     # ------------------------------------------------------------------ the client API
+    finished = False
+    has_pilot = False
+
+    def pilot_flies(self, on: bool) -> None:
+        """Raises UsageError: simulated time waits for nobody."""
+        raise UsageError("nobody can fly by hand in simulated time; play sticks from a file")
+
     def view(self) -> VehicleView:
         stack = self.stack
         return VehicleView(

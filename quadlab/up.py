@@ -14,6 +14,7 @@ from types import FrameType
 
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
+from quadlab.page_options import PageOptions
 from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Settings, check_name
 from quadlab.settings import parse_settings
 from quadlab.supervise import Child
@@ -23,11 +24,11 @@ WATCH_PERIOD = 0.2
 
 
 @dataclass
-class Up:
+class Up(PageOptions):
     """Fly a simulated vehicle under the page: the main job."""
 
     port: int = 8080
-    """HTTP port of the page, on loopback"""
+    """HTTP port of the page"""
     data: Folder = None
     """data folder (default: the platform's)"""
     no_browser: bool = False
@@ -44,6 +45,9 @@ class Up:
         self._check_ports()
         vehicle_words, simulator_words = self._check_settings()
         folder = open_data_folder(self.data)
+        self.check_page(folder)
+        if self.host != PageOptions.host:
+            _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with owned(folder), tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder:
             children = self._children(folder, Path(run_folder), vehicle_words, simulator_words)
             return self._watch(children)
@@ -92,7 +96,7 @@ class Up:
         robot = ["simulator", "--folder", str(run_folder), *loopback, *simulator]
         on_board = ["vehicle", "--serial", *ports, *common, *link, *vehicle]
         base = ["station", *common, "--vehicle", address, *loopback]
-        page = ["web", *common, "--port", str(self.port), *loopback]
+        page = ["web", *common, "--port", str(self.port), *loopback, *self.words()]
         return [
             Child("simulator", robot, **first),
             Child("vehicle", on_board, **first),
@@ -161,12 +165,15 @@ def _set_words(settings: Sequence[str]) -> list[str]:
     return [word for setting in settings for word in ("--set", setting)]
 
 
-def _require_free(what: str, port: int, kind: socket.SocketKind, option: str) -> None:
-    with socket.socket(socket.AF_INET, kind) as probe:
+def _require_free(
+    what: str, port: int, kind: socket.SocketKind, option: str, host: str = "127.0.0.1"
+) -> None:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, kind) as probe:
         if kind == socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind(("127.0.0.1", port))
+            probe.bind((host, port))
         except OSError as error:
             raise UsageError(
                 f"port {port} of the {what} cannot be used ({error.strerror}); "

@@ -31,6 +31,12 @@ class Parameters(BaseModel):
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
+    def check_together(self) -> None:
+        """What no field can say alone; a store calls it when all values of a change are in place.
+
+        Raises OutOfBoundsError.
+        """
+
 
 def parameter(
     default: ParameterValue,
@@ -136,7 +142,10 @@ class ParameterStore:
         before = {name: self.get(name) for name in values}
         try:
             self._assign(values)
-        except Exception:  # a validator of the field's own: all or nothing holds for it too
+            owners = {id(owner): owner for owner, _ in (self._places[name] for name in values)}
+            for owner in owners.values():
+                owner.check_together()
+        except Exception:  # a validator of the model's own: all or nothing holds for it too
             self._assign(before)
             raise
         if values:

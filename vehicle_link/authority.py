@@ -3,32 +3,38 @@ certificate of it (mutual TLS).
 
 The vehicle needs `ca.pem`, `vehicle.pem`, `vehicle.key`; the station `ca.pem`, `station.pem`,
 `station.key`; `ca.key` stays on the base. A new host name or address of the vehicle makes its
-certificate anew.
+certificate anew. `web.pem` is the page's under TLS, made when it is asked for.
 """
 
 from __future__ import annotations
 
 import datetime
 import fcntl
-import ipaddress
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from quadrotor.errors import LinkError, StorageError
+from vehicle_link.certificates import (
+    certificate_builder,
+    general_name,
+    key_usage,
+    load_certificate,
+    names_of,
+    pem_of_key,
+    signed,
+)
 
-if TYPE_CHECKING:  # cryptography costs 0.1 s to load
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-    from cryptography.x509 import Certificate, CertificateBuilder, GeneralName, KeyUsage
-
-Role = Literal["vehicle", "station"]
+Role = Literal["vehicle", "station", "web"]
 ROLES: tuple[Role, ...] = ("vehicle", "station")
+"""Of the link; both ends show theirs."""
 
 LOCAL_NAMES = ("localhost", "127.0.0.1")
-YEARS = 10
+WEB_DAYS = 397  # browsers refuse a server's certificate for more than 398 (some 825) days
+WEB_RENEWED = 60  # days before its end
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +82,30 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
     return files
 
 
+def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
+    """As `ensure_certificates`, and a certificate of the page for these names.
+
+    It is a server's only: the link, where both ends show a certificate, does not take it for a
+    client's. Made anew for a new name and when it ends within `WEB_RENEWED` days.
+
+    Raises StorageError or LinkError.
+    """
+    files = ensure_certificates(folder)
+    if not files.authority_key.exists():
+        raise LinkError(
+            f"{folder} has no authority's key (it is a vehicle's copy), so no certificate of the "
+            "page can be made; give one with --tls-certificate and --tls-key"
+        )
+    try:
+        with _locked(folder):
+            _ensure_web(files, {*LOCAL_NAMES, "::1", *names})
+    except OSError as error:
+        raise StorageError(
+            f"cannot make the certificate of the page in {folder}: {error.strerror or error}"
+        ) from error
+    return files
+
+
 def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
     """That a role's certificate will be accepted: Zenoh itself does not say why it is not.
 
@@ -91,7 +121,7 @@ def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
 
     path = files.certificate(role)
     try:
-        authority, certificate = _load(files.authority), _load(path)
+        authority, certificate = load_certificate(files.authority), load_certificate(path)
         key = load_pem_private_key(files.key(role).read_bytes(), None)
     except (OSError, ValueError, TypeError) as error:
         raise LinkError(f"cannot read the certificates in {files.folder}: {error}") from error
@@ -109,7 +139,7 @@ def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
             f"{certificate.not_valid_after_utc}, and the clock says {now:%Y-%m-%d %H:%M} UTC; "
             f"set the clock, or {remedy}"
         )
-    held = _names_of(certificate)
+    held = names_of(certificate)
     if host and host not in held:
         raise LinkError(
             f"{path} is for {', '.join(sorted(held))}, not for {host}; "
@@ -128,11 +158,23 @@ def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
         held_already = files.certificate(role).exists() or files.key(role).exists()
         if held_already and not new_authority:
             check_certificate(files, role)  # one that does not fit is never replaced in silence
-            held = _names_of(_load(files.certificate(role)))
+            held = names_of(load_certificate(files.certificate(role)))
             if wanted <= held:
                 continue
             wanted |= held
         _make_certificate(files, role, sorted(wanted))
+
+
+def _ensure_web(files: TlsFiles, wanted: set[str]) -> None:
+    if files.certificate("web").exists():
+        held = load_certificate(files.certificate("web"))
+        left = held.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
+        if left > datetime.timedelta(days=WEB_RENEWED):
+            check_certificate(files, "web")
+            if wanted <= names_of(held):
+                return
+        wanted |= names_of(held)
+    _make_certificate(files, "web", sorted(wanted))
 
 
 def _make_authority(files: TlsFiles) -> None:
@@ -140,11 +182,11 @@ def _make_authority(files: TlsFiles) -> None:
     from cryptography.hazmat.primitives.asymmetric import ec
 
     key = ec.generate_private_key(ec.SECP256R1())
-    builder = _builder("quadlab private authority", "quadlab private authority", key)
+    builder = certificate_builder("quadlab private authority", "quadlab private authority", key)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-    builder = builder.add_extension(_key_usage(signs_certificates=True), critical=True)
-    _write(files.authority_key, _pem_of_key(key))
-    _write(files.authority, _signed(builder, key))
+    builder = builder.add_extension(key_usage(signs_certificates=True), critical=True)
+    _write(files.authority_key, pem_of_key(key))
+    _write(files.authority, signed(builder, key))
 
 
 def _make_certificate(files: TlsFiles, role: Role, names: Sequence[str]) -> None:
@@ -157,91 +199,27 @@ def _make_certificate(files: TlsFiles, role: Role, names: Sequence[str]) -> None
     if not isinstance(authority_key, ec.EllipticCurvePrivateKey):
         raise LinkError(f"{files.authority_key} is not of quadlab; empty {files.folder}")
     key = ec.generate_private_key(ec.SECP256R1())
-    builder = _builder(f"quadlab {role}", "quadlab private authority", key)
+    builder = certificate_builder(f"quadlab {role}", "quadlab private authority", key)
     extended = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
+    if role == "web":
+        now = datetime.datetime.now(datetime.UTC)
+        extended.pop()
+        builder = certificate_builder(
+            f"quadlab {role}", "quadlab private authority", key,
+            now - datetime.timedelta(days=1), now + datetime.timedelta(days=WEB_DAYS - 1),
+        )  # fmt: skip
     builder = (
         builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .add_extension(_key_usage(signs_certificates=False), critical=True)
+        .add_extension(key_usage(signs_certificates=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage(extended), critical=False)
-        .add_extension(x509.SubjectAlternativeName(map(_general_name, names)), critical=False)
+        .add_extension(x509.SubjectAlternativeName(map(general_name, names)), critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()),
+            critical=False,
+        )
     )
-    _write(files.key(role), _pem_of_key(key))
-    _write(files.certificate(role), _signed(builder, authority_key))
-
-
-def _builder(subject: str, issuer: str, key: EllipticCurvePrivateKey) -> CertificateBuilder:
-    from cryptography import x509
-    from cryptography.x509.oid import NameOID
-
-    now = datetime.datetime.now(datetime.UTC)
-    return (
-        x509.CertificateBuilder()
-        .subject_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, subject)]))
-        .issuer_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, issuer)]))
-        .public_key(key.public_key())
-        .serial_number(x509.random_serial_number())
-        # A robot's clock may be behind the base's, by years when it has no battery.
-        .not_valid_before(datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC))
-        .not_valid_after(now + datetime.timedelta(days=365 * YEARS))
-    )
-
-
-def _key_usage(*, signs_certificates: bool) -> KeyUsage:
-    from cryptography import x509
-
-    return x509.KeyUsage(
-        digital_signature=not signs_certificates,
-        key_cert_sign=signs_certificates,
-        crl_sign=signs_certificates,
-        content_commitment=False,
-        key_encipherment=False,
-        data_encipherment=False,
-        key_agreement=False,
-        encipher_only=False,
-        decipher_only=False,
-    )
-
-
-def _general_name(name: str) -> GeneralName:
-    from cryptography import x509
-
-    try:
-        return x509.IPAddress(ipaddress.ip_address(name))
-    except ValueError:
-        return x509.DNSName(name)
-
-
-def _names_of(certificate: Certificate) -> set[str]:
-    from cryptography import x509
-
-    try:
-        extension = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName)
-    except x509.ExtensionNotFound:
-        return set()
-    return {str(name.value) for name in extension.value}
-
-
-def _load(path: Path) -> Certificate:
-    from cryptography import x509
-
-    return x509.load_pem_x509_certificate(path.read_bytes())
-
-
-def _signed(builder: CertificateBuilder, key: EllipticCurvePrivateKey) -> bytes:
-    from cryptography.hazmat.primitives.hashes import SHA256
-    from cryptography.hazmat.primitives.serialization import Encoding
-
-    return builder.sign(key, SHA256()).public_bytes(Encoding.PEM)
-
-
-def _pem_of_key(key: EllipticCurvePrivateKey) -> bytes:
-    from cryptography.hazmat.primitives import serialization
-
-    return key.private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
-    )
+    _write(files.key(role), pem_of_key(key))
+    _write(files.certificate(role), signed(builder, authority_key))
 
 
 def _write(path: Path, data: bytes) -> None:

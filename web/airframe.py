@@ -26,14 +26,24 @@ class Airframe:
 
     Args:
         arm: m, centre to rotor axis.
-        ghost: drawn as a pale outline without propellers (the true pose beside the estimate).
+        ghost: drawn as a pale outline without propellers (another pose beside the estimate).
+        tint, opacity: of a ghost, sRGB.
     """
 
-    def __init__(self, scene: Any, name: str, *, arm: float = 0.25, ghost: bool = False) -> None:
+    def __init__(
+        self,
+        scene: Any,
+        name: str,
+        *,
+        arm: float = 0.25,
+        ghost: bool = False,
+        tint: tuple[int, int, int] = (150, 190, 220),
+        opacity: float = 0.25,
+    ) -> None:
         self.frame = scene.add_frame(name, show_axes=False, visible=False)
         self._propellers: list[Any] = []
         self._angles = [0.0] * 4
-        _add_body(scene, name, arm, ghost)
+        _add_body(scene, name, arm, tint if ghost else _DARK, opacity if ghost else None)
         if ghost:
             return
         scene.add_frame(
@@ -80,11 +90,14 @@ class Airframe:
             node.wxyz = (math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle))
 
 
-def _add_body(scene: Any, name: str, arm: float, ghost: bool) -> None:
+def _add_body(
+    scene: Any, name: str, arm: float, color: tuple[int, int, int], opacity: float | None
+) -> None:
+    """`opacity` of a ghost."""
+    ghost = opacity is not None
     look: dict[str, Any] = {"cast_shadow": not ghost, "receive_shadow": False}
     if ghost:
-        look |= {"opacity": 0.25}
-    color = (150, 190, 220) if ghost else _DARK
+        look |= {"opacity": opacity}
     scene.add_box(f"{name}/hub", color=color, dimensions=(0.13, 0.13, 0.045), **look)
     if not ghost:
         scene.add_box(

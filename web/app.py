@@ -16,11 +16,23 @@ from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from console.catalogue import Catalogue
-from quadrotor.errors import LinkError, ParameterError, QuadlabError, RefusedError, StorageError
+from quadrotor.errors import (
+    LinkError,
+    MeasurementError,
+    ParameterError,
+    QuadlabError,
+    RefusedError,
+    StorageError,
+)
 from web import commands, events, pump, sticks
+from web.access.hashing import BusyError
+from web.access.people import People
+from web.access.roles import Role, Session
+from web.access.users import add_users
 from web.asking import Asker, Operator
-from web.door import Door, Role, Session
+from web.beacons.routes import add_beacons
 from web.events import EventHub
+from web.experiments import add_experiments, experiment_summary
 from web.live import Live
 from web.parameters import GainPath, ParameterMirror
 from web.runs import add_runs
@@ -35,8 +47,10 @@ UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
 STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
     (ParameterError, 422),
+    (MeasurementError, 422),
     (LinkError, 503),
     (StorageError, 503),
+    (BusyError, 503),
 )
 
 
@@ -46,7 +60,7 @@ class Parts:
 
     vehicle: str
     base_url: str
-    door: Door
+    people: People
     live: Live
     hub: EventHub
     feed: TelemetryFeed
@@ -72,6 +86,9 @@ def create_app(
     _add_view(app, parts)
     _add_sockets(app, parts)
     add_runs(app, parts.catalogue)
+    add_users(app, parts.people)
+    add_experiments(app, parts)
+    add_beacons(app, parts)
     app.mount("/static", StaticFiles(directory=STATIC))
     return app
 
@@ -101,7 +118,7 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
         return FileResponse(str(path), media_type=UPLOT[name])
 
     @app.get("/api/session")
-    def session(session: Asker) -> dict[str, str]:
+    def session(session: Asker) -> dict[str, Any]:
         """Who this browser is, and which vehicle this is."""
         return {**events.session_fields(session), "vehicle": parts.vehicle}
 
@@ -113,7 +130,10 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:
         """Newest status messages and the age of every topic, as on the page's bar."""
-        return events.summarize(parts.live)
+        return {
+            **events.summarize(parts.live),
+            "experiment": experiment_summary(parts.live),
+        }
 
     @app.get("/api/events")
     async def newest_events() -> list[dict[str, Any]]:
@@ -164,8 +184,11 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/invitations")
     def invite(body: commands.InvitationBody, session: Operator) -> dict[str, str]:
-        """A sign-in link for one more browser."""
-        return {"url": f"{parts.base_url}/?token={parts.door.mint(Role(body.role))}"}
+        """A sign-in link for one more browser: of a viewer; admins may invite operators too."""
+        role = Role(body.role)
+        if role is not Role.VIEWER and not session.role.may(Role.ADMIN):
+            raise HTTPException(403, f"{session.label} may invite viewers; ask an admin for more")
+        return {"url": f"{parts.base_url}/?token={parts.people.door.mint(role)}"}
 
 
 def _add_view(app: FastAPI, parts: Parts) -> None:
@@ -186,7 +209,7 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
     @app.websocket("/viser")
     async def view(socket: WebSocket) -> None:
         session: Session = socket.scope["session"]
-        await pump.pump(socket, parts.view_server, session.role)
+        await pump.pump(socket, parts.view_server, session)
 
     @app.websocket("/ws/telemetry")
     async def telemetry(socket: WebSocket) -> None:
@@ -202,7 +225,11 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
             }
 
         def summary() -> dict[str, Any]:
-            return {**events.summarize(parts.live), "pages": parts.hub.pages}
+            return {
+                **events.summarize(parts.live),
+                "experiment": experiment_summary(parts.live),
+                "pages": parts.hub.pages,
+            }
 
         await events.serve(socket, parts.hub, socket.scope["session"], hello, summary)
 

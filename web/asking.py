@@ -1,4 +1,4 @@
-"""Who asks: the session the gate put beside each request."""
+"""Who asks: the session the gate put beside each request, and what its role allows."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Annotated
 
 from fastapi import Depends, HTTPException, Request
 
-from web.door import Role, Session
+from web.access.roles import Role, Session
 
 
 def session_of(request: Request) -> Session:
-    """Put there by `web.gate.Gate`, without which no request comes this far."""
+    """Put there by `web.access.gate.Gate`, without which no request comes this far."""
     session: Session = request.scope["session"]
     return session
 
@@ -20,7 +20,7 @@ Asker = Annotated[Session, Depends(session_of)]
 
 def operator_of(session: Asker) -> Session:
     """Answers 403 to a viewer."""
-    if session.role is not Role.OPERATOR:
+    if not session.role.may(Role.OPERATOR):
         raise HTTPException(
             403, f"{session.label} may watch but not command; ask an operator for an invitation"
         )
@@ -28,3 +28,13 @@ def operator_of(session: Asker) -> Session:
 
 
 Operator = Annotated[Session, Depends(operator_of)]
+
+
+def admin_of(session: Asker) -> Session:
+    """Answers 403 to all but admins."""
+    if not session.role.may(Role.ADMIN):
+        raise HTTPException(403, f"{session.label} is no admin; users are managed by admins")
+    return session
+
+
+Admin = Annotated[Session, Depends(admin_of)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Collection
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -13,14 +13,15 @@ from urllib.parse import urlsplit
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from bearing_sim.beacons import PAPER_BEACONS
 from console.catalogue import Catalogue
 from vehicle_link.messages import decode
+from web.access.attempts import Attempts
+from web.access.gate import Gate
+from web.access.passwords import Passwords
+from web.access.people import open_people
 from web.app import Parts, create_app
-from web.door import Door
 from web.events import EventHub
 from web.follow_parameters import ParameterFollower
-from web.gate import Gate
 from web.live import Live
 from web.parameters import GainPath, ParameterMirror
 from web.scene import Scene
@@ -44,25 +45,39 @@ def assemble(
     catalogue: Catalogue,
     show_link: ShowLink,
     view_server: ViewServer,
+    names: Collection[str] = (),
+    attempts: Attempts | None = None,
+    passwords: Passwords | None = None,
 ) -> ASGIApp:
     """The whole application behind its gate; stops `view_server` at its end.
 
     Args:
+        base_url: where the page is; under https the cookie is Secure.
         connect: makes the station's client.
+        names: of hosts that mean us, beside that of `base_url` and loopback's.
+        attempts, passwords: other than usual, for tests.
 
     Raises StorageError.
     """
-    door = Door(data / "web", token)
     live, hub = Live(decode), EventHub()
+    people = open_people(
+        data / "web",
+        base_url,
+        token,
+        say=hub.say,
+        on_link=lambda label: show_link(sign_in_link(), label),
+        attempts=attempts,
+        passwords=passwords,
+    )
     mirror = ParameterMirror(hub.publish)
-    scene = Scene(view_server, live, PAPER_BEACONS.positions_w)
+    scene = Scene(view_server, live)
     station = connect(live, hub)
     follower = ParameterFollower(mirror, station, live, scene, f"/{vehicle}")
     station.on_change = follower.changed_from_thread
     feed = TelemetryFeed(live)
 
     def sign_in_link() -> str:
-        return f"{base_url}/?token={door.token}"
+        return f"{base_url}/?token={people.door.token}"
 
     @contextlib.asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -70,7 +85,7 @@ def assemble(
         hub.attach(loop)
         follower.attach(loop)
         station.start()
-        loops = [_start(part, hub) for part in (scene, feed, follower)]
+        loops = [_start(part, hub) for part in (scene, feed, follower, people, people.sockets)]
         show_link(sign_in_link())
         try:
             yield
@@ -80,12 +95,13 @@ def assemble(
             await asyncio.gather(*loops, return_exceptions=True)
             station.stop()
             view_server.stop()
+            people.stop()
 
     app = create_app(
         Parts(
             vehicle=vehicle,
             base_url=base_url,
-            door=door,
+            people=people,
             live=live,
             hub=hub,
             feed=feed,
@@ -101,10 +117,13 @@ def assemble(
     )
     return Gate(
         app,
-        door,
-        hosts=allowed_hosts(base_url),
-        cookie=f"quadlab_{urlsplit(base_url).port}",
-        on_sign_in=lambda label: show_link(sign_in_link(), label),
+        base_url=base_url,
+        hosts=allowed_hosts(base_url, names),
+        door=people.door,
+        cookie=people.cookie,
+        accounts=people.accounts,
+        sign_in=people.sign_in,
+        sockets=people.sockets,
     )
 
 
@@ -126,8 +145,13 @@ def _start(part: _Runs, hub: EventHub) -> asyncio.Task[None]:
     return task
 
 
-def allowed_hosts(base_url: str) -> frozenset[str]:
+def allowed_hosts(base_url: str, names: Collection[str] = ()) -> frozenset[str]:
     """Values of the Host header that mean us; others are a foreign name pointed at us."""
-    netloc = urlsplit(base_url).netloc
-    port = urlsplit(base_url).port
-    return frozenset({netloc, f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"})
+    place = urlsplit(base_url)
+    port = place.port
+    hosts = {place.hostname or "", "127.0.0.1", "localhost", "::1", *names}
+    bracketed = {f"[{host}]" if ":" in host else host.lower() for host in hosts}
+    found = {f"{host}:{port}" for host in bracketed}
+    if port == {"https": 443, "http": 80}[place.scheme]:
+        found |= bracketed  # browsers leave the scheme's own port out
+    return frozenset(found)

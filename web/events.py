@@ -18,7 +18,7 @@ import msgspec
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
-from web.door import Session
+from web.access.roles import Session
 from web.live import STALE, Live
 
 RATE = 5.0  # Hz, of the summary
@@ -131,8 +131,12 @@ def summarize(live: Live) -> Message:
     }
 
 
-def session_fields(session: Session) -> dict[str, str]:
-    return {"label": session.label, "role": session.role.value}
+def session_fields(session: Session) -> Message:
+    return {
+        "label": session.label,
+        "role": session.role.value,
+        "account": session.has_account,
+    }
 
 
 def _battery(message: Any) -> Message | None:

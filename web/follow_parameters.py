@@ -1,12 +1,19 @@
-"""Keeps the mirror true: reads all parameters when the vehicle's revision is not ours."""
+"""Keeps the mirror true: reads all parameters when the vehicle's revision is not ours.
+
+What the 3D view shows of parameters, flight volume and beacons, follows the mirror.
+"""
 
 from __future__ import annotations
 
 import ast
 import asyncio
 import contextlib
+import math
 from typing import Any
 
+from bearing_sim.beacons import parse_layout
+from bearing_sim.bearing_parameters import BearingParameters
+from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError
 from web.live import Live
 from web.parameters import ParameterMirror
@@ -14,7 +21,9 @@ from web.scene import Box, Scene
 from web.station import Station
 
 PERIOD = 0.5  # s between looks at the revision
+GLANCE = 0.05  # s between looks at what the 3D view shows
 STATION_NODE = "station"
+BEARINGS = "station.bearings."
 
 
 class ParameterFollower:
@@ -36,6 +45,7 @@ class ParameterFollower:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_first = True
         self._is_lower = False
+        self._shown: dict[str, Any] = {}
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -49,8 +59,14 @@ class ParameterFollower:
             self._loop.call_soon_threadsafe(self._mirror.apply, {name: value}, requester, revision)
 
     async def run(self) -> None:
+        loop = asyncio.get_running_loop()
+        due = loop.time() + PERIOD
         while True:
-            await asyncio.sleep(PERIOD)
+            await asyncio.sleep(GLANCE)
+            self.show_beacons()
+            if loop.time() < due:
+                continue
+            due = loop.time() + PERIOD
             status = self._live.current("status")
             if status is None:
                 self._is_first = True  # another vehicle may come back
@@ -58,6 +74,21 @@ class ParameterFollower:
                 await self._read(int(status.parameter_revision))
             if (box := flight_volume(self._mirror.value)) is not None:
                 self._scene.set_volume(box)
+
+    def show_beacons(self) -> None:
+        """Once the station's parameters are known, and whenever one of the emulator's changed."""
+        names = {name: f"{BEARINGS}{name}" for name in BearingParameters.model_fields}
+        values = {name: self._mirror.value(full) for name, full in names.items()}
+        values = {name: value for name, value in values.items() if value is not None}
+        if "layout" not in values or values == self._shown:
+            return
+        self._shown = values
+        with contextlib.suppress(QuadlabError, ValueError):  # of a station of another version
+            sensor = BearingParameters(**values)
+            self._scene.beacons.set_beacons(
+                parse_layout(sensor.layout), math.radians(sensor.sigma), Sight.of(sensor),
+                sensor.rate,
+            )  # fmt: skip
 
     def _is_news(self, revision: int) -> bool:
         """A lower one twice: the vehicle restarted; once: its status is behind its answers."""

@@ -24,6 +24,10 @@ STALE: dict[str, float] = {
     "battery": 3.0,
     "station_status": 1.5,
     "link_status": 1.5,
+    "bearings": 0.5,
+    "bearing_pose": 0.3,
+    "comparison": 0.5,
+    "experiment_status": 2.5,
 }
 """The topics of which the newest message is kept, with the age (s) above which its values are shown
 grey and charts show a gap."""

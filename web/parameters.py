@@ -20,6 +20,7 @@ from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
 
 STATION_PREFIX = "station."
+LAYOUT = "station.bearings.layout"
 
 Message = dict[str, Any]
 

@@ -12,6 +12,7 @@ from typing import Any
 import uvicorn
 from starlette.types import ASGIApp
 
+from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
 from web.sockets import LiveWebSocket, listen
 from web.station import Station
@@ -28,6 +29,7 @@ def run_web(
     vehicle: str = "quad1",
     host: str = "127.0.0.1",
     open_browser: bool = False,
+    tls: Tls | None = None,
 ) -> None:
     """Serves the page until SIGINT or SIGTERM. Runs in the main thread.
 
@@ -36,6 +38,8 @@ def run_web(
         port: 0 takes any free one.
         loopback_port: of the station's router.
         token: a first sign-in token chosen by the caller; one is made if None.
+        host: where to listen; whether it may is `web.access.reach.check_reach`.
+        tls: serve https with this certificate.
         open_browser: open the page in a browser, unless `token` was used before: then this is
             a restart, and the page is open already.
 
@@ -54,7 +58,7 @@ def run_web(
             webbrowser.open(url)
 
     listener = listen(host, port)
-    base_url = f"http://{host}:{listener.getsockname()[1]}"
+    base_url = url_of(host, listener.getsockname()[1], has_tls=tls is not None)
     try:
         app = assemble(
             data=data,
@@ -65,17 +69,28 @@ def run_web(
             catalogue=Catalogue(data),
             show_link=show_link,
             view_server=ViewServer(),
+            names=(*own_names(host), *(tls.names if tls else ())),
         )
         # uvicorn stops in order at SIGTERM and SIGINT and then raises them once more.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
         with contextlib.suppress(KeyboardInterrupt):
-            server(app).run(sockets=[listener])
+            server(app, tls).run(sockets=[listener])
     finally:
         listener.close()
 
 
-def server(app: ASGIApp) -> uvicorn.Server:
-    """uvicorn as we run it: our websocket protocol, no compression, nothing but warnings."""
+def url_of(host: str, port: int, *, has_tls: bool) -> str:
+    shown = shown_host(host)
+    bracketed = f"[{shown}]" if ":" in shown else shown
+    return f"{'https' if has_tls else 'http'}://{bracketed}:{port}"
+
+
+def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
+    """uvicorn as we run it: our websocket protocol, no compression, nothing but warnings.
+
+    Headers of a proxy are not believed: who sits on this computer could name any address there,
+    and wrong passwords are counted by address.
+    """
     config = uvicorn.Config(
         app,
         ws=LiveWebSocket,
@@ -86,6 +101,9 @@ def server(app: ASGIApp) -> uvicorn.Server:
         server_header=False,
         timeout_graceful_shutdown=CLOSING_TIME,
         lifespan="on",
+        proxy_headers=False,
+        ssl_certfile=tls.certificate if tls else None,
+        ssl_keyfile=tls.key if tls else None,
     )
     return uvicorn.Server(config)
 

@@ -2,13 +2,15 @@
 
 The pump carries viser's frames to the browser untouched and lets back only what `passes`:
 the camera. Our scene has no viser widgets, and other messages let a client change what
-everybody sees (set attributes of handles, drag nodes, ask for a public tunnel).
+everybody sees (set attributes of handles, drag nodes, ask for a public tunnel). An operator's drag
+of a beacon's handle does not reach viser either: it is taken out and given to `ViewServer.on_drag`.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
@@ -19,7 +21,9 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from web.door import Role
+from web.access.roles import Role, Session
+from web.beacons.drag import drag_of
+from web.beacons.shapes import Point
 from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 CAMERA = "ViewerCameraMessage"
@@ -44,6 +48,7 @@ class _Upward(msgspec.Struct):
 
     type: str
     updates: dict[str, object] | None = None
+    position: object = None
 
 
 _decode = msgspec.msgpack.Decoder(_Upward).decode
@@ -54,16 +59,55 @@ def passes(frame: bytes, role: Role) -> bool:
 
     Viewers: the camera only. Operators: also the value of a widget, and nothing else of it.
     """
-    if len(frame) > LARGEST_UPWARD:
-        return False
-    try:
-        message = _decode(frame)
-    except msgspec.DecodeError:
+    message = _read(frame)
+    if message is None:
         return False
     if message.type == CAMERA:
         return True
     is_value = message.updates is not None and message.updates.keys() == {"value"}
-    return role is Role.OPERATOR and message.type == WIDGET and is_value
+    return role.may(Role.OPERATOR) and message.type == WIDGET and is_value
+
+
+def _read(frame: bytes) -> _Upward | None:
+    if len(frame) > LARGEST_UPWARD:
+        return None
+    try:
+        return _decode(frame)
+    except msgspec.DecodeError:
+        return None
+
+
+class Upstream:
+    """What one browser sends: decides what reaches viser, and finds drags in the rest."""
+
+    def __init__(self, server: ViewServer, session: Session) -> None:
+        self._server = server
+        self._session = session
+        self._eye: Point | None = None
+
+    def takes(self, frame: bytes) -> bool:
+        """Whether viser gets it."""
+        if passes(frame, self._session.role):
+            self._eye = camera_of(frame) or self._eye
+            return True
+        if self._session.role.may(Role.OPERATOR) and len(frame) <= LARGEST_UPWARD:
+            names = self._server.draggable
+            drag = drag_of(frame, names, self._eye, self._session.label) if names else None
+            if drag is not None:
+                self._server.on_drag(drag)
+        return False
+
+
+def camera_of(frame: bytes) -> Point | None:
+    """Where a camera message puts the camera, m, world; None for any other message."""
+    message = _read(frame)
+    if message is None or message.type != CAMERA:
+        return None
+    try:
+        x, y, z = msgspec.convert(message.position, Point)
+    except msgspec.ValidationError:
+        return None
+    return (x, y, z) if math.isfinite(x + y + z) else None
 
 
 @cache
@@ -74,7 +118,7 @@ def client_html() -> bytes:
     return html.replace("</head>", _INJECTION + "</head>", 1).encode()
 
 
-async def pump(socket: WebSocket, server: ViewServer, role: Role) -> None:
+async def pump(socket: WebSocket, server: ViewServer, session: Session) -> None:
     """Carries one browser's view until either side closes."""
     offered = socket.scope.get("subprotocols", [])
     wanted = f"viser-v{server.version}"
@@ -99,7 +143,7 @@ async def pump(socket: WebSocket, server: ViewServer, role: Role) -> None:
     try:
         async with asyncio.TaskGroup() as both:
             down = both.create_task(_down(upstream, socket))
-            up = both.create_task(_up(socket, upstream, role))
+            up = both.create_task(_up(socket, upstream, Upstream(server, session)))
             down.add_done_callback(lambda _: up.cancel())
             up.add_done_callback(lambda _: down.cancel())
     finally:
@@ -115,10 +159,10 @@ async def _down(upstream: websockets.asyncio.client.ClientConnection, socket: We
 
 
 async def _up(
-    socket: WebSocket, upstream: websockets.asyncio.client.ClientConnection, role: Role
+    socket: WebSocket, upstream: websockets.asyncio.client.ClientConnection, filtered: Upstream
 ) -> None:
     with contextlib.suppress(ConnectionClosed, WebSocketDisconnect, OSError):
         while (event := await socket.receive())["type"] != "websocket.disconnect":
             frame = event.get("bytes")
-            if frame is not None and passes(frame, role):
+            if frame is not None and filtered.takes(frame):
                 await upstream.send(frame)

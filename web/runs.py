@@ -6,12 +6,14 @@ A run is found by its id in the catalogue and never by a path from outside.
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
 from fastapi.responses import FileResponse
 
 from console.catalogue import Catalogue
+from console.run_reports import has_report
 from web.asking import Operator
 from web.commands import NotesBody
 
@@ -21,9 +23,12 @@ def add_runs(app: FastAPI, catalogue: Catalogue) -> None:
 
     @app.get("/api/runs")
     def runs(search: str = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
-        """Newest first; `search` looks in id, operator and notes."""
+        """Newest first; `search` looks in id, operator and notes. `report`: whether it has one."""
         entries = catalogue.runs(search, limit=min(max(limit, 1), 1000), offset=max(offset, 0))
-        return [asdict(entry) for entry in entries]
+        return [
+            {**asdict(entry), "report": has_report(catalogue.folder / Path(entry.file).name)}
+            for entry in entries
+        ]
 
     @app.head("/api/runs/{run_id}/download", include_in_schema=False)
     @app.get("/api/runs/{run_id}/download")

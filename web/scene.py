@@ -1,7 +1,8 @@
-"""The 3D scene: vehicle, truth ghost, trails, flight volume, beacons, ground; follow cameras.
+"""The 3D scene: vehicle, truth ghost, trails, flight volume, ground; follow cameras.
 
 Nodes are made once and then only moved, shown or hidden: 30 Hz, below 60 kB/s a client while
-flying, almost nothing while standing. Nothing is sent for what did not change.
+flying, 12 kB/s on the ground while bearings come, almost nothing without. Nothing is sent for what
+did not change. Beacons are `web.beacons.scene`'s.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from web.airframe import Airframe
+from web.beacons.scene import BeaconScene
+from web.beacons.shapes import point_of, wxyz_of
 from web.live import Live
 from web.paths import Trail, line_color
 from web.view_server import ViewServer
@@ -27,9 +30,9 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class Scene:
-    """Args: `beacons` are positions (m, world), shape (N, 3)."""
+    """`beacons` shows the beacons and what is seen of them."""
 
-    def __init__(self, server: ViewServer, live: Live, beacons: Any = ()) -> None:
+    def __init__(self, server: ViewServer, live: Live) -> None:
         self._server = server
         self._live = live
         self._following: set[str] = set()
@@ -53,8 +56,7 @@ class Scene:
             thickness_units="screen",
             visible=False,
         )
-        for index, position in enumerate(beacons):
-            _add_beacon(api, index, position)
+        self.beacons = BeaconScene(server, live)
         server.viser.initial_camera.position = (-1.9, -2.3, 1.9)
         server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
@@ -70,6 +72,7 @@ class Scene:
         if box == self._volume_box:
             return
         self._volume_box = box
+        self.beacons.set_volume(box)
         self._server.viser.scene.add_line_segments(
             "/volume", _edges(box), line_color(EDGES), thickness=1.0, thickness_units="screen"
         )
@@ -88,15 +91,18 @@ class Scene:
         if state is not None:
             self._show_vehicle(state, now)
         if reference is not None:
-            point = _tuple(reference.position)
+            point = point_of(reference.position)
             self._wanted.add(point, now)
             self._target.position = point
         self._target.visible = reference is not None and self._airborne
         truth = self._live.current("truth")
         if truth is not None:
-            self._ghost.pose(_tuple(truth.pose.pose.position), _wxyz(truth.pose.pose.orientation))
+            self._ghost.pose(
+                point_of(truth.pose.pose.position), wxyz_of(truth.pose.pose.orientation)
+            )
         self._ghost.frame.visible = truth is not None
         self._spin()
+        self.beacons.update(now)
 
     @property
     def _airborne(self) -> bool:
@@ -104,8 +110,8 @@ class Scene:
         return status is not None and bool(status.airborne)
 
     def _show_vehicle(self, state: Any, now: float) -> None:
-        point = _tuple(state.pose.pose.position)
-        self._vehicle.pose(point, _wxyz(state.pose.pose.orientation))
+        point = point_of(state.pose.pose.position)
+        self._vehicle.pose(point, wxyz_of(state.pose.pose.orientation))
         self._vehicle.frame.visible = True
         self._flown.add(point, now)
         self._drop.points = np.array([[(point[0], point[1], 0.0), point]], np.float32)
@@ -161,25 +167,6 @@ def _add_room(api: Any) -> None:
     )
 
 
-def _add_beacon(api: Any, index: int, position: Sequence[float]) -> None:
-    x, y, z = (float(v) for v in position)
-    api.add_icosphere(
-        f"/beacon_{index}",
-        radius=0.045,
-        color=(224, 196, 110),
-        position=(x, y, z),
-        cast_shadow=False,
-    )
-    api.add_cylinder(
-        f"/beacon_{index}_post",
-        radius=0.008,
-        height=max(z, 0.01),
-        color=(90, 102, 114),
-        position=(x, y, 0.5 * z),
-        cast_shadow=False,
-    )
-
-
 def _edges(box: Box) -> Any:
     """The 12 edges of a box, shape (12, 2, 3)."""
     corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
@@ -190,11 +177,3 @@ def _edges(box: Box) -> Any:
         for j in (0, 1)
     ]
     return np.stack(edges)
-
-
-def _tuple(v: Any) -> tuple[float, float, float]:
-    return (v.x, v.y, v.z)
-
-
-def _wxyz(q: Any) -> tuple[float, float, float, float]:
-    return (q.w, q.x, q.y, q.z)

@@ -110,11 +110,55 @@ def _link(m: Any) -> Sequence[float]:
     return (1e3 * m.age, 1e3 * m.round_trip, 100.0 * m.loss, m.telemetry_rate)
 
 
+def _bearing_pose(m: Any) -> Sequence[float]:
+    covariance = m.pose.covariance  # 6 by 6, position first
+    return (
+        *_vector(m.pose.pose.position),
+        1e3 * _rms(covariance[0], covariance[7], covariance[14]),
+    )
+
+
+def _comparison(m: Any) -> Sequence[float]:
+    errors, angles, deviations = ([math.nan] * len(COMPARED) for _ in range(3))
+    for one in m.estimators:
+        if one.name not in COMPARED:
+            continue
+        i, covariance = COMPARED.index(one.name), one.position_covariance
+        errors[i] = 1e3 * one.position_error
+        angles[i] = math.degrees(one.attitude_error)
+        deviations[i] = 1e3 * _rms(covariance[0], covariance[4], covariance[8])
+    bounds = (1e3 * m.position_bound, math.degrees(m.attitude_bound))
+    return (*errors, bounds[0], *angles, bounds[1], *deviations)
+
+
+def _rms(*variances: float) -> float:
+    """The length that an error of these variances has in the mean square."""
+    total = float(sum(variances))
+    return math.sqrt(total) if total >= 0.0 else math.nan
+
+
 def _one(name: str, label: str, unit: str, group: str, topic: str) -> Signal:
     return Signal(name, label, unit, group, topic)
 
 
 _MOTORS = ("front", "left", "rear", "right")
+
+COMPARED = (
+    "vehicle",
+    "error_state",
+    "complementary",
+    "complementary:paper",
+    "complementary:bearings",
+    "complementary:resolved",
+)
+"""Results of the topic `comparison` that have signals: the vehicle's own estimate, and every
+estimator and preset of gains that comes along. One that was registered has its row in the Beacons
+tab and no signal."""
+
+
+def _compared(name: str, group: str, unit: str) -> list[Signal]:
+    return [Signal(f"comparison.{name}.{of}", of, unit, group, "comparison") for of in COMPARED]
+
 
 _SOURCES = (
     _Source(
@@ -177,6 +221,37 @@ _SOURCES = (
             _one("truth.velocity_error", "velocity", "m/s", "estimate against truth", "truth"),
         ),
         _truth,
+    ),
+    _Source(
+        ("bearing_pose",),
+        (
+            *_xyz("bearing_pose.position", "one-frame position", "m", "bearing_pose"),
+            _one("bearing_pose.deviation", "rms", "mm", "one-frame deviation", "bearing_pose"),
+        ),
+        _bearing_pose,
+    ),
+    _Source(
+        ("comparison",),
+        (
+            *_compared("position_error", "position error to truth", "mm"),
+            _one(
+                "comparison.position_bound",
+                "one-frame bound",
+                "mm",
+                "position error to truth",
+                "comparison",
+            ),
+            *_compared("attitude_error", "attitude error to truth", "°"),
+            _one(
+                "comparison.attitude_bound",
+                "one-frame bound",
+                "°",
+                "attitude error to truth",
+                "comparison",
+            ),
+            *_compared("deviation", "rms deviation an estimator states", "mm"),
+        ),
+        _comparison,
     ),
     _Source(
         ("status",),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import errno
 import socket
 from asyncio import BaseTransport
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
@@ -35,6 +35,8 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
             if lowat is not None:
                 connection.setsockopt(socket.IPPROTO_TCP, lowat, UNSENT)
         self.transport.set_write_buffer_limits(high=UNSENT)
+        if (below := plain_transport(self.transport)) is not None:
+            below.set_write_buffer_limits(high=UNSENT)
 
     async def send(self, message: ASGISendEvent) -> None:
         await super().send(message)
@@ -43,12 +45,19 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
             self.handshake_complete = True
 
 
+def plain_transport(transport: Any) -> Any:
+    """The one below TLS, with a buffer of its own that asyncio gives no other way to; or None."""
+    return getattr(getattr(transport, "_ssl_protocol", None), "_transport", None)
+
+
 def listen(host: str, port: int) -> socket.socket:
     """A listening socket. Raises LinkError or UsageError, one line each."""
     if not 0 <= port <= 65535:
         raise UsageError(f"port {port} is not a port; allowed 0 (any free one) to 65535")
     try:
-        return socket.create_server((host, port), backlog=128)
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        both = host == "::"
+        return socket.create_server((host, port), family=family, backlog=128, dualstack_ipv6=both)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
             raise LinkError(

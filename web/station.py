@@ -87,6 +87,10 @@ class Station:
         response = await self._call(service, requester, **fields)
         return Reply(run_id=str(getattr(response, "run_id", "")))
 
+    async def answer(self, service: str, requester: str, **fields: Any) -> Any:
+        """As `command`, with the whole answer."""
+        return await self._call(service, requester, **fields)
+
     async def start_behavior(
         self, requester: str, name: str, arguments: Mapping[str, ParameterValue], **fields: Any
     ) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 from fastapi import WebSocket
 
-from web.door import Role, Session
+from web.access.roles import Role, Session
 
 _FRAME = struct.Struct("<5f")
 SILENCE = 0.25  # s
@@ -79,7 +79,7 @@ class StickOutput:
 
 async def serve(socket: WebSocket, output: StickOutput, session: Session) -> None:
     """One page's sticks until it leaves; answers `{"held": …}` with whose they are."""
-    if session.role is not Role.OPERATOR:
+    if not session.role.may(Role.OPERATOR):
         await socket.close(1008, "viewers have no sticks")
         return
     await socket.accept()

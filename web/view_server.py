@@ -13,14 +13,17 @@ import http
 import io
 import secrets
 import socket
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import viser
 import websockets.asyncio.server
 from viser import _messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
+
+if TYPE_CHECKING:
+    from web.beacons.drag import Drag
 
 SECRET_HEADER = "X-Quadlab-Secret"
 VIEW_HEADER = "X-Quadlab-View"
@@ -31,10 +34,13 @@ class ViewServer:
     """viser with its second lock.
 
     `secret` must come in SECRET_HEADER; VIEW_HEADER names the page's view, so that
-    `clients_of(view)` finds the cameras to move.
+    `clients_of(view)` finds the cameras to move. Operators may drag the nodes in `draggable`;
+    `on_drag` gets what they do, on the event loop.
     """
 
     def __init__(self) -> None:
+        self.draggable: frozenset[str] = frozenset()
+        self.on_drag: Callable[[Drag], None] = lambda _: None
         self.secret = secrets.token_urlsafe(24)
         with _guarded_listener(self.secret), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)

@@ -22,7 +22,8 @@ from control.presets import preset
 from estimation.parameters import PRESETS as ESTIMATION_PRESETS
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
-from vehicle_link.log.reader import read_attachments
+from vehicle_link.log.reader import read_attachments, read_log
+from vehicle_link.messages import decode
 
 RAMP = 4.0
 """s, longer than the 8's ramp in or out."""
@@ -46,8 +47,9 @@ class BearingsOptions(Parameters):
 
     manoeuvre: str = parameter(
         "hover",
-        choices=("hover", "figure_eight", "sticks"),
-        description="flown on bearings; sticks are scripted, or those of sticks_file",
+        choices=("hover", "figure_eight", "sticks", "manual"),
+        description="flown on bearings; sticks are scripted, or those of sticks_file; manual is "
+        "flown by a person from the page",
     )
     duration: float = parameter(
         60.0, unit="s", ge=5.0, le=3600.0, step=1.0, description="of the manoeuvre, at least"
@@ -86,21 +88,41 @@ class BearingsExperiment:
         self.parameters = BearingsOptions()
         self._vehicle = vehicle
 
-    # ------------------------------------------------------------------ flight
-    def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not, UsageError for sticks.
+    @property
+    def planned(self) -> float:
+        """s, about: take-off, hand-over, manoeuvre, landing."""
+        p = self.parameters
+        file = p.manoeuvre == "sticks" and p.sticks_file
+        return 25.0 + (len(self._sticks()) / RATE if file else p.duration)
 
-        A vehicle that goes back to the tracker or lands by itself ends the manoeuvre.
-        """
+    def check(self) -> None:
+        """Raises UsageError for options that do not go together, StorageError for no file."""
         p = self.parameters
         if p.gains not in ("auto", "as_set") and p.estimator != "complementary":
             raise UsageError(
                 f"experiment.gains={p.gains} is of the complementary filter; "
                 f"experiment.estimator is {p.estimator}"
             )
-        sticks = self._sticks()
+        if p.manoeuvre == "sticks":
+            self._sticks()
+
+    # ------------------------------------------------------------------ flight
+    def fly(self, client: Client) -> None:
+        """Raises RefusedError with the vehicle's reason when it will not, or as `check`.
+
+        A vehicle that goes back to the tracker or lands by itself ends the manoeuvre.
+        """
+        p = self.parameters
+        self.check()
+        if p.manoeuvre == "manual" and not client.has_pilot:
+            raise UsageError(
+                "experiment.manoeuvre=manual needs a person at the sticks: start it from the "
+                "page, or fly experiment.manoeuvre=sticks, scripted or with experiment.sticks_file"
+            )
+        sticks = self._sticks() if p.manoeuvre == "sticks" else np.empty((0, 4))
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         before = {name: client.parameter(name) for name in self._control_gains()}
+        found = {name: client.parameter(name) for name in self._changed_on_board()}
         client.change(self._shadow())  # compiled on the ground, started anew in the air
         client.change({"estimation.shadow": "none"})
         client.wait(0.5)
@@ -113,14 +135,17 @@ class BearingsExperiment:
         except RefusedError:
             self._land(client)
             raise
-        client.wait(SETTLE)
-        self._manoeuvre(client, sticks)
+        if not client.finished:
+            client.wait(SETTLE)
+            self._manoeuvre(client, sticks)
         if self._on_bearings(client):
             with suppress(RefusedError):  # no tracker: landed on bearings
                 client.change({"estimation.source": "poses"})
         client.change(before)
         client.wait(1.0)
         self._land(client)
+        with suppress(RefusedError):  # not on the ground: left as it is
+            client.change(found)
 
     def _land(self, client: Client) -> None:
         if client.view().mode == "armed":
@@ -130,12 +155,9 @@ class BearingsExperiment:
 
     def _hand_over(self, client: Client) -> None:
         p = self.parameters
-        name = "resolved" if p.gains in ("auto", "paper") else p.gains
-        gains = ESTIMATION_PRESETS.get(name, {}) if p.estimator == "complementary" else {}
-        changes: dict[str, ParameterValue] = {f"estimation.{k}": v for k, v in gains.items()}
-        client.change(changes | self._shadow() | self._control_gains())
+        client.change(self._estimator_gains() | self._shadow() | self._control_gains())
         patient_until = client.view().time + PATIENCE
-        while True:
+        while not client.finished:
             client.wait(0.5)
             try:
                 client.change(
@@ -145,7 +167,7 @@ class BearingsExperiment:
             except RefusedError:
                 if client.view().time > patient_until:
                     raise
-        if p.gains == "paper":
+        if p.gains == "paper" and self._on_bearings(client):
             # Noisier than what the vehicle would ever accept, so set once it is flown on.
             paper = {f"estimation.{k}": v for k, v in ESTIMATION_PRESETS["paper"].items()}
             client.change({**paper, "fallback.enabled": False})
@@ -156,7 +178,7 @@ class BearingsExperiment:
             laps = max(1, round(p.duration / PERIOD))
             client.start("follow_trajectory", trajectory="figure_eight", laps=laps, period=PERIOD)
             client.wait_until(
-                lambda v: v.behavior != "follow_trajectory" or not self._on_bearings(client),
+                lambda v: v.behavior != "follow_trajectory" or self._over(client),
                 what="the end of the 8", timeout=(laps + 2) * PERIOD + 10,
             )  # fmt: skip
             if client.view().behavior == "follow_trajectory":
@@ -167,23 +189,59 @@ class BearingsExperiment:
             for axes in sticks:
                 client.sticks(axes)
                 client.wait(1.0 / RATE)
-                if not self._on_bearings(client) or client.view().behavior != "velocity":
+                if self._over(client) or client.view().behavior != "velocity":
                     break
-            if client.view().behavior == "velocity":
-                client.start("brake")
-                client.wait(2.0)
+            self._brake(client)
+        elif p.manoeuvre == "manual":
+            client.start("velocity")
+            client.pilot_flies(True)
+            end = client.view().time + p.duration
+            try:
+                client.wait_until(
+                    lambda v: v.time >= end or v.behavior != "velocity" or self._over(client),
+                    what="the end of the flight by hand", timeout=p.duration + 5.0,
+                )  # fmt: skip
+            finally:
+                client.pilot_flies(False)
+            self._brake(client)
         else:
             end = client.view().time + p.duration + RAMP
             client.wait_until(
-                lambda v: v.time >= end or not self._on_bearings(client) or v.mode != "armed",
+                lambda v: v.time >= end or v.mode != "armed" or self._over(client),
                 what="the end of hover", timeout=p.duration + RAMP + 5.0,
             )  # fmt: skip
+
+    def _brake(self, client: Client) -> None:
+        if client.view().behavior == "velocity":
+            client.start("brake")
+            client.wait(2.0)
+
+    def _over(self, client: Client) -> bool:
+        """Whether the manoeuvre is to end: asked for, or no longer on bearings."""
+        return client.finished or not self._on_bearings(client)
 
     def _sticks(self) -> npt.NDArray[np.float64]:
         p = self.parameters
         if p.sticks_file:
             return recorded(Path(p.sticks_file))
         return scripted(p.sticks_seed, p.duration)
+
+    def _estimator_gains(self) -> dict[str, ParameterValue]:
+        p = self.parameters
+        if p.estimator != "complementary":
+            return {}
+        gains = ESTIMATION_PRESETS.get("resolved" if p.gains in ("auto", "paper") else p.gains, {})
+        return {f"estimation.{name}": value for name, value in gains.items()}
+
+    def _changed_on_board(self) -> tuple[str, ...]:
+        """Names of what is put back after landing."""
+        papers = self.parameters.gains == "paper"
+        extra = [f"estimation.{name}" for name in ESTIMATION_PRESETS["paper"]] if papers else []
+        return (
+            "estimation.estimator", "estimation.shadow", "estimation.shadow_source",
+            *dict.fromkeys((*self._estimator_gains(), *extra)),
+            *(("fallback.enabled",) if papers else ()),
+        )  # fmt: skip
 
     def _shadow(self) -> dict[str, ParameterValue]:
         return {
@@ -209,7 +267,7 @@ class BearingsExperiment:
         p = self.parameters
         flight = read_flight(log, self._vehicle, RAMP)
         metrics = flight.metrics()
-        limits: dict[str, float] = {"fallbacks": 0.0}
+        limits: dict[str, float] = {"fallbacks": 0.0, "emergencies": 0.0}
         rms = LIMITS.get((p.estimator, p.manoeuvre))
         if rms is not None and p.gains != "paper" and _papers_sensor(log):
             limits["position_rms_m"] = rms
@@ -226,10 +284,20 @@ class BearingsExperiment:
 
 
 def _papers_sensor(log: Path) -> bool:
-    """Whether the emulated sensor was that of Sec. 7, which the limits are for."""
+    """Whether the emulated sensor was that of Sec. 7, which the limits are for.
+
+    A station's run has its own parameters beside the vehicle's, and may have changed them.
+    """
     values = json.loads(read_attachments(log).get("parameters.json", b"{}"))
-    return all(
-        values.get(f"bearings.{name}", default) == default
+    prefix, changed = "bearings.", False
+    if "station" in values:
+        values, prefix = dict(values["station"]), "station.bearings."
+        for message in read_log(log):
+            if message.topic.endswith("/parameter_changes"):
+                name = decode(message.payload, message.type_name).name
+                changed |= name.startswith(prefix) and name != f"{prefix}seed"
+    return not changed and all(
+        values.get(f"{prefix}{name}", default) == default
         for name, default in BearingParameters()
         if name != "seed"
     )

@@ -9,22 +9,29 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from console.experiments.alignment import at_stamps
 from quadrotor.errors import LogFormatError
 from vehicle_link.log.reader import read_log
 from vehicle_link.messages import decode
-from vehicle_link.topics import decode_actuators, decode_odometry, decode_reference
+from vehicle_link.topics import decode_actuators, decode_odometry, decode_pose, decode_reference
 
 Array = npt.NDArray[np.float64]
+
+EMERGENCIES = ("emergency_land", "cut")
 
 
 @dataclass(frozen=True, slots=True)
 class BearingsFlight:
     """Truth, estimate and reference at the stamps of truth while bearings were flown on.
 
+    Without truth, on a real vehicle, the tracker's poses count as it; they have no velocity.
+
     Attributes:
-        time: (N,) s. truth, estimate: (N, 10) position, velocity, quaternion.
+        time: (N,) s. truth, estimate: (N, 10) position, velocity (NaN when unknown), quaternion.
         reference_w: (N, 3) m. saturated: share of ticks with a scaled wrench.
         window: s, what is judged. fell_back: the events that say so.
+        emergencies: times the vehicle landed in an emergency or its motors were cut, from the
+            hand-over on.
     """
 
     time: Array
@@ -34,6 +41,7 @@ class BearingsFlight:
     saturated: float
     window: tuple[float, float]
     fell_back: tuple[str, ...]
+    emergencies: int
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
@@ -68,7 +76,7 @@ class BearingsFlight:
         tracking = np.linalg.norm(truth[:, :3] - self.reference_w[rows], axis=1)
         off = truth - estimate
         start, end = self.window
-        return {
+        metrics = {
             "position_rms_m": _rms(tracking),
             "position_max_m": float(tracking.max()),
             "estimate_position_rms_m": _rms(np.linalg.norm(off[:, :3], axis=1)),
@@ -78,9 +86,11 @@ class BearingsFlight:
             ),
             "saturated_share": self.saturated,
             "fallbacks": float(len(self.fell_back)),
+            "emergencies": float(self.emergencies),
             "judged_s": end - start,
             "samples": float(rows.sum()),
         }
+        return {name: value for name, value in metrics.items() if not np.isnan(value)}
 
 
 def _rms(values: Array) -> float:
@@ -95,14 +105,14 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
 
     Raises LogFormatError when it was not flown on bearings, or truth is missing.
     """
-    topics = ("truth", "state", "reference", "actuators", "events", "parameter_changes")
-    truth: dict[int, Array] = {}
-    state: dict[int, Array] = {}
-    reference: dict[int, Array] = {}
+    found: dict[str, dict[int, Array]] = {
+        "truth": {}, "tracker_pose": {}, "state": {}, "reference": {},
+    }  # fmt: skip
+    topics = (*found, "actuators", "events", "parameter_changes", "status")
     scaled: list[tuple[int, bool]] = []
     events: list[tuple[float, str]] = []
     phase: list[float] = []
-    newest = 0.0
+    newest, mode, emergencies = 0.0, "", 0
     for message in read_log(log, {f"/{vehicle}/{topic}" for topic in topics}):
         stamp_ns, topic = message.publish_ns, message.topic.rsplit("/", 1)[1]
         newest = max(newest, stamp_ns * 1e-9)
@@ -114,44 +124,69 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
                     phase.append(stamp_ns * 1e-9)
         elif topic == "events":
             events.append((stamp_ns * 1e-9, decode(message.payload, message.type_name).msg))
+        elif topic == "status":
+            was, mode = mode, str(decode(message.payload, message.type_name).mode)
+            emergencies += bool(phase) and mode != was and mode in EMERGENCIES
         elif not phase or len(phase) == 2:
             continue
         elif topic == "reference":
-            reference[stamp_ns] = decode_reference(message.payload)[1]["position_w"][0].copy()
+            wanted = decode_reference(message.payload)[1]
+            found[topic][stamp_ns] = wanted["position_w"][0].copy()
         elif topic == "actuators":
             scaled.append((stamp_ns, bool(decode_actuators(message.payload)[1]["scaling"][0] < 1)))
+        elif topic == "tracker_pose":
+            pose = decode_pose(message.payload)
+            found[topic][stamp_ns] = np.concatenate(
+                [pose["position_w"][0], (np.nan,) * 3, pose["quaternion_wb"][0]]
+            )
         else:
             row = decode_odometry(message.payload, vehicle)[1]
-            values = np.concatenate(
+            found[topic][stamp_ns] = np.concatenate(
                 [row[name][0] for name in ("position_w", "velocity_w", "quaternion_wb")]
             )
-            (truth if topic == "truth" else state)[stamp_ns] = values
     if not phase:
         raise LogFormatError(
             f"{log.name} never flew on bearings: no change of estimation.source to bearings in it"
         )
     begin, end = phase[0], newest if len(phase) == 1 else phase[1]
     window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
-    common = sorted(truth.keys() & state.keys() & reference.keys())
-    time = np.array(common) * 1e-9
+    truth = found["truth"] or found["tracker_pose"]
+    stamps = np.array(sorted(truth), np.int64)
+    estimate, known = at_stamps(stamps, _unflipped(found["state"]))
+    wanted_w, known_too = at_stamps(stamps, found["reference"])
+    rows = known & known_too
+    time = stamps[rows] * 1e-9
     if not ((time >= window[0]) & (time <= window[1])).any():
         raise LogFormatError(
-            f"{log.name} has no truth, state and reference at common stamps between "
+            f"{log.name} has no truth, state and reference at common times between "
             f"{window[0]:.1f} s and {window[1]:.1f} s: too short a stay on bearings"
         )
     inside = [flag for ns, flag in scaled if window[0] <= ns * 1e-9 <= window[1]]
     return BearingsFlight(
         time,
-        np.array([truth[ns] for ns in common]),
-        np.array([state[ns] for ns in common]),
-        np.array([reference[ns] for ns in common]),
+        np.array([truth[int(ns)] for ns in stamps[rows]]),
+        estimate[rows],
+        wanted_w[rows],
         sum(inside) / max(len(inside), 1),
         window,
         tuple(
             text for _, text in events
             if text.startswith("fell back") or "no tracker to fall back" in text
         ),
+        emergencies,
     )  # fmt: skip
+
+
+def _unflipped(state: dict[int, Array]) -> dict[int, Array]:
+    """The same attitudes with quaternions of one sign, to interpolate between."""
+    out: dict[int, Array] = {}
+    last = np.zeros(4)
+    for ns in sorted(state):
+        row = state[ns]
+        if row[6:] @ last < 0.0:
+            row = np.concatenate([row[:6], -row[6:]])
+        out[ns], last = row, row[6:]
+    return out
 
 
 def _window(

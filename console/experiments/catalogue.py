@@ -10,15 +10,15 @@ from console.experiments.figure_eight import FigureEight
 from console.experiments.hover import Hover
 from quadrotor.errors import UsageError
 
-EXPERIMENTS: dict[str, Callable[[], Experiment]] = {
+EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
     "figure_eight": FigureEight,
     "hover": Hover,
     "bearings": BearingsExperiment,
 }
 
 
-def find(name: str) -> Experiment:
+def find(name: str, vehicle: str = "quad1") -> Experiment:
     """Raises UsageError naming what there is."""
     if name not in EXPERIMENTS:
         raise UsageError(f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name]()
+    return EXPERIMENTS[name](vehicle)

@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.errors import QuadlabError
 from quadrotor.parameters import Parameters, ParameterValue
 
 
@@ -25,9 +26,27 @@ class VehicleView:
     position_w: npt.NDArray[np.float64]  # (3,) m
 
 
+class ExperimentEndedError(QuadlabError):
+    """Stopped, or somebody took over: the experiment may command no more, landing included."""
+
+
 class Client(Protocol):
     """Commands raise RefusedError with the vehicle's reason; waits raise RefusedError at the end
-    of their time."""
+    of their time. On a real link all of them also raise ExperimentEndedError, or LinkError."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the manoeuvre is to end now; conditions of waits may look at it."""
+        ...
+
+    @property
+    def has_pilot(self) -> bool:
+        """Whether a person could fly with sticks."""
+        ...
+
+    def pilot_flies(self, on: bool) -> None:
+        """Let the person's sticks through, or take them back. Raises UsageError without one."""
+        ...
 
     def view(self) -> VehicleView: ...
 
@@ -73,6 +92,16 @@ class Experiment(Protocol):
 
     @property
     def parameters(self) -> Parameters | None: ...
+
+    @property
+    def planned(self) -> float:
+        """s that the flight takes, about."""
+        ...
+
+    def check(self) -> None:
+        """Before anything is commanded. Raises UsageError or StorageError for options that do
+        not go together or name what is not there."""
+        ...
 
     def fly(self, client: Client) -> None: ...
 

@@ -16,11 +16,15 @@ class Hover:
 
     name = "hover"
     parameters = None
+    planned = 25.0
     limits = {"position_rms_m": 0.005, "position_max_m": 0.010}  # noqa: RUF012
 
     def __init__(self, vehicle: str = "quad1") -> None:
         self._vehicle = vehicle
         self._window: tuple[float, float] | None = None
+
+    def check(self) -> None:
+        """Nothing can be chosen wrongly."""
 
     def fly(self, client: Client) -> None:
         """Raises RefusedError with the vehicle's reason when it will not."""
@@ -32,7 +36,10 @@ class Hover:
         client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
         client.wait(2.0)
         start = client.view().time
-        client.wait(DURATION)
+        client.wait_until(
+            lambda v: v.time >= start + DURATION or client.finished,
+            what="the end of the hover", timeout=DURATION + 5.0,
+        )  # fmt: skip
         self._window = (start, client.view().time)
         client.start("land")
         client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)

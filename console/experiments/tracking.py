@@ -1,4 +1,4 @@
-"""Tracking errors from a log: `truth` against `reference`, matched by stamp."""
+"""Tracking errors from a log: `truth` against `reference`, both at the stamps of truth."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from console.experiments.alignment import at_stamps
 from quadrotor.errors import LogFormatError
 from vehicle_link.log.reader import read_log
-from vehicle_link.topics import decode_odometry, decode_reference
+from vehicle_link.topics import decode_odometry, decode_pose, decode_reference
 
 Array = npt.NDArray[np.float64]
 
@@ -37,29 +38,41 @@ class TrackingErrors:
 def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> TrackingErrors:
     """Errors of the flight in `log` for start <= t <= end (s, vehicle clock).
 
-    Raises LogFormatError when truth or reference is missing there.
+    Where there is no truth, the tracker's poses count as it. Raises LogFormatError when either or
+    the reference is missing there.
     """
-    truth: dict[int, tuple[Array, float]] = {}
-    reference: dict[int, tuple[Array, float]] = {}
-    topics = {f"/{vehicle}/truth", f"/{vehicle}/reference"}
-    for message in read_log(log, topics):
+    found: dict[str, dict[int, Array]] = {"truth": {}, "tracker_pose": {}, "reference": {}}
+    for message in read_log(log, {f"/{vehicle}/{topic}" for topic in found}):
         if not start <= message.publish_ns * 1e-9 <= end:
             continue
-        if message.topic.endswith("truth"):
-            stamp_ns, state = decode_odometry(message.payload)
-            w, x, y, z = state["quaternion_wb"][0]
-            yaw = float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-            truth[stamp_ns] = (state["position_w"][0].copy(), yaw)
-        else:
+        topic = message.topic.rsplit("/", 1)[1]
+        if topic == "reference":
             stamp_ns, wanted = decode_reference(message.payload)
-            reference[stamp_ns] = (wanted["position_w"][0].copy(), float(wanted["yaw"][0]))
-    common = sorted(truth.keys() & reference.keys())
-    if not common:
+            yaw = float(wanted["yaw"][0])
+            turn = (np.cos(yaw), np.sin(yaw))
+            position_w = wanted["position_w"][0]
+        else:
+            if topic == "truth":
+                stamp_ns, pose = decode_odometry(message.payload)
+            else:
+                pose = decode_pose(message.payload)
+                stamp_ns = int(pose["stamp_ns"][0])
+            w, x, y, z = pose["quaternion_wb"][0]
+            turn = (1 - 2 * (y * y + z * z), 2 * (w * z + x * y))
+            position_w = pose["position_w"][0]
+        found[topic][stamp_ns] = np.array([*position_w, *turn])
+    truth, reference = found["truth"] or found["tracker_pose"], found["reference"]
+    stamps = np.array(sorted(truth), np.int64)
+    wanted_at, known = at_stamps(stamps, reference)
+    if not known.any():
         raise LogFormatError(
             f"{log.name} has {len(truth)} truth and {len(reference)} reference messages between "
-            f"{start:.1f} s and {end:.1f} s, none at common stamps; was it flown to the end?"
+            f"{start:.1f} s and {end:.1f} s, none at common times; was it flown to the end?"
         )
-    position = np.array([truth[s][0] - reference[s][0] for s in common])
-    yaw_error = np.array([truth[s][1] - reference[s][1] for s in common])
+    true_at = np.array([truth[int(ns)] for ns in stamps[known]])
+    wanted_at = wanted_at[known]
+    yaw_error = np.arctan2(true_at[:, 4], true_at[:, 3]) - np.arctan2(
+        wanted_at[:, 4], wanted_at[:, 3]
+    )
     wrapped = (yaw_error + np.pi) % (2 * np.pi) - np.pi
-    return TrackingErrors(np.array(common) * 1e-9, position, wrapped)
+    return TrackingErrors(stamps[known] * 1e-9, true_at[:, :3] - wanted_at[:, :3], wrapped)

@@ -156,7 +156,7 @@ def check_log(log: Path, gain: float) -> None:
     last = changes[-1]
     assert float(last.new_value) == pytest.approx(gain)
     assert float(changes[0].old_value) != float(last.new_value)
-    assert last.requester.startswith("operator")
+    assert last.requester.startswith("admin")
     assert last.header.stamp.sec > 0
-    assert any("follow_trajectory by operator" in text for text in events), events
+    assert any("follow_trajectory by admin" in text for text in events), events
     assert np.max(heights) == pytest.approx(1.2, abs=0.1)

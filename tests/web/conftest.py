@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -14,13 +16,19 @@ import httpx
 import pytest
 import uvicorn
 
+from bearing_sim.emulator import BearingParameters
 from console.catalogue import Catalogue, RunEntry
+from console.comparison.parameters import ComparisonParameters
+from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameter_messages import from_parameters, to_parameters
+from web.access.attempts import Attempts
+from web.access.passwords import Passwords
+from web.access.tls import Tls
 from web.assembly import assemble
-from web.process import server
+from web.process import server, url_of
 from web.sockets import listen
 from web.station import Station
 from web.view_server import ViewServer
@@ -41,6 +49,16 @@ class _Root(Parameters):
     gains: _Gains = _Gains()
 
 
+class _OnBearings(Parameters):
+    bearings: BearingParameters = BearingParameters()
+    comparison: ComparisonParameters = ComparisonParameters()
+
+
+class _BearingsRoot(Parameters):
+    estimation: EstimationParameters = EstimationParameters()
+    station: _OnBearings = _OnBearings()
+
+
 class ScriptedStation(Station):
     """Answers as a station with a vehicle would, without a network."""
 
@@ -50,6 +68,8 @@ class ScriptedStation(Station):
         self.sticks: list[tuple[tuple[float, ...], bool]] = []
         self.refusal = ""
         self.away = False
+        self.compared = False
+        self.residuals: dict[int, float] | None = None
         self.answering = threading.Event()
         self.answering.set()
 
@@ -97,6 +117,33 @@ class ScriptedStation(Station):
                 recording_duration=12.0, recording_bytes=84_000_000),
         )  # fmt: skip
 
+    def compare(
+        self, names: tuple[str, ...] = ("vehicle", "error_state"), residuals: Any = None
+    ) -> None:
+        """One comparison: estimator i is (10 + i) mm off; residuals (rad) by beacon, of all."""
+        seen = {1: 0.010, 2: 0.020, 3: 0.030, 4: 0.120} if residuals is None else residuals
+        results = [
+            new(
+                "quadlab_msgs/EstimatorResult", name=name, initialized=True, converged=True,
+                position_error=0.010 + 0.001 * i, attitude_error=0.005,
+                position_rms_recent=0.020 + 0.001 * i, position_max_recent=0.050,
+                position_rms=0.030 + 0.001 * i, position_max=0.2, attitude_rms_recent=0.01,
+                attitude_rms=0.02, attitude_max=0.03, attitude_max_recent=0.02,
+                processor=math.nan if name == "vehicle" else 0.0123,
+                position_covariance=[4e-4, 0, 0, 0, 4e-4, 0, 0, 0, 1e-4], attitude_variance=1e-4,
+                beacon_ids=list(seen), residuals=list(seen.values()),
+            )
+            for i, name in enumerate(names)
+        ]  # fmt: skip
+        self.put(
+            "comparison",
+            new(
+                "quadlab_msgs/EstimatorComparison", header=header(time.time_ns()), truth="truth",
+                duration=133.0, sigma=math.radians(1.5), position_bound=0.027,
+                attitude_bound=0.02, estimators=results,
+            ),
+        )  # fmt: skip
+
     def _read_parameters(self, remote: str) -> Any:
         if remote != "/quad1/vehicle":
             raise LinkError("no such node")
@@ -129,7 +176,19 @@ class Site:
     data: Path
     station: ScriptedStation
     view_server: ViewServer
+    gate: Any
     links: list[str] = field(default_factory=list)
+    clock: list[float] = field(default_factory=list)
+    tls: Tls | None = None
+
+    @property
+    def verify(self) -> Any:
+        """What a browser trusts that has this data folder's authority."""
+        if self.tls is None:
+            return False
+        context = ssl.create_default_context(cafile=self.tls.authority)
+        context.verify_flags |= ssl.VERIFY_X509_STRICT  # as Python 3.13 does
+        return context
 
     @property
     def host(self) -> str:
@@ -141,20 +200,32 @@ class Site:
 
     def browser(self) -> httpx.Client:
         """Not signed in."""
-        return httpx.Client(base_url=self.base, timeout=20.0)
+        return httpx.Client(base_url=self.base, timeout=20.0, verify=self.verify)
 
     def sign_in(self, token: str | None = None) -> httpx.Client:
         """A signed-in browser."""
-        answer = httpx.get(f"{self.base}/", params={"token": token or self.token}, timeout=20.0)
+        with self.browser() as first:
+            answer = first.get("/", params={"token": token or self.token})
         assert answer.status_code == 200, answer.text
         client = self.browser()
         client.cookies.update(answer.cookies)
         return client
 
+    def invited(self, by: httpx.Client, role: str) -> httpx.Client:
+        """A browser that signed in by an invitation."""
+        url = by.post("/api/invitations", json={"role": role}).json()["url"]
+        return self.sign_in(parse_qs(urlsplit(url).query)["token"][0])
+
     def cookie(self, client: httpx.Client) -> str:
         return "; ".join(f"{name}={value}" for name, value in client.cookies.items())
 
-    def websocket(self, path: str, cookie: str | None, origin: str | None = None) -> Any:
+    def websocket(
+        self,
+        path: str,
+        cookie: str | None,
+        origin: str | None = None,
+        subprotocol: str | None = None,
+    ) -> Any:
         """An open websocket (websockets.sync), to be used with `with`."""
         import websockets.sync.client
 
@@ -163,9 +234,10 @@ class Site:
             f"ws://{self.host}{path}",
             additional_headers=headers,
             origin=websockets.Origin(origin or self.base),
-            subprotocols=None,
+            subprotocols=[websockets.Subprotocol(subprotocol)] if subprotocol else None,
             compression=None,
             proxy=None,
+            open_timeout=60.0,
         )
 
 
@@ -191,14 +263,38 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A site whose station has the parameters of bearings, and compares estimators."""
+    data = tmp_path_factory.mktemp("beacons")
+    with serving(data, Catalogue(data)) as running:
+        station, fly = running.station, running.station.fly
+        station.store = ParameterStore(_BearingsRoot().model_copy(deep=True))
+        station.compared = True
+
+        def fly_and_compare() -> None:
+            fly()
+            if station.compared:
+                names = station.store.values()["station.comparison.estimators"].split()
+                station.compare(("vehicle", *names), station.residuals)
+
+        station.fly = fly_and_compare
+        yield running
+
+
 class serving:  # noqa: N801 - used as `with serving(...)`
     """Runs the whole process in a thread; `stop` and start again keep the data folder."""
 
     def __init__(
-        self, data: Path, catalogue: Catalogue, token: str | None = None, port: int = 0
+        self,
+        data: Path,
+        catalogue: Catalogue,
+        token: str | None = None,
+        port: int = 0,
+        tls: Tls | None = None,
     ) -> None:
         self._listener = listen("127.0.0.1", port)
-        base = f"http://127.0.0.1:{self._listener.getsockname()[1]}"
+        base = url_of("127.0.0.1", self._listener.getsockname()[1], has_tls=tls is not None)
         made: list[ScriptedStation] = []
         links: list[str] = []
 
@@ -210,15 +306,17 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             links.append(url)
 
         view_server = ViewServer()
+        now = [0.0]  # s, of the sign-in limits; a test moves it
         app = assemble(
+            attempts=Attempts(lambda: now[0]), passwords=Passwords(1, 8),
             data=data, base_url=base, vehicle="quad1", token=token, connect=connect,
             catalogue=catalogue, show_link=show, view_server=view_server,
         )  # fmt: skip
-        self._server: uvicorn.Server = server(app)
+        self._server: uvicorn.Server = server(app, tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
         )
-        self.site = Site(base, data, made[0], view_server, links)
+        self.site = Site(base, data, made[0], view_server, app, links, now, tls)
 
     def __enter__(self) -> Site:
         self._thread.start()
@@ -261,13 +359,19 @@ def station(site: Site) -> Iterator[ScriptedStation]:
 
 
 @pytest.fixture
-def operator(site: Site) -> Iterator[httpx.Client]:
+def admin(site: Site) -> Iterator[httpx.Client]:
+    """By the terminal's link."""
     with site.sign_in() as client:
         yield client
 
 
 @pytest.fixture
+def operator(site: Site, admin: httpx.Client) -> Iterator[httpx.Client]:
+    with site.invited(admin, "operator") as client:
+        yield client
+
+
+@pytest.fixture
 def viewer(site: Site, operator: httpx.Client) -> Iterator[httpx.Client]:
-    url = operator.post("/api/invitations", json={"role": "viewer"}).json()["url"]
-    with site.sign_in(parse_qs(urlsplit(url).query)["token"][0]) as client:
+    with site.invited(operator, "viewer") as client:
         yield client

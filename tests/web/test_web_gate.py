@@ -115,7 +115,7 @@ def test_localhost_is_our_name_too(site: Any, signed_in: httpx.Client) -> None:
 def test_a_link_works_once_and_the_next_one_is_shown(site: Any) -> None:
     first = site.token
     with site.sign_in(first) as client:
-        assert client.get("/api/session").json()["role"] == "operator"
+        assert client.get("/api/session").json()["role"] == "admin"
     assert site.token != first
     with site.browser() as late:
         answer = late.get("/", params={"token": first})

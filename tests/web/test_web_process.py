@@ -132,6 +132,6 @@ def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) 
         out, err = process.communicate(timeout=20.0)
     finally:
         process.kill()
-    assert "operator 1 signed in" in out
+    assert "admin 1 signed in" in out
     assert err == ""
     assert process.returncode == 0

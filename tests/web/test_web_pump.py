@@ -16,7 +16,7 @@ import websockets.sync.client
 from viser import _messages
 
 from web import pump
-from web.door import Role
+from web.access.roles import Role
 from web.view_server import ViewServer
 
 CAMERA = {

@@ -62,7 +62,7 @@ def fly(live: Live, t: float) -> tuple[float, float, float]:
 
 def test_nodes_follow_the_newest_state(server: ViewServer) -> None:
     live = Live(decode)
-    scene = Scene(server, live, np.array([[1.0, 1.0, 0.1]]))
+    scene = Scene(server, live)
     handles = server.viser.scene._handle_from_node_name
     assert not handles["/vehicle"].visible
     live.put("state", odometry(0.3, -0.2, 1.1))
@@ -72,7 +72,7 @@ def test_nodes_follow_the_newest_state(server: ViewServer) -> None:
     np.testing.assert_allclose(handles["/truth"].position, (0.31, -0.2, 1.1))
     assert handles["/vehicle"].visible
     assert handles["/truth"].visible
-    assert "/beacon_0" in handles
+    assert "/beacons/3/ball" in handles
 
 
 def test_the_ghost_hides_when_there_is_no_truth(server: ViewServer) -> None:

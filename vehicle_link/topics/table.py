@@ -75,6 +75,7 @@ _ROWS = (
     Topic("station_status", "quadlab_msgs/StationStatus", "station", 5),
     Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5),
     Topic("comparison", "quadlab_msgs/EstimatorComparison", "station", 10),
+    Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 5),
     Topic("truth", "nav_msgs/Odometry", "simulator", 100),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
 )
@@ -91,6 +92,8 @@ SERVICES: dict[str, str] = {
     "time_sync": "quadlab_msgs/srv/TimeSync",
     "whoami": "quadlab_msgs/srv/WhoAmI",
     "record": "quadlab_msgs/srv/Record",
+    "experiment": "quadlab_msgs/srv/Experiment",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
-`/quad1/station/<name>` (which has `record`, and neither `time_sync` nor `whoami`)."""
+`/quad1/station/<name>` (which alone has `record` and `experiment`, and neither `time_sync` nor
+`whoami`)."""

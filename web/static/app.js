@@ -1,12 +1,15 @@
 // The page: opens the sockets and hands them to the parts.
 
-import { get, request } from "./api.js";
+import { get } from "./api.js";
 import { Bar } from "./bar.js";
+import { Beacons } from "./beacons.js";
 import { Chart } from "./chart.js";
+import { ExperimentSection } from "./experiment.js";
 import { Fly } from "./fly.js";
 import { Gains } from "./gains.js";
 import { element } from "./format.js";
 import { EventList } from "./log.js";
+import { People } from "./people.js";
 import { Runs } from "./runs.js";
 import { Events, Telemetry } from "./sockets.js";
 import { Sticks } from "./sticks.js";
@@ -19,23 +22,24 @@ async function start() {
   const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/static/behaviors.json")]);
   const events = new Events();
   const telemetry = new Telemetry(description);
-  const isOperator = session.role === "operator";
+  const isOperator = session.role !== "viewer"; // admins may do all that operators may
   $("vehicle").textContent = session.vehicle;
-  $("who").textContent = session.label;
   document.title = `${session.vehicle} · quadlab`;
 
   const fly = new Fly(events, behaviors, isOperator);
   new Bar(events, fly, isOperator);
   new EventList($("events"), events);
-  new Gains(events, isOperator);
+  new ExperimentSection($("experiment"), events, fly, isOperator);
+  const gains = new Gains(events, isOperator);
   new Runs(events, isOperator);
   new View(events);
   new Sticks($("sticks"), events, isOperator);
   new StateTable($("table"), telemetry, description);
   for (const index of [0, 1]) new Chart($(`chart-${index}`), index, telemetry, description);
+  new Beacons({ events, telemetry, description, gains, isOperator });
 
   tabs();
-  invitation(fly, isOperator);
+  new People(session, fly);
   connection(events);
 }
 
@@ -52,15 +56,6 @@ function tabs() {
   }
 }
 
-function invitation(fly, isOperator) {
-  $("invite").hidden = !isOperator;
-  $("invite").addEventListener("click", () => fly.attempt(async () => {
-    const { url } = await request("POST", "/api/invitations", { role: "viewer" });
-    await navigator.clipboard?.writeText(url).catch(() => undefined);
-    fly.say(element("span", {}, "Link for one viewer (copied): ", url));
-  }));
-}
-
 // A strip across the top while quadlab web is away; everything grows old below it.
 function connection(events) {
   const strip = $("offline");
@@ -69,7 +64,7 @@ function connection(events) {
     strip.hidden = false;
     strip.textContent = "No connection to quadlab web; reconnecting. The vehicle does not depend on this page.";
     try { await get("/api/session"); } catch (error) {
-      if (error.status === 401) strip.textContent = "Signed out. Open the newest sign-in link from the terminal of quadlab.";
+      if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back. The vehicle does not depend on this page.");
     }
   };
   events.addEventListener("close", () => setTimeout(show, 400));

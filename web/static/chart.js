@@ -23,14 +23,20 @@ export class Chart {
     this.plot = element("div", { className: "plot" });
     const span = element("select", { title: "seconds shown", onchange: (event) => this.setWindow(Number(event.target.value)) },
       ...WINDOWS.map((seconds) => element("option", { value: seconds, selected: seconds === this.window }, `${seconds} s`)));
-    this.menu = new ChartMenu(description, (names) => this.select(names));
-    const choose = element("button", { title: "choose signals", onclick: () => this.menu.toggle(this.names) }, "Signals");
-    place.append(element("header", {}, this.legend, element("div", { className: "right" }, span, choose)), this.plot, this.menu.place);
+    place.append(element("header", {}, this.legend, element("div", { className: "right" }, span)), this.plot);
+    this.addMenu(place, description);
     this.select(this.stored() ?? DEFAULTS[index]);
     telemetry.addEventListener("frame", ({ detail }) => this.take(detail));
     telemetry.addEventListener("close", () => this.gap());
     new ResizeObserver(() => this.resize()).observe(this.plot);
     setInterval(() => this.draw(), PERIOD);
+  }
+
+  addMenu(place, description) {
+    this.menu = new ChartMenu(description, (names) => { this.select(names); localStorage.setItem(`chart.${this.index}.signals`, JSON.stringify(names)); });
+    const choose = element("button", { title: "choose signals", onclick: () => this.menu.toggle(this.names) }, "Signals");
+    place.querySelector("header .right").append(choose);
+    place.append(this.menu.place);
   }
 
   stored() {
@@ -45,14 +51,10 @@ export class Chart {
 
   select(names) {
     this.names = names;
-    localStorage.setItem(`chart.${this.index}.signals`, JSON.stringify(names));
     this.telemetry.want(`chart.${this.index}`, names);
     this.data = [[], ...names.map(() => [])];
     const others = [...OTHERS];
-    const styles = names.map((name) => {
-      const axis = name.split(".").at(-1), dash = isReference(name) || name.startsWith("truth.position.") ? [5, 4] : undefined;
-      return { stroke: AXIS[axis] ?? others.shift() ?? "#d5dbe1", dash };
-    });
+    const styles = names.map((name) => this.style(name, others));
     this.outputs = names.map((name) => (isReference(name) ? null : element("output")));
     const entries = names.map((name, i) => {
       if (isReference(name)) return null; // they have the colours of what they are the reference of
@@ -64,6 +66,15 @@ export class Chart {
     this.uplot?.destroy();
     this.uplot = new uPlot(this.options(names, styles), this.data, this.plot);
   }
+
+  style(name, others) {
+    const axis = name.split(".").at(-1), dash = isReference(name) || name.startsWith("truth.position.") ? [5, 4] : undefined;
+    return { stroke: AXIS[axis] ?? others.shift() ?? "#d5dbe1", dash };
+  }
+
+  figure(value) { return fixed(value, Math.abs(value) < 100 ? 3 : 1); }
+
+  range(low, high, units) { return spread(low, high, units); }
 
   entry(label, title, color, output = "") {
     const entry = element("span", { title }, label, output);
@@ -78,7 +89,7 @@ export class Chart {
     return {
       width: Math.max(50, this.plot.clientWidth), height: Math.max(50, this.plot.clientHeight),
       legend: { show: false }, cursor: { drag: { x: false, y: false }, points: { show: false } }, padding: [6, 16, 0, 0],
-      scales: { x: { time: false }, y: { range: (_, low, high) => spread(low, high, units) } },
+      scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high, units) } },
       axes: [
         { ...line, size: 20, gap: 3, values: (_, ticks) => ticks.map((tick) => axisTime(tick - this.now())), splits: () => this.ticks() },
         { ...line, size: 52, gap: 5, label: [...units].filter(Boolean).join(", ") || undefined, labelSize: 15, labelGap: 0, labelFont: "11px system-ui" },
@@ -118,7 +129,7 @@ export class Chart {
     });
     this.names.forEach((_, i) => {
       if (this.outputs[i] === null) return;
-      const value = this.data[i + 1].at(-1), text = value === null || value === undefined ? "–" : fixed(value, Math.abs(value) < 100 ? 3 : 1);
+      const value = this.data[i + 1].at(-1), text = value === null || value === undefined ? "–" : this.figure(value);
       if (this.outputs[i].textContent !== text) this.outputs[i].textContent = text;
     });
   }

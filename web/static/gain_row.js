@@ -5,6 +5,8 @@
 import { digitsOf, element, exact } from "./format.js";
 import { GainPath } from "./gain_path.js";
 
+const MOST_STEPS = 1e6; // of a slider; a seed is typed
+
 export class GainRow {
   constructor(description, isOperator, send, modifiedChanged) {
     this.description = description;
@@ -24,11 +26,11 @@ export class GainRow {
   build() {
     const { name, unit, description, default: initial, minimum, maximum } = this.description;
     const label = element("span", { title: `${description}\n${name}, default ${exact(initial)}${unit ? ` ${unit}` : ""}` }, name.split(".").at(-1));
-    const mark = element("button", { className: "mark", title: `modified; back to ${exact(initial)}`, onclick: () => !this.locked && this.path.set(initial) }, "●");
+    const mark = element("button", { className: "mark", disabled: this.locked, title: `modified; back to ${exact(initial)}`, onclick: () => this.path.set(initial) }, "●");
     this.reason = element("div", { className: "reason", hidden: true });
     this.place.append(element("div", { className: "label" }, label, mark), ...this.editor(name));
     if (this.isNumber) this.place.append(element("span", { className: "unit" }, unit));
-    if (this.isNumber && minimum !== null && maximum !== null) {
+    if (this.isNumber && minimum !== null && maximum !== null && (maximum - minimum) / this.step < MOST_STEPS) {
       this.slider = element("input", { type: "range", min: minimum, max: maximum, step: this.step, disabled: this.locked, ariaLabel: name });
       this.slider.addEventListener("pointerdown", () => { this.held = true; });
       for (const type of ["pointerup", "pointercancel", "change", "blur"]) this.slider.addEventListener(type, () => { this.held = false; this.draw(); });

@@ -7,8 +7,10 @@ import { GainRow } from "./gain_row.js";
 const $ = (id) => document.getElementById(id);
 const OPEN = ["control.position", "control.attitude"];
 
-export class Gains {
+// Fires `read` when the parameters have been read anew.
+export class Gains extends EventTarget {
   constructor(events, isOperator) {
+    super();
     this.isOperator = isOperator;
     this.rows = new Map();
     this.groups = [];
@@ -36,6 +38,16 @@ export class Gains {
     if (known) for (const { name, value } of parameters) this.rows.get(name).confirm(value);
     else this.build(parameters);
     this.filter();
+    this.dispatchEvent(new Event("read"));
+  }
+
+  // The confirmed value, undefined when there is no such parameter.
+  value(name) { return this.rows.get(name)?.confirmed; }
+
+  // Several at once, all or nothing.
+  async set(values) {
+    const { applied } = await request("PUT", "/api/parameters", { values });
+    for (const [name, value] of Object.entries(applied)) this.rows.get(name)?.confirm(value);
   }
 
   build(parameters) {

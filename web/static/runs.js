@@ -34,7 +34,9 @@ export class Runs {
     notes.addEventListener("change", () => request("PUT", `/api/runs/${encodeURIComponent(run.id)}/notes`, { notes: notes.value }).catch((error) => notes.setCustomValidity(error.message)));
     return element("div", { className: "run" },
       element("div", { title: run.id }, `${day}, ${start.toTimeString().slice(0, 8)}`),
-      element("a", { href: `/api/runs/${encodeURIComponent(run.id)}/download`, download: "", title: `${run.id}.mcap` }, "Download"),
+      element("span", { className: "links" },
+        ...(run.report ? [element("a", { href: `/report/${encodeURIComponent(run.id)}`, target: "_blank", title: "verdict and plots" }, "Report")] : []),
+        element("a", { href: `/api/runs/${encodeURIComponent(run.id)}/download`, download: "", title: `${run.id}.mcap` }, "Download")),
       element("div", { className: "facts" }, facts, problem), notes);
   }
 }

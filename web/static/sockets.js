@@ -14,6 +14,7 @@ export class Socket extends EventTarget {
   get connected() { return this.socket.readyState === WebSocket.OPEN; }
 
   open() {
+    if (this.isClosed) return;
     const url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.path}`;
     this.socket = new WebSocket(url);
     if (this.binary) this.socket.binaryType = "arraybuffer";
@@ -21,12 +22,19 @@ export class Socket extends EventTarget {
     this.socket.onmessage = (event) => this.dispatchEvent(new MessageEvent("message", { data: event.data }));
     this.socket.onclose = () => {
       this.dispatchEvent(new Event("close"));
+      if (this.isClosed) return;
       const pause = PAUSES[Math.min(this.failures++, PAUSES.length - 1)];
       setTimeout(() => this.open(), pause);
     };
   }
 
   send(data) { if (this.connected) this.socket.send(data); }
+
+  // For good.
+  close() {
+    this.isClosed = true;
+    this.socket.close();
+  }
 }
 
 // /ws/events: JSON messages by type, and the summary merged into one object.

@@ -16,6 +16,7 @@ def test_the_3d_view_shows_the_scene_and_reconnects(chromium: Any, site: Any, fl
     page.goto(f"{site.base}/?fixedDpr")
     frame = page.query_selector("#scene").content_frame()
     names = ["/vehicle", "/vehicle/rotor_3", "/truth", "/ground", "/flown/head", "/wanted/0"]
+    names += ["/beacons/3/ball", "/beacons/0/id", "/rays", "/cones", "/estimate/covariance"]
     has = "(names) => names.every((n) => n in (window.__viserSceneTree?.getState() ?? {}))"
     frame.wait_for_function(has, arg=names)
     shown = "() => window.__viserSceneTree.getState()['/vehicle'].visibility"

@@ -1,9 +1,10 @@
 """Who may come in: one-time sign-in tokens and the signed session cookie.
 
 A token signs one browser in and is consumed by it; then a fresh one is minted, so that there is
-always exactly one way in for the next person, and it is shown only in the terminal. Tokens and
-the cookie-signing secret live in `<data>/web/door.json` (mode 0600): sessions and unused tokens
-survive a restart.
+always exactly one way in for the next person, and it is shown only in the terminal. The
+terminal's token opens an admin's session: who reads it owns the data folder anyway. Tokens and
+the cookie-signing secret live in `<data>/web/door.json` (mode 0600), open sessions in
+`web.access.sessions`: both survive a restart.
 """
 
 from __future__ import annotations
@@ -13,31 +14,19 @@ import json
 import os
 import secrets
 import threading
-from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from itsdangerous import BadSignature, URLSafeTimedSerializer
 
 from quadrotor.errors import StorageError
+from web.access.roles import Role, Session
+from web.access.sessions import SESSION_AGE, Sessions
 
-COOKIE_AGE = 30 * 24 * 3600  # s
+__all__ = ["Door", "Role", "Session"]
+
 REMEMBERED = 200  # consumed tokens remembered, so that a supervisor cannot bring one back
 OPEN_AT_ONCE = 20  # unused tokens kept; each start of `quadlab up` leaves one
-
-
-class Role(StrEnum):
-    OPERATOR = "operator"  # may command
-    VIEWER = "viewer"  # may watch
-
-
-@dataclass(frozen=True, slots=True)
-class Session:
-    """A signed-in browser; `label` is the requester of its commands (`operator 1`)."""
-
-    label: str
-    role: Role
 
 
 class Door:
@@ -45,19 +34,21 @@ class Door:
 
     Args:
         folder: `<data>/web`, made if missing.
+        sessions: those that are open.
         given: a token chosen by whoever started us (`quadlab up`); ignored once it was used.
 
     Raises StorageError when the folder or its file cannot be read or written.
     """
 
-    def __init__(self, folder: Path, given: str | None = None) -> None:
+    def __init__(self, folder: Path, sessions: Sessions, given: str | None = None) -> None:
         self._path = folder / "door.json"
+        self._sessions = sessions
         self._lock = threading.Lock()
         self._state = self._load()
         self._serializer = URLSafeTimedSerializer(self._state["secret"], salt="quadlab-session")
         used = given is not None and _digest(given) in self._state["used"]
         if given is not None and not used and given not in self._state["tokens"]:
-            self._state["tokens"][given] = Role.OPERATOR.value
+            self._state["tokens"][given] = Role.ADMIN.value
         self._ensure_one()
         tokens = self._state["tokens"]
         self._state["tokens"] = dict(list(tokens.items())[-OPEN_AT_ONCE:])
@@ -65,8 +56,8 @@ class Door:
 
     @property
     def token(self) -> str:
-        """The newest unused operator token."""
-        return self._operator_tokens()[-1]
+        """The newest unused token of an admin."""
+        return self._admin_tokens()[-1]
 
     def mint(self, role: Role) -> str:
         """A new one-time token, kept until it is used."""
@@ -79,7 +70,9 @@ class Door:
     def consume(self, token: str) -> Session | None:
         """The session the token opens, or None when it is wrong or was used before."""
         with self._lock:
-            known = [t for t in self._state["tokens"] if secrets.compare_digest(t, token)]
+            sent = token.encode()
+            tokens = self._state["tokens"]
+            known = [t for t in tokens if secrets.compare_digest(t.encode(), sent)]
             if not known:
                 return None
             role = Role(self._state["tokens"].pop(known[0]))
@@ -87,32 +80,36 @@ class Door:
             self._state["seats"][role.value] = seat = self._state["seats"].get(role.value, 0) + 1
             self._ensure_one()
             self._save()
-            return Session(f"{role.value} {seat}", role)
+        return self._sessions.open(f"{role.value} {seat}", role)
 
     def was_used(self, token: str) -> bool:
         return _digest(token) in self._state["used"]
 
     def sign(self, session: Session) -> str:
         """The cookie's value."""
-        signed = self._serializer.dumps({"label": session.label, "role": session.role.value})
+        content = [session.id, session.label, session.role.value, session.generation]
+        signed = self._serializer.dumps([*content, session.issued])
         return signed if isinstance(signed, str) else signed.decode()
 
     def session(self, cookie: str | None) -> Session | None:
-        """The session of a cookie's value, or None when forged, foreign or too old."""
+        """The session of a cookie's value, or None when forged, foreign, too old or ended."""
         if not cookie:
             return None
         try:
-            content = self._serializer.loads(cookie, max_age=COOKIE_AGE)
-            return Session(str(content["label"]), Role(content["role"]))
-        except (BadSignature, KeyError, TypeError, ValueError):
+            key, label, role, generation, issued = self._serializer.loads(
+                cookie, max_age=SESSION_AGE
+            )
+            session = Session(str(label), Role(role), str(key), int(generation), int(issued))
+        except (BadSignature, TypeError, ValueError):
             return None
+        return session if self._sessions.is_open(session) else None
 
-    def _operator_tokens(self) -> list[str]:
-        return [t for t, role in self._state["tokens"].items() if role == Role.OPERATOR]
+    def _admin_tokens(self) -> list[str]:
+        return [t for t, role in self._state["tokens"].items() if role == Role.ADMIN]
 
     def _ensure_one(self) -> None:
-        if not self._operator_tokens():
-            self._state["tokens"][secrets.token_urlsafe(24)] = Role.OPERATOR.value
+        if not self._admin_tokens():
+            self._state["tokens"][secrets.token_urlsafe(24)] = Role.ADMIN.value
 
     def _load(self) -> dict[str, Any]:
         fresh = {"secret": secrets.token_urlsafe(32), "tokens": {}, "used": [], "seats": {}}

@@ -1,0 +1,247 @@
+"""Estimators on one flight against the truth: the vehicle's own, and others in its shadow.
+
+Fed with what the station has: telemetry, the truth or the tracker's poses, frames of bearings.
+It reads no clock: the same input gives the same output. One thread.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.beacons import Beacons
+from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.observability import frame_bound
+from bearing_sim.pose_track import Pose
+from bearing_sim.quaternions import rows_of
+from console.comparison.bearings import Frame, residuals
+from console.comparison.results import Comparison, Result
+from console.comparison.samples import Event, SampleQueue
+from console.comparison.shadow import Shadow
+from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
+from console.comparison.truth import Row, Source, TruthMerge
+from quadrotor.records import STATE, Record
+
+if TYPE_CHECKING:
+    from estimation.estimator import Estimator
+
+Array = npt.NDArray[np.float64]
+
+VEHICLE = "vehicle"
+SPACING_NS = 9_000_000
+"""Between compared estimates at least: the last of each packet of telemetry."""
+ROWS, FRAMES = 200, 64
+CARRIED_NS = 50_000_000
+"""Over how long an estimate is carried on to the instant of a frame."""
+PATIENCE_NS = 500_000_000
+"""An estimate for which no truth came for so long is told without errors."""
+
+
+class EstimatorComparison:
+    """Estimates, errors, statistics and residuals.
+
+    Args:
+        say: takes a line when an estimator is stopped for a defect of its own.
+        timer: s of processor time of the calling thread.
+    """
+
+    def __init__(
+        self,
+        say: Callable[[str], None] = lambda line: None,
+        timer: Callable[[], float] = time.thread_time,
+    ) -> None:
+        self._say, self._timer = say, timer
+        self._words: tuple[str, ...] = ()
+        self._shadows: dict[str, Shadow] = {}
+        self._armed = self._starting = False
+        self._flown = False  # since the vehicle was started, or this was
+        self._begin_anew()
+
+    # ------------------------------------------------------------------ the set
+    def choose(self, words: Sequence[str]) -> None:
+        """Results in this order, behind the vehicle's; those that stay are not touched."""
+        self._words = tuple(words)
+        for gone in self._shadows.keys() - set(words):
+            del self._shadows[gone]
+        self._statistics = {
+            word: self._statistics.get(word) or ErrorStatistics() for word in (VEHICLE, *words)
+        }
+
+    def start(self, word: str, estimator: Estimator) -> None:
+        """The estimator of a chosen word, once it is compiled."""
+        if word in self._words:
+            self._shadows[word] = Shadow(estimator, self._timer)
+
+    # ------------------------------------------------------------------ what comes
+    def ticks(self, ticks: Record) -> None:
+        """TICK (N,) of one packet of telemetry."""
+        stretch = self._samples.packet(np.ascontiguousarray(ticks["imu"]))
+        if stretch.event is Event.NOTHING_NEW:
+            return
+        if stretch.event is Event.RESTARTED:
+            self._forget()
+        elif stretch.event is Event.GAP:
+            self._reset()
+        for word, shadow in list(self._shadows.items()):
+            try:
+                shadow.advance(stretch.imu, stretch.steps, stretch.frames)
+            except Exception as error:  # a defect in what is only compared must end nothing else
+                del self._shadows[word]
+                self._say(f"comparing {word} stopped: {type(error).__name__}: {error}")
+        stamp_ns = int(stretch.imu["stamp_ns"][-1])
+        if not self._rows or stamp_ns - self._rows[-1].stamp_ns >= SPACING_NS:
+            row = self._row(stamp_ns, ticks["state"][-1:])
+            self._rows.append(row)
+            self._merge.row(row)
+            self._compare()
+
+    def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """A true pose: (3,) m, (4,) unit quaternion body to world."""
+        self._pose("truth", stamp_ns, position_w, quaternion_wb)
+
+    def tracker(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """A pose of the tracker, the truth where there is no better."""
+        self._pose("tracker", stamp_ns, position_w, quaternion_wb)
+
+    def bearings(self, measurement: BearingMeasurement, beacons: Beacons) -> None:
+        """A frame, early or late, with the beacons as they stood when it was taken."""
+        frame = Frame.of(measurement, beacons)
+        self._frames.append(frame)
+        if frame.beacon_ids:
+            self._samples.frame(frame.stamp_ns, frame.record())
+
+    def status(self, armed: bool, starting: bool) -> None:
+        """Arming begins a session; a vehicle that has calibrated its gyroscope anew begins all."""
+        if armed and not self._armed:
+            self._flown = True
+            for one in self._statistics.values():
+                one.begin()
+        if self._starting and not starting:
+            self._reset()
+        self._armed, self._starting = armed, starting
+
+    # ------------------------------------------------------------------ what is told
+    def report(self) -> Comparison | None:
+        """The newest estimates compared; None when there is nothing newer than last time."""
+        if not self._rows:
+            return None
+        row, true = self._rows[-1], None
+        if self._compared and row.stamp_ns - self._compared[0].stamp_ns < PATIENCE_NS:
+            row, true = self._compared
+        if row.stamp_ns <= self._told_ns:
+            return None
+        self._told_ns = row.stamp_ns
+        out = Comparison(
+            row.stamp_ns,
+            self._merge.source if true else "",
+            self._statistics[VEHICLE].duration,
+            [self._result(word, row) for word in (VEHICLE, *self._words)],
+        )
+        if true is not None:
+            for result in out.results:
+                state = result.state[None]
+                [(result.position_error, result.attitude_error)] = errors(state, true).tolist()
+        self._describe_bearings(out, true)
+        return out
+
+    def _result(self, word: str, row: Row) -> Result:
+        out = Result(word)
+        if word == VEHICLE:
+            out.initialized = out.converged = True
+        elif (shadow := self._shadows.get(word)) is not None:
+            out.initialized = shadow.initialized
+            out.converged = shadow.initialized and shadow.estimator.converged
+            out.processor = shadow.processor
+            if out.initialized:
+                out.position_covariance, out.attitude_variance = shadow.covariance()
+        if word in row.names:
+            out.state = row.states[row.names.index(word)]
+        statistics = self._statistics[word]
+        out.recent, out.session = statistics.recent(row.stamp_ns), statistics.session()
+        return out
+
+    def _describe_bearings(self, out: Comparison, true: Pose | None) -> None:
+        """By the newest frame for which there are estimates."""
+        newest_ns = self._rows[-1].stamp_ns
+        frame = max(
+            (one for one in self._frames if one.stamp_ns <= newest_ns),
+            key=lambda one: one.stamp_ns,
+            default=None,
+        )
+        if frame is None:
+            return
+        out.sigma = frame.sigma
+        if true is not None:
+            R = rows_of(true.quaternion_wb)
+            out.position_bound, out.attitude_bound = frame_bound(
+                true.position_w, R, frame.places_w, frame.sigma
+            )
+        row = next((one for one in reversed(self._rows) if one.stamp_ns <= frame.stamp_ns), None)
+        if row is None or frame.stamp_ns - row.stamp_ns > CARRIED_NS:
+            return
+        angles = residuals(frame, row.states, 1e-9 * (frame.stamp_ns - row.stamp_ns))
+        for result in out.results:
+            if result.name in row.names:
+                result.beacon_ids = frame.beacon_ids
+                result.residuals = angles[row.names.index(result.name)].tolist()
+
+    # ------------------------------------------------------------------ parts
+    def _pose(self, source: Source, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        self._merge.pose(source, stamp_ns, position_w, quaternion_wb)
+        self._compare()
+
+    def _compare(self) -> None:
+        counts = self._armed or not self._flown
+        for row, true in self._merge.compared():
+            self._compared = (row, true)
+            lengths = errors(row.states, true).tolist()
+            for word, (position, attitude) in zip(row.names, lengths, strict=True):
+                if word in self._statistics:
+                    self._statistics[word].add(row.stamp_ns, position, attitude, counts)
+
+    def _row(self, stamp_ns: int, own: Record) -> Row:
+        """What every estimator says now; NaN of those without a start."""
+        states = np.full((1 + len(self._shadows), 13), math.nan)
+        states[0] = _numbers(own)
+        for k, shadow in enumerate(self._shadows.values(), start=1):
+            if shadow.initialized:
+                states[k] = _numbers(shadow.state)
+        lengths = np.linalg.norm(states[:, QUATERNION], axis=1, keepdims=True)
+        states[:, QUATERNION] /= np.where(lengths > 0.0, lengths, 1.0)
+        return Row(stamp_ns, (VEHICLE, *self._shadows), states)
+
+    def _reset(self) -> None:
+        for shadow in self._shadows.values():
+            shadow.reset()
+
+    def _forget(self) -> None:
+        """The vehicle was started again: its clock, its place, its biases are others."""
+        self._reset()
+        queue = self._samples  # it has noticed by itself and holds what comes next
+        self._begin_anew()
+        self._samples = queue
+        self._armed = self._flown = False
+
+    def _begin_anew(self) -> None:
+        self._samples = SampleQueue()
+        self._merge = TruthMerge()
+        self._rows: deque[Row] = deque(maxlen=ROWS)
+        self._frames: deque[Frame] = deque(maxlen=FRAMES)
+        self._compared: tuple[Row, Pose] | None = None
+        self._told_ns = -(1 << 62)
+        self._statistics = {word: ErrorStatistics() for word in (VEHICLE, *self._words)}
+
+
+def _numbers(state: Record) -> Array:
+    """A STATE (1,) as 13 numbers."""
+    numbers: Array = np.ascontiguousarray(state).view(np.float64)[:13]
+    return numbers
+
+
+assert STATE.itemsize == 13 * 8

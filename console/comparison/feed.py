@@ -1,0 +1,162 @@
+"""The station's end of the comparison of estimators, which runs in a process of its own.
+
+There its compiler, the loading of its code and its arithmetic never hold the interpreter that
+beats, forwards sticks and serves the link; and its end ends nothing else.
+"""
+
+from __future__ import annotations
+
+import pickle
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim import BearingMeasurement, PoseMeasurement
+from console.comparison.parameters import ComparisonParameters
+from quadrotor.errors import LinkError
+
+Array = npt.NDArray[np.float64]
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMAND = (sys.executable, "-m", "console.comparison.process")
+PERIOD = 0.05
+HELD = 4000
+"""What waits at most for the process: some 10 s of it."""
+AGAIN = 5.0
+"""s between two starts of the process."""
+PATIENCE = 2.0
+STARTING = "starting"
+TOPIC = "comparison"
+
+
+class ComparisonFeed:
+    """Everything but `close` may be called from any thread, and costs an append.
+
+    The process begins with the first telemetry.
+
+    Args:
+        parameters: the live object, read again in each period.
+        publish: takes topic, payload and stamp (ns). say: takes a line for the operator.
+    """
+
+    def __init__(
+        self,
+        parameters: ComparisonParameters,
+        publish: Callable[[str, bytes, int], None],
+        say: Callable[[str], None],
+    ) -> None:
+        self._parameters, self._publish, self._say = parameters, publish, say
+        self._queue: deque[tuple[Any, ...]] = deque(maxlen=HELD)
+        self._wanted = False
+        self._child: subprocess.Popen[bytes] | None = None
+        self._started = -AGAIN
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="comparison", daemon=True)
+        self._thread.start()
+
+    def telemetry(self, payload: bytes) -> None:
+        """One packet."""
+        self._queue.append(("telemetry", payload))
+        self._wanted = True
+
+    def status(self, armed: bool, mode: str) -> None:
+        self._queue.append(("status", armed, mode == STARTING))
+
+    def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        self._queue.append(("truth", stamp_ns, position_w, quaternion_wb))
+
+    def pose(self, pose: PoseMeasurement) -> None:
+        """Of the tracker."""
+        self._queue.append(("tracker", *pose))
+
+    def bearings(self, frame: BearingMeasurement) -> None:
+        self._queue.append(("bearings", frame))
+
+    def close(self) -> None:
+        self._closing.set()
+        child = self._child
+        if child is not None:
+            child.terminate()  # a blocked write ends with it
+        self._thread.join(PATIENCE)
+
+    def _run(self) -> None:
+        due = time.monotonic()
+        while not self._closing.is_set():
+            due = max(due + PERIOD, time.monotonic())
+            self._closing.wait(due - time.monotonic())
+            if self._wanted and self._alive():
+                self._send()
+        if self._child is not None:
+            self._end(self._child)
+
+    def _alive(self) -> bool:
+        """Starts the process, again if it has ended."""
+        child = self._child
+        if child is not None and child.poll() is None:
+            return True
+        if self._closing.is_set() or time.monotonic() < self._started + AGAIN:
+            return False
+        if child is not None:
+            self._say(f"comparison of estimators ended ({child.returncode}); started again")
+        self._started = time.monotonic()
+        try:
+            self._child = child = subprocess.Popen(
+                COMMAND, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+            )
+        except OSError as error:
+            self._say(f"comparison of estimators does not start: {error}")
+            return False
+        threading.Thread(
+            target=self._receive, args=(child,), name="comparison heard", daemon=True
+        ).start()
+        return True
+
+    def _send(self) -> None:
+        """Also when nothing came: it is the other side's clock."""
+        assert self._child is not None
+        assert self._child.stdin is not None
+        items = [self._queue.popleft() for _ in range(len(self._queue))]
+        with suppress(OSError):  # noticed by `_alive`
+            self._child.stdin.write(pickle.dumps((self._parameters.estimators, items)))
+            self._child.stdin.flush()
+
+    def _receive(self, child: subprocess.Popen[bytes]) -> None:
+        assert child.stdout is not None
+        with suppress(EOFError, OSError, ValueError, pickle.UnpicklingError):
+            while True:
+                what, *arguments = pickle.load(child.stdout)
+                with suppress(LinkError):  # the session went first
+                    if what == TOPIC:
+                        self._publish(TOPIC, *arguments)
+                    else:
+                        self._say(*arguments)
+
+    def _end(self, child: subprocess.Popen[bytes]) -> None:
+        assert child.stdin is not None
+        with suppress(OSError):
+            child.stdin.close()
+        child.terminate()
+        try:
+            child.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+
+
+def both(first: Callable[[Any], None], second: Callable[[Any], None]) -> Callable[[Any], None]:
+    """A function that hands its argument to two."""
+
+    def hand(one: Any) -> None:
+        first(one)
+        second(one)
+
+    return hand

@@ -1,0 +1,73 @@
+"""Which estimators the station runs beside the vehicle's own, as one text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from pydantic import ConfigDict, field_validator
+
+from quadrotor.errors import OutOfBoundsError
+from quadrotor.parameters import Parameters, parameter
+
+MOST = 6
+"""Estimators at once: each takes a share of the station's only interpreter."""
+PRESET_OF: Mapping[str, str] = {"complementary": "resolved"}
+"""Presets of names given without one; others run on the defaults."""
+
+
+class Choice(NamedTuple):
+    """A word `name` or `name:preset` taken apart; preset "" means the default parameters."""
+
+    word: str
+    name: str
+    preset: str
+
+
+class ComparisonParameters(Parameters):
+    """Estimators that are only compared.
+
+    The text is checked on each assignment: a wrong one raises OutOfBoundsError, changes nothing.
+    """
+
+    model_config = ConfigDict(validate_assignment=True)
+
+    estimators: str = parameter(
+        "",
+        description="estimators run at the station on telemetry and bearings, to be compared: "
+        "words like error_state or complementary:paper, at most 6; nothing for none",
+    )
+
+    @field_validator("estimators")
+    @classmethod
+    def _check_estimators(cls, text: str) -> str:
+        parse_estimators(text)
+        return text
+
+
+def parse_estimators(text: str) -> tuple[Choice, ...]:
+    """The words of a text, in its order. Raises OutOfBoundsError with what is allowed."""
+    words = text.split()
+    if not words:
+        return ()  # without a look at what there is: a station nobody asks loads no estimator
+    from estimation import registry
+    from estimation.parameters import PRESETS
+
+    choices = []
+    for word in words:
+        name, colon, preset = word.partition(":")
+        if name not in registry.names() or (colon and preset not in PRESETS):
+            raise OutOfBoundsError(
+                f"estimators = {text!r}: {word!r} is none; allowed are "
+                f"{', '.join(registry.names())}, each alone or with one of the presets "
+                f"{', '.join(PRESETS)} like complementary:paper, words separated by spaces"
+            )
+        choices.append(Choice(word, name, preset or PRESET_OF.get(name, "")))
+    twice = [word for k, word in enumerate(words) if word in words[:k]]
+    if twice:
+        raise OutOfBoundsError(f"estimators = {text!r} has {twice[0]!r} twice; name each once")
+    if len(words) > MOST:
+        raise OutOfBoundsError(
+            f"estimators = {text!r} are {len(words)}; allowed are at most {MOST} at once"
+        )
+    return tuple(choices)

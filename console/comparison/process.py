@@ -1,0 +1,145 @@
+"""The process that compares estimators: `python -m console.comparison.process`.
+
+Batches of what the station has come on standard input, ten messages a second and lines for the
+operator go out on standard output, all pickled. It ends with its input.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from typing import Any, BinaryIO
+
+from bearing_sim import PAPER_BEACONS, BearingMeasurement
+from console.comparison.comparison import EstimatorComparison
+from console.comparison.kernels import Kernels
+from console.comparison.parameters import Choice, parse_estimators
+from console.comparison.results import message_of
+from quadrotor.errors import OutOfBoundsError
+from vehicle_link.messages import encode
+from vehicle_link.telemetry import unpack
+
+Batch = tuple[str, Sequence[tuple[Any, ...]]]
+"""The text of the parameter, and (what, its arguments) in the order in which they came."""
+TOLD_EVERY = 2  # batches
+
+
+class Worker:
+    """Takes batches; reads no clock of its own.
+
+    Args:
+        publish: takes an encoded quadlab_msgs/EstimatorComparison and its stamp, ns.
+        say: takes a line for the operator.
+    """
+
+    def __init__(self, publish: Callable[[bytes, int], None], say: Callable[[str], None]) -> None:
+        self._publish, self._say = publish, say
+        self._comparison = EstimatorComparison(say)
+        self._kernels = Kernels(say)
+        self._text = ""
+        self._choices: tuple[Choice, ...] = ()
+        self._missing: list[Choice] = []
+        self._defect = ""
+        self._batches = 0
+
+    def take(self, batch: Batch) -> None:
+        """A defect in what is only shown ends nothing; it is said once."""
+        text, items = batch
+        self._batches += 1
+        for act in (
+            lambda: self._follow(text),
+            *(lambda one=one: self._feed(*one) for one in items),
+            self._tell,
+        ):
+            try:
+                act()
+            except Exception as error:
+                traceback.print_exc()
+                if self._defect != repr(error):
+                    self._defect = repr(error)
+                    self._say(f"comparison of estimators: defect, see the station's log: {error!r}")
+
+    def close(self) -> None:
+        self._kernels.close()
+
+    def _feed(self, what: str, *arguments: Any) -> None:
+        if what == "telemetry":
+            self._comparison.ticks(unpack(arguments[0])[1])
+        elif what == "bearings":
+            frame: BearingMeasurement = arguments[0]
+            self._comparison.bearings(frame, frame.beacons or PAPER_BEACONS)
+        else:
+            getattr(self._comparison, what)(*arguments)  # truth, tracker, status
+
+    def _follow(self, text: str) -> None:
+        if text != self._text:
+            self._text = text
+            try:
+                choices = parse_estimators(text)
+            except OutOfBoundsError as error:  # registered in the station's process alone
+                self._say(f"not compared: {error}")
+                return
+            waiting = {*self._missing, *(set(choices) - set(self._choices))}
+            self._missing = [one for one in choices if one in waiting]
+            self._choices = choices
+            self._comparison.choose([one.word for one in choices])
+        if self._missing:
+            self._missing = [one for one in self._missing if not self._started(one)]
+
+    def _started(self, choice: Choice) -> bool:
+        if not self._kernels.ready(choice.name):
+            return False
+        from estimation import registry
+        from estimation.parameters import PRESETS, EstimationParameters
+
+        parameters = EstimationParameters(**PRESETS.get(choice.preset, {}))
+        self._comparison.start(choice.word, registry.create(choice.name, parameters))
+        return True
+
+    def _tell(self) -> None:
+        if self._batches % TOLD_EVERY:
+            return
+        report = self._comparison.report()
+        if report is not None:
+            self._publish(encode(message_of(report)), report.stamp_ns)
+
+
+def main() -> None:
+    """Until the input ends; Ctrl-C is for the station, which then closes it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # a compiler of ours ends with us
+    os.setpriority(os.PRIO_PROCESS, 0, 0)  # the station may be above; this need not be
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what an estimator prints is no message
+
+    def send(*message: Any) -> None:
+        output.write(pickle.dumps(message))
+        output.flush()
+
+    worker = Worker(
+        lambda payload, stamp_ns: send("comparison", payload, stamp_ns),
+        lambda line: send("say", line),
+    )
+    try:
+        _work(worker, sys.stdin.buffer)
+    except BrokenPipeError:
+        pass  # the station went first
+    finally:
+        worker.close()
+
+
+def _work(worker: Worker, source: BinaryIO) -> None:
+    while True:
+        try:
+            batch: Batch = pickle.load(source)
+        except EOFError:
+            return
+        worker.take(batch)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""What is told of a comparison, ten times a second."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from console.comparison.statistics import NOTHING, Summary
+from vehicle_link.messages import header, new
+
+Array = npt.NDArray[np.float64]
+
+UNKNOWN = np.full(13, math.nan)
+
+
+@dataclass
+class Result:
+    """One estimator; fields as in quadlab_msgs/EstimatorResult."""
+
+    name: str
+    initialized: bool = False
+    converged: bool = False
+    state: Array = field(default_factory=lambda: UNKNOWN)  # 13 numbers of a STATE
+    position_covariance: Array = field(default_factory=lambda: np.full(9, math.nan))
+    attitude_variance: float = math.nan
+    position_error: float = math.nan
+    attitude_error: float = math.nan
+    recent: Summary = NOTHING
+    session: Summary = NOTHING
+    processor: float = math.nan
+    beacon_ids: list[int] = field(default_factory=list)
+    residuals: list[float] = field(default_factory=list)
+
+
+@dataclass
+class Comparison:
+    """As in quadlab_msgs/EstimatorComparison."""
+
+    stamp_ns: int
+    truth: str
+    duration: float
+    results: Sequence[Result]
+    sigma: float = math.nan
+    position_bound: float = math.nan
+    attitude_bound: float = math.nan
+
+
+def message_of(comparison: Comparison) -> Any:
+    """quadlab_msgs/EstimatorComparison."""
+    c = comparison
+    return new(
+        "quadlab_msgs/EstimatorComparison",
+        header=header(c.stamp_ns),
+        truth=c.truth,
+        duration=c.duration,
+        sigma=c.sigma,
+        position_bound=c.position_bound,
+        attitude_bound=c.attitude_bound,
+        estimators=[_result(one) for one in c.results],
+    )
+
+
+def _result(result: Result) -> Any:
+    r = result
+    x, y, z, u, v, w, qw, qx, qy, qz = r.state[:10].tolist()
+    fields: dict[str, Any] = {}
+    for when, summary in (("_recent", r.recent), ("", r.session)):
+        for name, value in summary._asdict().items():
+            what, kind = name.split("_")
+            fields[f"{what}_{kind}{when}"] = value
+    return new(
+        "quadlab_msgs/EstimatorResult",
+        name=r.name,
+        initialized=r.initialized,
+        converged=r.converged,
+        pose={"position": (x, y, z), "orientation": (qx, qy, qz, qw)},
+        velocity=(u, v, w),
+        position_covariance=r.position_covariance,
+        attitude_variance=r.attitude_variance,
+        position_error=r.position_error,
+        attitude_error=r.attitude_error,
+        processor=r.processor,
+        beacon_ids=r.beacon_ids,
+        residuals=r.residuals,
+        **fields,
+    )

@@ -1,0 +1,94 @@
+"""Errors of states against a true pose; their rms and largest over 10 s and over the session."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.pose_track import Pose
+
+Array = npt.NDArray[np.float64]
+
+RECENT_NS = 10_000_000_000
+KEPT = 1200
+"""Errors kept: those of RECENT_NS at the 100 a second that are compared, and some."""
+POSITION, VELOCITY, QUATERNION, RATE = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 13)
+"""Columns of a STATE laid out as 13 numbers."""
+
+
+def errors(states: Array, true: Pose) -> Array:
+    """Lengths (E, 2), m and rad, of states (E, 13) with unit quaternions; NaN of NaN."""
+    apart = states[:, POSITION] - true.position_w
+    q, t = states[:, QUATERNION], np.array(true.quaternion_wb)
+    # By the chord between quaternions: the arc cosine of their product loses small angles.
+    chord = np.minimum(np.linalg.norm(q - t, axis=1), np.linalg.norm(q + t, axis=1))
+    return np.column_stack(
+        (np.linalg.norm(apart, axis=1), 4.0 * np.arcsin(np.minimum(1.0, 0.5 * chord)))
+    )
+
+
+class Summary(NamedTuple):
+    """rms and largest of position (m) and attitude (rad); NaN of none."""
+
+    position_rms: float
+    position_max: float
+    attitude_rms: float
+    attitude_max: float
+
+
+NOTHING = Summary(math.nan, math.nan, math.nan, math.nan)
+
+
+class ErrorStatistics:
+    """Of one estimator."""
+
+    def __init__(self) -> None:
+        self._stamps = np.full(KEPT, -(1 << 62), np.int64)
+        self._errors = np.zeros((KEPT, 2))
+        self._place = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """A session begins with the next error; the last 10 s are kept."""
+        self._count = 0
+        self._squares = [0.0, 0.0]
+        self._largest = [0.0, 0.0]
+        self._first_ns = self._last_ns = 0
+
+    def add(self, stamp_ns: int, position: float, attitude: float, counts: bool = True) -> None:
+        """One error: m, rad. With `counts` False it is not of the session; NaN is passed over."""
+        if not (math.isfinite(position) and math.isfinite(attitude)):
+            return
+        k, self._place = self._place, (self._place + 1) % KEPT
+        self._stamps[k], self._errors[k] = stamp_ns, (position, attitude)
+        if not counts:
+            return
+        if not self._count:
+            self._first_ns = stamp_ns
+        self._count, self._last_ns = self._count + 1, stamp_ns
+        for j, value in enumerate((position, attitude)):
+            self._squares[j] += value * value
+            self._largest[j] = max(self._largest[j], value)
+
+    @property
+    def duration(self) -> float:
+        """s between the first and the newest error of the session."""
+        return 1e-9 * (self._last_ns - self._first_ns)
+
+    def session(self) -> Summary:
+        if not self._count:
+            return NOTHING
+        rms = [math.sqrt(square / self._count) for square in self._squares]
+        return Summary(rms[0], self._largest[0], rms[1], self._largest[1])
+
+    def recent(self, now_ns: int) -> Summary:
+        """Over the 10 s before `now_ns`."""
+        inside = self._errors[(self._stamps > now_ns - RECENT_NS) & (self._stamps <= now_ns)]
+        if not len(inside):
+            return NOTHING
+        rms = np.sqrt((inside**2).mean(axis=0)).tolist()
+        largest = inside.max(axis=0).tolist()
+        return Summary(rms[0], largest[0], rms[1], largest[1])

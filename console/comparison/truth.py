@@ -1,0 +1,83 @@
+"""What counts as true, at the stamps of the estimates: both come late, and in no order."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.pose_track import Pose, PoseTrack
+
+Array = npt.NDArray[np.float64]
+Source = Literal["truth", "tracker"]
+
+KEPT = 300
+"""Poses, and rows, that wait for the others: 3 s at 100 a second."""
+FORGOTTEN_NS = 1_000_000_000
+"""Without the truth for so long, the tracker's poses count as true."""
+
+
+class Row(NamedTuple):
+    """Estimates at one stamp: names (E,) and states (E, 13), NaN where there is none."""
+
+    stamp_ns: int
+    names: tuple[str, ...]
+    states: Array
+
+
+class TruthMerge:
+    """Gives each row, in order, the true pose at its stamp, once both are there."""
+
+    def __init__(self) -> None:
+        self._source: Source | None = None
+        self._truth_ns = -(1 << 62)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget what waits: the stamps have begun anew."""
+        self._rows: deque[Row] = deque(maxlen=KEPT)
+        self._begin_track()
+
+    @property
+    def source(self) -> str:
+        """Whose poses count now, empty before the first."""
+        return self._source or ""
+
+    def row(self, row: Row) -> None:
+        """One that is newer than all before."""
+        self._rows.append(row)
+
+    def pose(self, source: Source, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
+        """(3,) m and (4,) unit quaternion. The tracker's are ignored while the truth comes."""
+        if source == "truth":
+            self._truth_ns = stamp_ns
+        elif abs(stamp_ns - self._truth_ns) < FORGOTTEN_NS:
+            return
+        if source != self._source or (self._newest_ns - stamp_ns > FORGOTTEN_NS):
+            self._source = source
+            self._begin_track()
+        self._newest_ns = stamp_ns
+        self._poses.append((stamp_ns, position_w, quaternion_wb))
+
+    def compared(self) -> Iterator[tuple[Row, Pose]]:
+        """Rows whose true pose is known by now; those in a gap of the truth are left out."""
+        while self._rows:
+            row = self._rows[0]
+            while self._until_ns < row.stamp_ns and self._poses:
+                stamp_ns, position_w, quaternion_wb = self._poses.popleft()
+                after_ns = self._track.add(stamp_ns, position_w, quaternion_wb)
+                if after_ns is not None:
+                    self._after_ns, self._until_ns = after_ns, stamp_ns
+            if self._until_ns < row.stamp_ns:
+                return
+            self._rows.popleft()
+            if row.stamp_ns > self._after_ns:
+                yield row, self._track.at(row.stamp_ns)
+
+    def _begin_track(self) -> None:
+        self._poses: deque[tuple[int, Array, Array]] = deque(maxlen=KEPT)
+        self._track = PoseTrack()
+        self._after_ns = self._until_ns = self._newest_ns = -(1 << 62)

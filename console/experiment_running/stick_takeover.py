@@ -1,0 +1,51 @@
+"""When a person's sticks take an experiment over: deflected, and meant."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from enum import Enum
+
+from console.sticks import StickOrder
+
+DEFLECTED = 0.15
+"""Of full stick: more, with the dead-man held, is a person taking over."""
+SILENT = 0.3
+"""s without sticks, after which they count as released."""
+
+
+class _Until(Enum):
+    """What must be seen of the sticks before they can take over."""
+
+    NOTHING = 0
+    CENTRED = 1  # they were deflected when it began
+    RELEASED = 2  # the dead-man: they were flying by hand
+
+
+class StickTakeover:
+    """Args: `clock`, s of a steady clock."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._deflected, self._seen = False, -SILENT
+        self._blind_until = _Until.NOTHING
+
+    def begin(self) -> None:
+        """An experiment begins: sticks deflected now are not meant for it."""
+        old = self._clock() - self._seen > SILENT
+        is_deflected = self._deflected and not old
+        self._blind_until = _Until.CENTRED if is_deflected else _Until.NOTHING
+
+    def by_hand(self) -> None:
+        """A person flies: what is still in hand at the end takes nothing over."""
+        self._blind_until = _Until.RELEASED
+
+    def seen(self, order: StickOrder) -> bool:
+        """One order; whether it takes over."""
+        now = self._clock()
+        deflected = order.enabled and max(map(abs, order.axes)) > DEFLECTED
+        centred = self._blind_until is _Until.CENTRED and not deflected
+        if centred or not order.enabled or now - self._seen > SILENT:
+            self._blind_until = _Until.NOTHING
+        self._deflected, self._seen = deflected, now
+        return deflected and self._blind_until is _Until.NOTHING

@@ -1,0 +1,145 @@
+"""What the station hears of the vehicle, kept for an experiment that waits for it."""
+
+from __future__ import annotations
+
+import ast
+import threading
+import time
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from console.experiments.client import VehicleView
+from console.parameter_store import PREFIX
+from console.vehicle_parameters import VehicleParameters
+from quadrotor.errors import LinkError, UnknownParameterError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.messages import stamp_of
+
+MISSED = 0.5
+"""s after which a parameter revision in the status that no change told of is fetched."""
+OLD = 1.0
+"""s; a vehicle whose status is older is not known."""
+
+
+class VehicleFeed:
+    """Fed by the station's subscriptions, read by the experiment's thread."""
+
+    def __init__(self, parameters: VehicleParameters) -> None:
+        self._parameters = parameters
+        self._news = threading.Condition()
+        self._count = 0
+        self._stamp_ns = 0
+        self._position_w = np.zeros(3)
+        self._status: Any = None
+        self._status_at = 0.0
+        self._values: dict[str, ParameterValue] = {}
+        self._revision = -1
+        self._behind_since: float | None = None
+
+    # ------------------------------------------------------------------ fed
+    def telemetry(self, stamp_ns: int, position_w: Any) -> None:
+        """The newest sample of a packet."""
+        with self._news:
+            self._stamp_ns, self._position_w = stamp_ns, position_w
+            self._tell()
+
+    def status(self, status: Any) -> None:
+        """quadlab_msgs/VehicleStatus."""
+        with self._news:
+            self._status, self._status_at = status, time.monotonic()
+            behind = int(status.parameter_revision) > self._revision
+            if not behind:
+                self._behind_since = None
+            elif self._behind_since is None:
+                self._behind_since = self._status_at
+            self._tell()
+
+    def parameter_changed(self, change: Any) -> None:
+        """quadlab_msgs/ParameterChange; the station's own come on the same topic."""
+        if not change.name.startswith(PREFIX):
+            with self._news, suppress(ValueError, SyntaxError):
+                self._values[change.name] = ast.literal_eval(change.new_value)
+                self._revision = max(self._revision, int(change.revision))
+                self._tell()
+
+    def applied(self, values: dict[str, ParameterValue], revision: int) -> None:
+        """The vehicle's answer to a change."""
+        with self._news:
+            self._values.update(values)
+            self._revision = max(self._revision, revision)
+            self._tell()
+
+    def wake(self) -> None:
+        """Whoever waits is to look again."""
+        with self._news:
+            self._tell()
+
+    def _tell(self) -> None:
+        self._count += 1
+        self._news.notify_all()
+
+    # ------------------------------------------------------------------ read
+    @property
+    def mode(self) -> str:
+        """Empty when the vehicle has not told it for a second."""
+        with self._news:
+            old = time.monotonic() - self._status_at > OLD
+            return "" if self._status is None or old else str(self._status.mode).lower()
+
+    def view(self) -> VehicleView:
+        """Raises LinkError before the first status."""
+        with self._news:
+            status = self._status
+            if status is None:
+                raise LinkError("the vehicle has not told its status yet")
+            return VehicleView(
+                time=self._stamp_ns * 1e-9,
+                mode=str(status.mode).lower(),
+                behavior=str(status.behavior).lower(),
+                armed=bool(status.armed),
+                airborne=bool(status.airborne),
+                position_w=np.array(self._position_w),
+            )
+
+    def fetch(self) -> None:
+        """All parameters, as before a flight. Raises LinkError."""
+        values, revision, problem = self._parameters.snapshot()
+        if problem or values is None:
+            raise LinkError(f"the vehicle's parameters are not known: {problem or 'not read yet'}")
+        with self._news:
+            self._values, self._revision = dict(values), revision
+            self._behind_since = None
+
+    def parameter(self, name: str) -> ParameterValue:
+        """Raises UnknownParameterError, or LinkError when a missed change cannot be fetched."""
+        with self._news:
+            since = self._behind_since
+        if since is not None and time.monotonic() - since > MISSED:
+            self.fetch()
+        with self._news:
+            if name not in self._values:
+                raise UnknownParameterError(f"the vehicle has no parameter {name!r}")
+            return self._values[name]
+
+    @property
+    def news(self) -> int:
+        """Changes with everything heard."""
+        return self._count
+
+    def wait_news(self, seen: int, timeout: float) -> None:
+        """Until something was heard after `seen`, at most `timeout` s."""
+        with self._news:
+            self._news.wait_for(lambda: self._count != seen, timeout)
+
+    def wait_status(self, behavior: str, stamp_ns: int, timeout: float) -> None:
+        """Until a status shows the behaviour, or is from `stamp_ns` of the vehicle's clock on."""
+        with self._news:
+            self._news.wait_for(
+                lambda: (
+                    self._status is not None
+                    and (self._status.behavior == behavior or stamp_of(self._status) >= stamp_ns)
+                ),
+                timeout,
+            )

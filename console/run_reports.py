@@ -1,0 +1,48 @@
+"""Where the report of a run lies: a folder beside its file, `runs/<run_id>_report/`.
+
+`result.json` is the verdict; the other files are the experiment's plots and text.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from quadrotor.errors import StorageError
+
+RESULT = "result.json"
+FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,119}")
+
+
+def report_folder(log: Path) -> Path:
+    """Of the run whose file is `log`; it need not exist."""
+    return log.with_name(f"{log.stem}_report")
+
+
+def has_report(log: Path) -> bool:
+    return (report_folder(log) / RESULT).is_file()
+
+
+def read_result(log: Path) -> dict[str, Any]:
+    """Verdict, figures, options and file names. Raises StorageError when there is none."""
+    path = report_folder(log) / RESULT
+    try:
+        result: dict[str, Any] = json.loads(path.read_text())
+    except FileNotFoundError:
+        raise StorageError(
+            f"run {log.stem} has no report: no experiment was judged on it"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise StorageError(f"the report of run {log.stem} cannot be read: {error}") from None
+    return result
+
+
+def report_file(log: Path, name: str) -> Path:
+    """A file of the report, never anything outside its folder. Raises StorageError."""
+    folder = report_folder(log).resolve()
+    path = (folder / name).resolve() if FILE_NAME.fullmatch(name) else folder
+    if path.parent != folder or not path.is_file():
+        raise StorageError(f"the report of run {log.stem} has no file {name!r:.80}")
+    return path

@@ -1,0 +1,220 @@
+"""A real station and a real vehicle's comms and flight loop, in one process, over the real link."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.base_station import BaseStation
+from console.beacon_layout import THEIRS
+from console.catalogue import Catalogue
+from quadrotor.parameters import ParameterValue
+from vehicle.comms import Comms
+from vehicle.flight import FlightLoop
+from vehicle.microcontroller import RawSample
+from vehicle.parameters import new_parameters
+from vehicle.process_config import CommsConfig, create_rings, open_rings
+from vehicle.stack import FlightStack
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.serial.ids import MotorState
+from vehicle_link.session import loopback_session, station_session, vehicle_session
+from vehicle_link.topics import SERVICES
+
+LIMIT = 20.0
+SAMPLE_NS = 10_000_000
+
+
+def free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """Polls; returns what is true, or the last answer at the end of the bound."""
+    waiting, end = threading.Event(), time.monotonic() + LIMIT
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+class Relay:
+    """A UDP port that leads to the present vehicle: a closed session may keep its own for long."""
+
+    def __init__(self) -> None:
+        self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._near.bind(("127.0.0.1", 0))
+        self.port: int = self._near.getsockname()[1]
+        self._far: dict[socket.socket, Any] = {}  # to the vehicle: whose packets
+        self._vehicle_port = 0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def lead_to(self, port: int) -> None:
+        self._vehicle_port, self._far = port, {}
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(5)
+
+    def _run(self) -> None:
+        while not self._closing.is_set():
+            ready, _, _ = select.select([self._near, *self._far], [], [], 0.02)
+            for one in ready:
+                with suppress(OSError, KeyError):  # nobody there, or no longer
+                    if one is self._near:
+                        data, source = one.recvfrom(65536)
+                        self._towards_vehicle(source).send(data)
+                    else:
+                        self._near.sendto(one.recv(65536), self._far[one])
+
+    def _towards_vehicle(self, source: Any) -> socket.socket:
+        for far, known in self._far.items():
+            if known == source:
+                return far
+        far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        far.connect(("127.0.0.1", self._vehicle_port))
+        self._far[far] = source
+        return far
+
+
+class StillMicrocontroller:
+    """Samples of a vehicle that stands on the ground."""
+
+    def __init__(self) -> None:
+        self.failures: list[str] = []
+        self.motor_state = MotorState.OFF
+        self._newest_ns = time.time_ns()
+
+    def receive(self) -> list[RawSample]:
+        now_ns = time.time_ns()
+        stamps = range(self._newest_ns + SAMPLE_NS, now_ns, SAMPLE_NS)
+        if stamps:
+            self._newest_ns = stamps[-1]
+        still, battery, pressure = (512, 512, 512), 12.0, 101_325.0
+        return [RawSample(ns, still, still, battery, pressure, self.motor_state) for ns in stamps]
+
+    def command(self, references: Sequence[int]) -> None: ...
+    def set_motor_state(self, state: MotorState) -> None: ...
+    def service(self, now_s: float) -> None: ...
+    def filenos(self) -> Sequence[int]:
+        return ()
+
+
+class Vehicle:
+    """Flight loop and comms as in their processes, in threads here."""
+
+    def __init__(self, data: Path, port: int) -> None:
+        descriptors = create_rings()
+        rings = open_rings(descriptors)
+        self.stack = FlightStack(new_parameters())
+        self.microcontroller = StillMicrocontroller()
+        self._loop = FlightLoop(self.stack, self.microcontroller, rings, real_time=False)
+        self._session = vehicle_session(
+            port, ensure_certificates(data / "certificates"), "127.0.0.1"
+        )
+        config = CommsConfig(os.getpid(), descriptors, "quad1", str(data / "vehicle"), port)
+        self._node = Node(self._session, "/quad1", "vehicle")
+        self._comms = Comms(config, rings, self._node)
+        self._stopping = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._loop.run, daemon=True),
+            threading.Thread(target=self._comms.run, args=(self._stopping,), daemon=True),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def layout(self) -> str:
+        return self.stack.parameters.beacons.layout
+
+    def close(self) -> None:
+        self._loop.stopping = True
+        self._stopping.set()
+        for thread in self._threads:
+            thread.join(5)
+        self._comms.close()
+        self._node.close()
+        self._session.close()
+
+
+class LinkedBench:
+    """A station and whoever asks it; vehicles come and go."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+        self._relay, loopback = Relay(), free_port(socket.SOCK_STREAM)
+        files = ensure_certificates(data / "certificates")
+        session = station_session(f"127.0.0.1:{self._relay.port}", loopback, files)
+        self.catalogue = Catalogue(data)
+        settings = {"station.recorder.keep_free": 10.0}
+        self.station = BaseStation(session, self.catalogue, settings=settings)
+        self._sessions = [session, loopback_session(loopback)]
+        self.page = Node(self._sessions[1], "/quad1", "page")
+        self.vehicle: Vehicle | None = None
+
+    @property
+    def layout(self) -> str:
+        return self.station._store.parameters.bearings.layout
+
+    def connect(self) -> Vehicle:
+        port = free_port(socket.SOCK_DGRAM)
+        self._relay.lead_to(port)
+        self.vehicle = Vehicle(self._data, port)
+        assert until(lambda: self.station._link_state() is LinkState.GOOD)
+        known = self.station._vehicle_parameters.known
+        assert until(lambda: known(THEIRS) == self.layout), "they did not come to agree"
+        return self.vehicle
+
+    def disconnect(self) -> None:
+        assert self.vehicle is not None
+        self.vehicle.close()
+        self.vehicle = None
+        assert until(lambda: self.station._link_state() is LinkState.LOST)
+
+    def call(self, service: str, **fields: Any) -> Any:
+        request = new(
+            f"{SERVICES[service]}_Request",
+            request_id=f"r{time.monotonic_ns()}",
+            requester="ada",
+            **fields,
+        )
+        return self.page.client(f"station/{service}", SERVICES[service]).call(request, timeout=5.0)
+
+    def change(self, name: str, value: ParameterValue) -> Any:
+        """The station's answer to a change of one parameter; a busy machine may lose the link."""
+        if self.vehicle is not None:
+            assert until(lambda: self.station._link_state() is LinkState.GOOD)
+        return self.call("change_parameters", parameters=to_parameters({name: value}))
+
+    def close(self) -> None:
+        if self.vehicle is not None:
+            self.vehicle.close()
+        self.page.close()
+        self.station.close()
+        for session in reversed(self._sessions):
+            session.close()
+        self._relay.close()
+
+
+@pytest.fixture(scope="module")
+def linked(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LinkedBench]:
+    """A station that no vehicle has connected to yet."""
+    bench = LinkedBench(tmp_path_factory.mktemp("data"))
+    yield bench
+    bench.close()

@@ -1,0 +1,76 @@
+"""Station and vehicle agree on one layout of beacons, over the real link."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from console.beacon_layout import OURS, THEIRS
+from quadrotor.errors import ParameterError
+from vehicle.modes import Mode
+from vehicle_link.parameter_service import ParameterClient
+from vehicle_link.serial.ids import MotorState
+
+
+def until(condition: Callable[[], Any], bound: float = 20.0) -> Any:
+    """Polls; returns what is true, or the last answer at the end of the bound."""
+    waiting, end = threading.Event(), time.monotonic() + bound
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+def test_a_vehicle_that_connects_is_told_follows_and_has_a_veto(linked: Any) -> None:
+    assert linked.change(OURS, "wide").accepted  # nobody to ask
+    vehicle = linked.connect()
+    assert vehicle.layout == "wide"
+
+    assert linked.change(OURS, "eight").accepted
+    assert (linked.layout, vehicle.layout) == ("eight", "eight")
+    on_board = ParameterClient(linked.page, "/quad1/vehicle")
+    assert until(lambda: on_board.values()[THEIRS] == "eight")
+    ids = vehicle.stack.navigation._beacons.ids
+    assert ids == [1, 2, 3, 4, 5, 6, 7, 8]
+
+    numbers = "5 2 2 0; 6 -2 2 0; 7 -2 -2 0; 8 2 -2 0"
+    assert linked.change(OURS, numbers).accepted
+    assert (linked.layout, vehicle.layout) == (numbers, numbers)
+
+
+def test_what_one_of_them_refuses_neither_has(linked: Any) -> None:
+    vehicle = linked.vehicle or linked.connect()
+    assert linked.change(OURS, "paper").accepted
+    wrong = linked.change(OURS, "1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0")
+    assert not wrong.accepted
+    assert "line" in wrong.reason
+    assert (linked.layout, vehicle.layout) == ("paper", "paper")
+
+    # As when bearings are flown on: its beacons stay where they are.
+    vehicle.stack.navigation.source = "bearings"
+    vehicle.microcontroller.motor_state = MotorState.ON
+    vehicle.stack.mode = Mode.ARMED
+    refused = linked.change(OURS, "wide")
+    vehicle.stack.mode = Mode.READY
+    vehicle.microcontroller.motor_state = MotorState.OFF
+    vehicle.stack.navigation.source = "poses"
+    assert not refused.accepted
+    assert refused.reason.startswith(f"{OURS} not changed, the vehicle refuses: ")
+    assert "bearings" in refused.reason
+    assert (linked.layout, vehicle.layout) == ("paper", "paper")
+    with pytest.raises(ParameterError):
+        linked.station._store.change({OURS: "1 0 0 0"}, "ada")
+    assert (linked.layout, vehicle.layout) == ("paper", "paper")
+
+
+def test_a_vehicle_that_connects_later_is_told_what_was_changed_without_it(linked: Any) -> None:
+    if linked.vehicle is None:
+        linked.connect()
+    linked.disconnect()
+    assert linked.change(OURS, "ceiling").accepted
+    vehicle = linked.connect()
+    assert vehicle.layout == "ceiling"
+    assert linked.layout == "ceiling"

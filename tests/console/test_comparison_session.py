@@ -1,0 +1,284 @@
+"""The comparison over a real session: told, recorded, changed and refused at the station."""
+
+from __future__ import annotations
+
+import math
+import pickle
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bearing_sim import (
+    BearingEmulator,
+    BearingMeasurement,
+    BearingParameters,
+    PoseMeasurement,
+)
+from console.comparison import feed as comparison_feed
+from console.comparison.feed import ComparisonFeed
+from console.comparison.kernels import Kernels
+from console.comparison.parameters import ComparisonParameters, parse_estimators
+from console.comparison.process import Worker
+from console.parameter_store import StationStore
+from estimation import registry
+from quadrotor.errors import OutOfBoundsError
+from quadrotor.records import TICK
+from vehicle_link.log import read_log
+from vehicle_link.messages import decode
+from vehicle_link.node import Node, Received
+from vehicle_link.telemetry import pack
+from vehicle_link.topics import TOPICS
+
+LIMIT = 20.0
+NAME = "station.comparison.estimators"
+TYPE = TOPICS["comparison"].type_name
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """Polls; returns what is true, or the last answer at the end of the bound."""
+    waiting, end = threading.Event(), time.monotonic() + LIMIT
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+class Heard:
+    """The newest comparison."""
+
+    def __init__(self, node: Node) -> None:
+        self._got: list[Received] = []
+        node.subscribe("comparison", TYPE, self._got.append)
+
+    def count(self) -> int:
+        return len(self._got)
+
+    def newest(self) -> Any:
+        return decode(self._got[-1].payload, TYPE)
+
+    def names(self) -> list[str]:
+        return [one.name for one in self.newest().estimators] if self.count() else []
+
+
+def test_the_vehicles_own_estimate_is_told_again_and_again_and_recorded(linked: Any) -> None:
+    heard = Heard(linked.page)
+    linked.connect()
+    assert until(lambda: heard.count() > 5)
+    message = heard.newest()
+    [own] = message.estimators
+    assert own.name == "vehicle"
+    assert message.truth == ""
+    assert math.isnan(own.position_error)
+    run = linked.call("record", start=True).run_id
+    before = heard.count()
+    assert until(lambda: heard.count() > before + 3)
+    assert linked.call("record", start=False).accepted
+    assert linked.station.runs.recorder.wait_idle(LIMIT)
+    recorded = list(read_log(linked.catalogue.resolve(run)))
+    assert sum(one.topic == "/quad1/comparison" for one in recorded) >= 2
+
+
+def test_the_set_changes_while_it_runs_and_wrong_names_change_nothing(linked: Any) -> None:
+    heard = Heard(linked.page)
+
+    def change(text: str) -> Any:
+        return linked.change(NAME, text)
+
+    if linked.vehicle is None:
+        linked.connect()
+    assert change("error_state complementary:paper").accepted
+    wanted = ["vehicle", "error_state", "complementary:paper"]
+    assert until(lambda: heard.names() == wanted)
+    refused = change("error_state nobody")
+    assert not refused.accepted
+    assert "'nobody'" in refused.reason
+    assert "complementary, error_state" in refused.reason
+    before = heard.count()
+    assert until(lambda: heard.count() > before)
+    assert heard.names() == wanted
+    assert change("").accepted
+    assert until(lambda: heard.names() == ["vehicle"])
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("kalman", "'kalman' is none; allowed are complementary, error_state"),
+        ("complementary:fast", "presets paper, bearings, resolved"),
+        ("complementary:", "'complementary:' is none"),
+        ("error_state error_state", "'error_state' twice"),
+        (
+            "error_state complementary error_state:paper error_state:bearings "
+            "error_state:resolved complementary:paper complementary:bearings",
+            "are 7; allowed are at most 6",
+        ),
+    ],
+)
+def test_wrong_texts_are_refused_with_what_is_allowed(text: str, reason: str) -> None:
+    store = StationStore()
+    store.change({NAME: "error_state"}, "ada")
+    with pytest.raises(OutOfBoundsError, match=reason):
+        store.change({NAME: text, "station.bearings.sigma": 3.0}, "ada")
+    assert store.parameters.comparison.estimators == "error_state"
+    assert store.parameters.bearings.sigma == 1.5
+
+
+def test_words_are_taken_apart_with_the_presets_they_stand_for() -> None:
+    choices = parse_estimators("  error_state  complementary complementary:paper ")
+    assert [tuple(one) for one in choices] == [
+        ("error_state", "error_state", ""),
+        ("complementary", "complementary", "resolved"),
+        ("complementary:paper", "complementary", "paper"),
+    ]
+
+
+def test_a_process_that_dies_is_said_and_started_again(
+    linked: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if linked.vehicle is None:
+        linked.connect()
+    heard = Heard(linked.page)
+    feed = linked.station._comparison
+    assert until(lambda: heard.count() > 2)
+    monkeypatch.setattr(comparison_feed, "AGAIN", 0.0)
+    said: list[str] = []
+    monkeypatch.setattr(feed, "_say", said.append)
+    feed._child.kill()
+    assert until(lambda: said == ["comparison of estimators ended (-9); started again"])
+    before = heard.count()
+    assert until(lambda: heard.count() > before + 2)
+    assert heard.names() == ["vehicle"]
+
+
+def test_a_defect_in_one_message_is_said_once_and_the_rest_is_taken() -> None:
+    said: list[str] = []
+    told: list[bytes] = []
+    worker = Worker(lambda payload, stamp_ns: told.append(payload), said.append)
+    ticks = np.zeros(5, TICK)
+    ticks["state"]["quaternion_wb"][:, 0] = 1.0
+    for k in range(4):
+        ticks["imu"]["stamp_ns"] = 10_000_000 * k + 2_000_000 * np.arange(1, 6)
+        worker.take(("", [("telemetry", b"nothing"), ("telemetry", pack(ticks, k))]))
+    worker.close()
+    assert len(told) == 2  # each other batch
+    assert len(said) == 1
+    assert "too few for a telemetry packet" in said[0]
+
+
+def test_a_worker_starts_what_is_named_and_stops_what_no_longer_is() -> None:
+    """Through the same pickles as between the processes."""
+    registry.prepare("error_state", bearings=True)
+    told: list[Any] = []
+    worker = Worker(lambda payload, stamp_ns: told.append(decode(payload, TYPE)), print)
+    emulator = BearingEmulator(BearingParameters(sigma=0.1))
+    here, level = np.array([0.3, 0.2, 1.0]), np.array([1.0, 0.0, 0.0, 0.0])
+    ticks = np.zeros(5, TICK)
+    ticks["imu"]["specific_force_b"] = 0.0, 0.0, 9.81
+    ticks["state"]["position_w"], ticks["state"]["quaternion_wb"] = here, level
+    count = 0
+
+    def flown(text: str) -> Any:
+        nonlocal count
+        count += 1
+        stamps = 10_000_000 * count + 2_000_000 * np.arange(5)
+        ticks["imu"]["stamp_ns"] = stamps
+        now_ns = int(stamps[-1])
+        emulator.observe(now_ns, here, level)
+        items: list[tuple[Any, ...]] = [("bearings", frame) for frame in emulator.due(now_ns)]
+        items += [("truth", now_ns, here, level), ("telemetry", pack(ticks, count))]
+        worker.take(pickle.loads(pickle.dumps((text, items))))
+        return told[-1].estimators[-1] if told else None
+
+    assert until(lambda: (last := flown("error_state")) and last.initialized)
+    assert flown("error_state").name == "error_state"
+    assert flown("error_state").position_error < 0.05
+    flown("")
+    flown("")
+    assert [one.name for one in told[-1].estimators] == ["vehicle"]
+    worker.close()
+
+
+def test_an_estimator_that_only_the_station_knows_is_said_and_changes_nothing() -> None:
+    said: list[str] = []
+    worker = Worker(lambda payload, stamp_ns: None, said.append)
+    for _ in range(3):
+        worker.take(("theirs", []))
+    worker.close()
+    assert len(said) == 1
+    assert said[0].startswith("not compared: estimators = 'theirs': 'theirs' is none")
+
+
+def test_the_feed_hands_everything_over_in_its_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    feed = ComparisonFeed(ComparisonParameters(), lambda *_: None, lambda line: None)
+    monkeypatch.setattr(feed, "_alive", lambda: False)
+    frame = BearingMeasurement(3, np.array([1]), np.array([[0.0, 0.0, 1.0]]), 0.02)
+    feed.truth(1, np.zeros(3), np.ones(4))
+    feed.pose(PoseMeasurement(2, np.zeros(3), np.ones(4)))
+    feed.bearings(frame)
+    feed.status(True, "starting")
+    feed.telemetry(b"packet")
+    took = list(feed._queue)
+    feed.close()
+    assert [one[0] for one in took] == ["truth", "tracker", "bearings", "status", "telemetry"]
+    assert took[1][1] == 2
+    assert took[2][1] is frame
+    assert took[3][1:] == (True, True)
+
+
+def test_an_estimator_that_cannot_be_prepared_is_said_once(monkeypatch: Any) -> None:
+    said: list[str] = []
+    told = threading.Event()
+
+    def say(line: str) -> None:
+        said.append(line)
+        told.set()
+
+    def broken(parameters: Any) -> Any:
+        raise RuntimeError("no such sensor")
+
+    monkeypatch.setitem(registry._FACTORIES, "broken", broken)
+    kernels = Kernels(say)
+    assert not kernels.ready("broken")
+    assert told.wait(LIMIT)
+    kernels.close()
+    assert not kernels.ready("broken")
+    assert said == ["comparing broken: cannot be prepared: RuntimeError: no such sensor"]
+
+
+@pytest.mark.parametrize(
+    ("values", "fine"),
+    [
+        ({"range_min": 5.0}, True),
+        ({"range_max": 0.1}, True),
+        ({"range_min": 5.0, "range_max": 5.0}, True),
+        ({"range_min": 10.0, "range_max": 9.9}, False),
+        ({"range_max": 9.9, "range_min": 10.0}, False),
+    ],
+)
+def test_the_ranges_of_the_sensor_are_checked_together(values: Any, fine: bool) -> None:
+    store = StationStore()
+    names = {f"station.bearings.{name}": value for name, value in values.items()}
+    if fine:
+        store.change(names, "ada")
+        return
+    with pytest.raises(OutOfBoundsError, match=r"range_min = 10 m exceeds range_max = 9.9 m"):
+        store.change(names, "ada")
+    bearings = store.parameters.bearings
+    assert (bearings.range_min, bearings.range_max) == (0.05, 20.0)
+
+
+def test_each_range_alone_is_refused_beyond_the_other_and_both_at_once_may_pass_it() -> None:
+    store = StationStore()
+    low, high = "station.bearings.range_min", "station.bearings.range_max"
+    store.change({high: 2.0}, "ada")
+    with pytest.raises(OutOfBoundsError, match="range_min = 3 m exceeds range_max = 2 m"):
+        store.change({low: 3.0}, "ada")
+    store.change({low: 3.0, high: 4.0}, "ada")  # the first alone would not do
+    with pytest.raises(OutOfBoundsError, match="range_min = 3 m exceeds range_max = 1 m"):
+        store.change({high: 1.0}, "ada")
+    store.change({high: 1.0, low: 0.5}, "ada")
+    bearings = store.parameters.bearings
+    assert (bearings.range_min, bearings.range_max) == (0.5, 1.0)

@@ -1,0 +1,118 @@
+"""Judging a station's run: each source with stamps of its own, and what a vehicle did by itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from console.experiments.bearings import BearingsExperiment
+from console.experiments.bearings_log import read_flight
+from console.experiments.tracking import tracking_errors
+from quadrotor.records import POSE_SAMPLE, STATE, TICK
+from vehicle_link import topics
+from vehicle_link.log import LogWriter
+from vehicle_link.messages import encode, header, new
+from vehicle_link.topics import TOPICS
+
+MS = 1_000_000
+OFF = 0.01  # m, between truth and reference, and between truth and estimate
+SIGN_FLIPS_AT = 2000
+
+
+def path_w(t: np.ndarray) -> np.ndarray:
+    return np.stack([np.sin(t), np.cos(t), 1.0 + 0.1 * np.sin(2 * t)], axis=1)
+
+
+def write(
+    path: Path, truth: str, *, sigma: float = 1.5, changed: bool = False, cut: bool = False
+) -> Path:
+    """10 s on bearings; truth at 100 Hz, 0.4 ms beside the ticks at 500 Hz."""
+    stamps = np.arange(0, 10_000, 2) * MS
+    ticks = np.zeros(len(stamps), TICK)
+    ticks["imu"]["stamp_ns"] = stamps
+    ticks["state"]["quaternion_wb"][:, 0] = 1.0
+    ticks["state"]["quaternion_wb"][SIGN_FLIPS_AT:, 0] = -1.0  # the same attitude
+    ticks["state"]["position_w"] = np.add(path_w(stamps * 1e-9), (OFF, 0, 0))
+    ticks["reference"]["position_w"] = np.add(path_w(stamps * 1e-9), (0, OFF, 0))
+    true_ns = np.arange(10, 9_990, 10) * MS + 400_000
+    states = np.zeros(len(true_ns), STATE)
+    states["quaternion_wb"][:, 0] = 1.0
+    states["position_w"] = path_w(true_ns * 1e-9)
+    poses = np.zeros(len(true_ns), POSE_SAMPLE)
+    poses["stamp_ns"] = true_ns
+    poses["position_w"], poses["quaternion_wb"] = states["position_w"], states["quaternion_wb"]
+    true = (
+        topics.encode_odometries(true_ns, states)
+        if truth == "truth"
+        else topics.encode_poses(poses)
+    )
+    messages = [
+        *(("state", p, ns) for p, ns in zip(topics.encode_states(ticks), stamps, strict=True)),
+        *(
+            ("reference", p, s)
+            for p, s in zip(topics.encode_references(ticks), stamps, strict=True)
+        ),
+        *((truth, p, ns) for p, ns in zip(true, true_ns, strict=True)),
+    ]
+
+    def change(name: str, old: object, value: object, ms: int) -> None:
+        payload = topics.encode_parameter_change(ms * MS, name, old, value, "ada", 1)
+        messages.append(("parameter_changes", payload, ms * MS))
+
+    def status(mode: str, ms: int) -> None:
+        message = new("quadlab_msgs/VehicleStatus", header=header(ms * MS), mode=mode)
+        messages.append(("status", encode(message), ms * MS))
+
+    change("estimation.source", "poses", "bearings", 500)
+    change("estimation.source", "bearings", "poses", 9_500)
+    if changed:
+        change("station.bearings.sigma", 1.5, 2.0, 3_000)
+    status("armed", 100)
+    status("cut" if cut else "armed", 9_000)
+    values = {"vehicle": {}, "station": {"station.bearings.sigma": sigma}}
+    attachments = {"parameters.json": json.dumps(values).encode()}
+    with LogWriter(path, {"vehicle": "quad1"}, attachments) as log:
+        for topic, payload, ns in sorted(messages, key=lambda m: m[2]):
+            log.write(f"/quad1/{topic}", TOPICS[topic].type_name, payload, int(ns), int(ns))
+    return path
+
+
+def test_stamps_that_never_meet_are_judged_between_neighbours(tmp_path: Path) -> None:
+    flight = read_flight(write(tmp_path / "run.mcap", "truth"), "quad1", 1.0)
+    metrics = flight.metrics()
+    assert metrics["samples"] > 700
+    assert metrics["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+    assert metrics["estimate_position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+    assert metrics["estimate_attitude_rms_deg"] == pytest.approx(0.0, abs=1e-6)
+    assert metrics["emergencies"] == 0.0
+    errors = tracking_errors(tmp_path / "run.mcap", "quad1", 1.0, 9.0).metrics()
+    assert errors["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+
+
+def test_without_truth_the_trackers_poses_count_and_give_no_velocity(tmp_path: Path) -> None:
+    flight = read_flight(write(tmp_path / "run.mcap", "tracker_pose"), "quad1", 1.0)
+    metrics = flight.metrics()
+    assert metrics["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+    assert "estimate_velocity_rms_m_s" not in metrics
+    errors = tracking_errors(tmp_path / "run.mcap", "quad1", 1.0, 9.0).metrics()
+    assert errors["position_rms_m"] == pytest.approx(OFF, abs=1e-5)
+
+
+def test_a_flight_that_was_cut_fails_however_well_it_flew(tmp_path: Path) -> None:
+    well = BearingsExperiment().evaluate(write(tmp_path / "well.mcap", "truth"))
+    cut = BearingsExperiment().evaluate(write(tmp_path / "cut.mcap", "truth", cut=True))
+    assert well.limits["position_rms_m"] == 0.025
+    assert (well.verdict, cut.verdict) == ("passed", "failed")
+    assert (well.metrics["emergencies"], cut.metrics["emergencies"]) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("other", [{"sigma": 3.0}, {"changed": True}])
+def test_another_sensor_of_the_station_is_reported_and_not_held_to_the_limits(
+    tmp_path: Path, other: dict[str, float]
+) -> None:
+    result = BearingsExperiment().evaluate(write(tmp_path / "run.mcap", "truth", **other))
+    assert "position_rms_m" not in result.limits
+    assert result.limits["emergencies"] == 0.0

@@ -1,0 +1,60 @@
+"""An experiment started from the page's API on the whole laboratory: flown, judged, reported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vehicle_link.log import read_log
+from vehicle_link.messages import decode
+
+pytestmark = pytest.mark.timeout(240)
+
+
+def test_bearings_are_flown_from_the_page_judged_and_reported(
+    start_laboratory: Callable[[], Any], until: Callable[..., Any]
+) -> None:
+    lab = start_laboratory().sign_in()
+    lab.reach(mode="ready")
+
+    def status() -> dict[str, Any]:
+        return lab.summary().get("experiment") or {}
+
+    wrong = {"name": "bearings", "options": {"duration": 1.0}}
+    refused = lab.browser.post("/api/experiments/start", json=wrong)
+    assert (refused.status_code, "allowed 5 to 3600 s" in refused.text) == (409, True)
+    body = {"name": "bearings", "options": {"duration": 6.0}}
+    started = lab.browser.post("/api/experiments/start", json=body)
+    assert started.status_code == 200, started.text
+    until("the hand-over", lambda: "on_bearings" in lab.status().get("flags", []), 90)
+    ended = ("passed", "failed", "stopped", "refused")
+    until("the verdict", lambda: status().get("phase") in ended, 120)
+    done = status()
+    # How well it flies depends on what else this computer does; that it was judged does not.
+    assert done["verdict"] in ("passed", "failed"), (done, lab.output)
+    figures = {metric["name"]: metric["value"] for metric in done["metrics"]}
+    assert 0.001 < figures["position_rms_m"] < 0.5
+    assert figures["judged_s"] > 5.0
+    lab.reach(mode="ready", armed=False)
+
+    report = lab.get(f"/api/runs/{done['run_id']}/report")
+    assert report["verdict"] == done["verdict"]
+    assert report["options"]["duration"] == 6.0
+    [picture] = [name for name in report["files"] if name.endswith(".png")]
+    answer = lab.browser.get(f"/api/runs/{done['run_id']}/report/{picture}")
+    assert answer.content.startswith(b"\x89PNG")
+    [run] = lab.runs()
+    assert (run["id"], run["report"], run["complete"]) == (done["run_id"], True, True)
+    told = [
+        decode(message.payload, message.type_name)
+        for message in read_log(
+            lab.data / "runs" / f"{run['id']}.mcap",
+            {"/quad1/experiment_status", "/quad1/parameter_changes"},
+        )
+    ]
+    assert {m.phase for m in told if hasattr(m, "phase")} >= {"flying"}
+    assert {m.requester for m in told if hasattr(m, "old_value")} == {run["operator"]}
+    values = {p["name"]: p["value"] for p in lab.get("/api/parameters")["parameters"]}
+    assert values["estimation.estimator"] == "complementary", "as it was found"

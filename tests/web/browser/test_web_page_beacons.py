@@ -1,0 +1,298 @@
+"""The Beacons tab in Chromium: what it shows is what station and vehicle confirmed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+
+LAYOUT = "station.bearings.layout"
+COMPARED = "station.comparison.estimators"
+CELLS = "#beacons-layout tbody input"
+FOURTH = ".residual[data-id='4']"
+
+
+@pytest.fixture
+def site(beacon_site: Any) -> Iterator[Any]:
+    yield beacon_site
+    station = beacon_site.station
+    station.compared, station.residuals = True, None
+    station.refusal = ""
+    defaults = {one.name: one.default for one in station.store.descriptions()}
+    station.store.set({n: v for n, v in defaults.items() if station.store.values()[n] != v})
+
+
+@pytest.fixture
+def tab(page: Any) -> Any:
+    return opened(page)
+
+
+def opened(page: Any) -> Any:
+    page.click("[data-tab=beacons]")
+    page.wait_for_selector(FOURTH)
+    page.wait_for_selector("#beacons-errors .estimate")
+    return page
+
+
+def values(station: Any) -> dict[str, Any]:
+    return dict(station.store.values())
+
+
+def width_of(page: Any, selector: str) -> float:
+    box = page.locator(selector).bounding_box()
+    return float(box["width"]) if box else 0.0
+
+
+# ---------------------------------------------------------------------- what is measured
+def test_residual_bars_move_and_are_amber_beyond_three_deviations(
+    tab: Any, look: Any, station: Any, until: Callable[..., None]
+) -> None:
+    station.residuals = {1: 0.01, 2: 0.02, 3: 0.03, 4: 0.1571}  # rad; 3 sigma are 0.0785
+    look.text(f"{FOURTH} output", r"^9\.00°$")
+    look.has_class(FOURTH, "beyond")
+    before = width_of(tab, f"{FOURTH} .track i")
+    station.residuals = {1: 0.01, 2: 0.02, 3: 0.03, 4: 0.03927}
+    look.text(f"{FOURTH} output", r"^2\.25°$")
+    look.has_no_class(FOURTH, "beyond")
+    full = width_of(tab, f"{FOURTH} .track")
+    # A whole bar is 5 sigma: 1.5 sigma are 0.3 of it.
+    until(lambda: abs(width_of(tab, f"{FOURTH} .track i") - 0.3 * full) < 1.5)
+    assert width_of(tab, f"{FOURTH} .track i") < before
+    look.text("#beacons-residuals .limit", r"^3σ = 4\.50°$")
+
+
+def test_a_beacon_that_is_not_seen_is_grey_and_keeps_its_last_value(
+    tab: Any, look: Any, station: Any
+) -> None:
+    station.residuals = {1: 0.01, 2: 0.02, 3: 0.03, 4: 0.03927}
+    look.text(f"{FOURTH} output", r"^2\.25°$")
+    station.residuals = {1: 0.01, 2: 0.02, 3: 0.03}
+    look.has_class(FOURTH, "stale")
+    look.text(f"{FOURTH} output", r"^2\.25°$")
+    look.has_no_class(".residual[data-id='1']", "stale")
+
+
+def test_without_a_comparison_all_of_it_is_grey(tab: Any, look: Any, station: Any) -> None:
+    look.has_no_class("#beacons-errors table", "stale")
+    station.compared = False
+    look.has_class("#beacons-errors table", "stale")
+    look.has_class(FOURTH, "stale")
+    look.text("#beacons-errors tbody tr >> nth=0 >> td >> nth=2", "^20$")
+    station.compared = True
+    look.has_no_class("#beacons-errors table", "stale")
+
+
+def test_estimators_have_a_row_each_and_the_one_chosen_is_the_ghost(
+    tab: Any, look: Any, station: Any
+) -> None:
+    box = tab.locator("#beacons-errors input[data-name='error_state']")
+    box.click()
+    look.text("#beacons-errors tbody tr >> nth=1 >> td >> nth=2", "^21$")
+    assert values(station)[COMPARED] == "error_state"
+    tab.click(".estimate[data-name='error_state']")
+    look.text("#beacons-residuals h2", "of error-state")
+    look.value("#beacons-view .ghost select", "error_state")
+    look.text("#beacons-chart .legend", "vehicle.*error-state.*bound of one frame")
+    tab.locator("#beacons-errors input[data-name='complementary:paper']").click()
+    look.text("#beacons-errors tbody tr >> nth=2 >> td >> nth=0", "complementarypaper gains")
+    assert values(station)[COMPARED] == "error_state complementary:paper"
+    box.click()
+    look.text("#beacons-errors tbody tr >> nth=1 >> td >> nth=0", "complementarypaper gains")
+    assert values(station)[COMPARED] == "complementary:paper"
+
+
+def test_the_chart_draws_errors_and_bound_on_either_scale(
+    tab: Any, look: Any, until: Callable[..., None]
+) -> None:
+    look.text("#beacons-chart .legend .dashed output", r"^27\.0$")
+    drawn = """() => { const c = document.querySelector('#beacons-chart canvas');
+      return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); }"""
+    until(lambda: tab.evaluate(drawn))
+    tab.click("#beacons-chart button")
+    assert tab.get_attribute("#beacons-chart button", "aria-pressed") == "true"
+    until(lambda: tab.evaluate(drawn))
+    tab.click("#beacons-chart button")
+
+
+def test_a_refused_estimator_says_why_and_stays_unchecked(
+    tab: Any, look: Any, station: Any
+) -> None:
+    station.refusal = "estimators: the station is too busy"
+    box = tab.locator("#beacons-errors input[data-name='error_state']")
+    box.click()
+    look.text("#beacons-errors .reason", "the station is too busy")
+    assert not box.is_checked()
+
+
+# ---------------------------------------------------------------------- the layout
+def test_a_refused_layout_says_why_and_the_table_shows_what_is_confirmed(
+    tab: Any, look: Any, station: Any
+) -> None:
+    look.value(f"{CELLS} >> nth=1", "1.000")
+    tab.fill(f"{CELLS} >> nth=1", "1.4")
+    look.has_class(f"{CELLS} >> nth=1", "draft")
+    station.refusal = f"{LAYOUT} not changed, the vehicle refuses: it flies on bearings"
+    tab.click("#beacons-layout button:has-text('Apply')")
+    look.text("#beacons-layout .reason", "the vehicle refuses: it flies on bearings")
+    look.value(f"{CELLS} >> nth=1", "1.000")
+    look.has_no_class(f"{CELLS} >> nth=1", "draft")
+    station.refusal = ""
+    tab.click("#beacons-layout button:has-text('Edit again')")
+    look.value(f"{CELLS} >> nth=1", "1.4")
+    tab.press(f"{CELLS} >> nth=1", "Enter")
+    look.value(f"{CELLS} >> nth=1", "1.400")
+    assert values(station)[LAYOUT].startswith("1 1.4 1.0 0.1;")
+
+
+def test_fewer_than_four_beacons_are_refused(tab: Any, look: Any, station: Any) -> None:
+    tab.click("#beacons-layout .remove >> nth=3")
+    tab.click("#beacons-layout button:has-text('Apply')")
+    look.text("#beacons-layout .reason", "3 beacons; allowed are 4 to 32: add 1")
+    assert tab.locator("#beacons-layout tbody tr").count() == 4
+    assert values(station)[LAYOUT] == "paper"
+
+
+def test_beacons_are_added_and_presets_chosen_on_every_page(
+    tab: Any, look: Any, station: Any, site: Any, open_page: Any, look_at: Any
+) -> None:
+    other = opened(open_page(site))
+    tab.click("#beacons-layout button:has-text('Add beacon')")
+    look.value(f"{CELLS} >> nth=16", "5")
+    look_at(other).value("#beacons-layout select", "paper")
+    tab.click("#beacons-layout button:has-text('Apply')")
+    look_at(other).value(f"{CELLS} >> nth=16", "5")
+    look_at(other).value("#beacons-layout select", "")
+    other.select_option("#beacons-layout select", "eight")
+    look.value("#beacons-layout select", "eight")
+    tab.wait_for_selector(".residual[data-id='8']")
+    assert values(station)[LAYOUT] == "eight"
+    other.close()
+
+
+def test_a_file_is_refused_with_line_and_column(
+    tab: Any, look: Any, station: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "lab.csv"
+    file.write_text("id,x,y,z\n1,1,1,0\n2,-1,one,0\n")
+    tab.set_input_files("#beacons-layout input[type=file]", str(file))
+    look.text("#beacons-layout .reason", "beacons lab.csv, line 3, column 6: y is 'one'")
+    file.write_text("id,x,y,z\n1,1,1,0\n2,-1,1,0\n3,-1,-1,0\n9,1,-1,0\n")
+    tab.set_input_files("#beacons-layout input[type=file]", str(file))
+    tab.wait_for_selector(".residual[data-id='9']")
+    with tab.expect_download() as download:
+        tab.click("#beacons-layout a")
+    assert Path(download.value.path()).read_text().splitlines()[4] == "9,1.0,-1.0,0.0"
+
+
+# ---------------------------------------------------------------------- onto bearings
+def test_the_way_onto_bearings_and_back(tab: Any, look: Any, station: Any) -> None:
+    look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
+    look.has_class("#beacons-session .steps li >> nth=0", "done")
+    tab.click("#beacons-session button:has-text('Run beside')")
+    look.has_class("#beacons-session .steps li >> nth=1", "done")
+    now = values(station)
+    assert now["estimation.shadow"] == "error_state"
+    assert now["estimation.shadow_source"] == "bearings"
+    station.refusal = "estimator error_state on bearings has not converged: 0.3 s of 2 s"
+    tab.click("#beacons-session button:has-text('Fly on bearings')")
+    look.text("#beacons-session .reason", "has not converged")
+    assert values(station)["estimation.source"] == "poses"
+    station.refusal = ""
+    tab.click("#beacons-session button:has-text('Fly on bearings')")
+    look.text("#beacons-session .flies", "^Flies on bearings to the beacons$")
+    look.text("#beacons-session .detail", "^error-state$")
+    tab.click("#beacons-session button:has-text('Back to tracker')")
+    look.text("#beacons-session .flies", "^Flies on the tracker's poses$")
+
+
+def test_a_preset_of_gains_goes_with_the_complementary_filter(
+    tab: Any, look: Any, station: Any
+) -> None:
+    tab.select_option("#beacons-session select >> nth=0", "complementary")
+    tab.select_option("#beacons-session select >> nth=1", "bearings")
+    tab.click("#beacons-session button:has-text('Run beside')")
+    look.text("#beacons-session .detail", "complementary · bearings gains")
+    assert values(station)["estimation.position_bandwidth"] == 2.5
+
+
+# ---------------------------------------------------------------------- sensor and view
+def test_the_sensors_rows_are_parameters_as_everywhere(tab: Any, look: Any, station: Any) -> None:
+    tab.click("#beacons-sensor summary >> nth=0")
+    cell = "#beacons-sensor input[aria-label='station.bearings.sigma, value']"
+    tab.fill(cell, "0.75")
+    tab.press(cell, "Enter")
+    look.value("#gains input[aria-label='station.bearings.sigma, value']", "0.75")
+    assert values(station)["station.bearings.sigma"] == 0.75
+    look.text("#beacons-sensor summary >> nth=0", "1 modified")
+
+
+def test_the_view_is_shared(
+    tab: Any, site: Any, open_page: Any, until: Callable[..., None]
+) -> None:
+    other = opened(open_page(site))
+    box = "#beacons-view input[data-view='rays']"
+    before = tab.is_checked(box)
+    tab.click(box)
+    for one in (tab, other):
+        until(lambda one=one: one.is_checked(box) is not before)
+    other.click(box)
+    until(lambda: tab.is_checked(box) is before)
+    other.close()
+
+
+# ---------------------------------------------------------------------- roles and cost
+def test_viewers_look_and_touch_nothing(
+    tab: Any, site: Any, station: Any, context: Any, look_at: Any
+) -> None:
+    station.store.set({COMPARED: "error_state"})
+    url = tab.request.post(f"{site.base}/api/invitations", data={"role": "viewer"}).json()["url"]
+    token = parse_qs(urlsplit(url).query)["token"][0]
+    guests = context.browser.new_context()
+    guest = guests.new_page()
+    guest.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
+    guest.goto(f"{site.base}/?token={token}")
+    guest.wait_for_selector("#behaviors button")
+    opened(guest)
+    inside = "#tab-beacons :is(button, input):enabled"
+    found = guest.locator(inside).evaluate_all("all => all.map((one) => one.innerText)")
+    assert found == ["vehicle", "error-state", "log"], "what only this page shows"
+    enabled = guest.locator("#tab-beacons select:enabled").evaluate_all("all => all.length")
+    assert enabled == 1, "the chart's time span only"
+    guest.click(".estimate[data-name='error_state']")
+    look_at(guest).text("#beacons-residuals h2", "of error-state")
+    assert guest.locator("#beacons-view .reason").is_hidden()
+    guests.close()
+
+
+def test_a_hidden_tab_has_no_socket_and_no_signals(
+    context: Any, open_page: Any, site: Any, flying: Any, until: Callable[..., None]
+) -> None:
+    sockets: list[Any] = []
+    wanted: list[list[str]] = [[]]
+
+    def watch(socket: Any) -> None:
+        sockets.append(socket)
+        if "/ws/telemetry" in socket.url:
+            socket.on("framesent", lambda text: wanted.append(json.loads(text)["signals"]))
+
+    context.on("page", lambda new: new.on("websocket", watch))
+    page = opened(open_page(site))
+
+    def feeds() -> list[Any]:
+        return [one for one in sockets if "/ws/comparison" in one.url]
+
+    def compared() -> list[str]:
+        page.wait_for_timeout(20)  # lets its events in
+        return [name for name in wanted[-1] if name.startswith("comparison.")]
+
+    until(lambda: bool(compared()))
+    assert [one.is_closed() for one in feeds()] == [False]
+    page.click("[data-tab=fly]")
+    until(lambda: not compared() and feeds()[0].is_closed())
+    page.click("[data-tab=beacons]")
+    until(lambda: bool(compared()))
+    assert [one.is_closed() for one in feeds()] == [True, False]

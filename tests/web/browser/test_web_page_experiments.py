@@ -1,0 +1,164 @@
+"""The Fly tab's experiments in Chromium: options, the hold that starts one, verdict, report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.experiment_running.service import describe
+from vehicle_link.messages import new
+from vehicle_link.parameter_messages import from_parameters
+
+RUN = "20260131T093042Z_quad1"
+START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
+
+
+@pytest.fixture
+def section(page: Any, station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The page with its section open, on a station that knows its experiments."""
+    plain = station._call_blocking
+
+    def call(service: str, request: Any) -> Any:
+        if service == "experiment" and request.action == "describe":
+            return describe("quad1")
+        return plain(service, request)
+
+    fly = station.fly
+
+    def fly_and_tell() -> None:
+        fly()
+        if station.told is not None:
+            message = new("quadlab_msgs/ExperimentStatus", **station.told)
+            station.put("experiment_status", message)
+
+    monkeypatch.setattr(station, "_call_blocking", call)
+    monkeypatch.setattr(station, "told", {"phase": "idle"}, raising=False)
+    monkeypatch.setattr(station, "fly", fly_and_tell)
+    # Not by a click, which would close what a flight told by the test before has opened.
+    page.evaluate("document.getElementById('experiment').open = true")
+    page.wait_for_selector("#experiment .options input")
+    return page
+
+
+@pytest.fixture
+def report(site: Any) -> Iterator[Path]:
+    folder = Path(site.data) / "runs" / f"{RUN}_report"
+    folder.mkdir()
+    (folder / "result.json").write_text(json.dumps({
+        "experiment": "bearings", "run_id": RUN, "options": {"manoeuvre": "hover"},
+        "verdict": "failed", "metrics": {"position_rms_m": 0.04}, "files": [], "problem": "",
+        "limits": {"position_rms_m": 0.025},
+    }))  # fmt: skip
+    yield folder
+    (folder / "result.json").unlink()
+    folder.rmdir()
+
+
+def tell(station: Any, **fields: Any) -> None:
+    """What the station says from now on, again and again."""
+    station.told = fields
+
+
+def hold(page: Any, station: Any, until: Any, count: int) -> None:
+    page.locator(START).scroll_into_view_if_needed()
+    page.hover(START)
+    page.mouse.down()
+    until(lambda: (page.wait_for_timeout(20), len(asked(station)) == count)[1])
+    page.mouse.up()
+
+
+def asked(station: Any) -> list[Any]:
+    return [request for service, request in station.requests if service == "experiment"]
+
+
+def test_a_hold_starts_the_experiment_with_its_options_and_a_click_does_not(
+    section: Any, look: Any, station: Any, until: Any
+) -> None:
+    section.fill("#experiment input[aria-label=duration]", "12")
+    section.select_option("#experiment select[aria-label=manoeuvre]", "figure_eight")
+    station.requests.clear()
+    section.click(START)
+    section.wait_for_timeout(200)
+    assert asked(station) == []
+    hold(section, station, until, 1)
+    [request] = asked(station)
+    assert (request.action, request.name) == ("start", "bearings")
+    options = from_parameters(request.options)
+    assert (options["duration"], options["manoeuvre"]) == (12.0, "figure_eight")
+    look.text("#answer", "experiment: start: accepted")
+
+
+def test_an_option_out_of_bounds_is_not_sent_and_a_refusal_shown(
+    section: Any, look: Any, station: Any, until: Any
+) -> None:
+    station.requests.clear()
+    section.fill("#experiment input[aria-label=duration]", "2")
+    section.hover(START)
+    section.mouse.down()
+    look.text("#answer", "duration = 2; allowed 5 to 3600 s")
+    section.mouse.up()
+    assert asked(station) == []
+    section.fill("#experiment input[aria-label=duration]", "10")
+    station.refusal = "the vehicle is armed; an experiment starts on the ground"
+    hold(section, station, until, 1)
+    look.text("#answer", "the vehicle is armed; an experiment starts on the ground")
+
+
+def test_while_it_flies_it_can_be_finished_and_stopped(
+    section: Any, look: Any, station: Any, until: Any
+) -> None:
+    tell(station, name="bearings", phase="flying", step="take off", elapsed=4.0, planned=35.0)
+    look.text("#experiment .step", "take off · 00:04 of about 00:35")
+    look.text("#experiment summary output", "bearings · flying")
+    assert section.is_disabled(START)
+    station.requests.clear()
+    section.click(FINISH)
+    until(lambda: [r.action for r in asked(station)] == ["finish"])
+    section.click(STOP)
+    until(lambda: [r.action for r in asked(station)] == ["finish", "stop"])
+    tell(station, name="bearings", phase="flying", manual=True)
+    look.text("#experiment .step", "Flown by hand")
+
+
+def test_the_verdict_has_its_figures_and_leads_to_the_report(
+    section: Any, look: Any, station: Any, report: Path, context: Any
+) -> None:
+    tell(
+        station, name="bearings", phase="failed", verdict="failed", run_id=RUN,
+        metric_names=["position_rms_m", "samples"], metric_values=[0.04, 700.0],
+        metric_limits=[0.025, float("nan")],
+    )  # fmt: skip
+    look.text("#experiment .verdict", "^bearings: failed")
+    look.text("#experiment .figures .above", r"^position rms0\.040\.025m$")
+    assert section.locator("#experiment .above").count() == 1
+    with context.expect_page() as opened:
+        section.click("#experiment .links a >> nth=0")
+    shown = opened.value
+    shown.wait_for_selector(".figures")
+    assert shown.inner_text("h1") == "bearings: failed"
+    assert "hover" in shown.inner_text("main")
+    shown.close()
+    section.click("[data-tab=runs]")
+    section.wait_for_selector(".run a:has-text('Report')")
+
+
+def test_what_ended_it_is_shown_and_an_old_status_is_grey(
+    section: Any, look: Any, station: Any
+) -> None:
+    reason = "grace took over with start behavior"
+    tell(station, name="bearings", phase="stopped", reason=reason)
+    look.text("#experiment .reason", f"^{reason}$")
+    look.has_no_class("#experiment", "old")
+    station.told = None
+    look.has_class("#experiment", "old")
+    assert section.is_disabled(START)
+
+
+def test_a_report_that_is_not_there_says_so(page: Any, site: Any, look: Any) -> None:
+    page.goto(f"{site.base}/report/unknown")
+    look.text("h1", "No report")
+    look.text(".reason", "no run 'unknown' in the catalogue")

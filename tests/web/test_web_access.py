@@ -1,0 +1,210 @@
+"""Every route and websocket against everyone who may ask: the table of who may what.
+
+The routes are taken from the application: a new one without a line in `LEAST` fails.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+import websockets.exceptions
+
+from web.access.roles import Role
+from web.access.sessions import SESSION_AGE, Sessions
+
+VIEWER, OPERATOR, ADMIN = Role
+RUN = "20260131T093042Z_quad1"
+LEAST: dict[str, tuple[Role, Any]] = {
+    # The least role, and a body that is understood.
+    "GET /api/openapi.json": (VIEWER, None),
+    "GET /": (VIEWER, None),
+    "GET /kill": (VIEWER, None),
+    "GET /favicon.ico": (VIEWER, None),
+    "GET /vendor/{name}": (VIEWER, None),
+    "GET /static/app.js": (VIEWER, None),
+    "GET /viser/": (VIEWER, None),
+    "GET /api/session": (VIEWER, None),
+    "GET /api/signals": (VIEWER, None),
+    "GET /api/summary": (VIEWER, None),
+    "GET /api/events": (VIEWER, None),
+    "GET /api/parameters": (VIEWER, None),
+    "PUT /api/parameters": (OPERATOR, {"values": {"gains.kp": 5.0}}),
+    "POST /api/commands/arm": (OPERATOR, {}),
+    "POST /api/commands/disarm": (OPERATOR, {}),
+    "POST /api/commands/start_behavior": (OPERATOR, {"name": "land"}),
+    "POST /api/commands/emergency": (OPERATOR, {"action": "land"}),
+    "POST /api/commands/record": (OPERATOR, {"start": True}),
+    "POST /api/invitations": (OPERATOR, {"role": "viewer"}),
+    "POST /api/view/follow": (VIEWER, {"view": "x", "follow": False}),
+    "GET /api/runs": (VIEWER, None),
+    "GET /api/runs/{run_id}/download": (VIEWER, None),
+    "HEAD /api/runs/{run_id}/download": (VIEWER, None),
+    "PUT /api/runs/{run_id}/notes": (OPERATOR, {"notes": ""}),
+    "GET /api/runs/{run_id}/report": (VIEWER, None),
+    "GET /api/runs/{run_id}/report/{name}": (VIEWER, None),
+    "GET /report/{run_id}": (VIEWER, None),
+    "GET /api/experiments": (VIEWER, None),
+    "POST /api/experiments/start": (OPERATOR, {}),
+    "POST /api/experiments/finish": (OPERATOR, {}),
+    "POST /api/experiments/stop": (OPERATOR, {}),
+    "GET /api/beacons": (VIEWER, None),
+    "GET /api/beacons/file": (VIEWER, None),
+    "PUT /api/beacons": (OPERATOR, {"preset": "nothing"}),
+    "PUT /api/beacons/view": (OPERATOR, {}),
+    "POST /api/session/sign_out": (VIEWER, {}),
+    "PUT /api/session/password": (VIEWER, {"current": "x", "password": "x"}),
+    "GET /api/users": (ADMIN, None),
+    "POST /api/users": (ADMIN, {"name": "B", "password": "x"}),
+    "DELETE /api/users/{name}": (ADMIN, None),
+    "PUT /api/users/{name}/role": (ADMIN, {"role": "viewer"}),
+    "PUT /api/users/{name}/password": (ADMIN, {"password": "x"}),
+    "POST /api/users/{name}/end_sessions": (ADMIN, None),
+    "WEBSOCKET /viser": (VIEWER, None),
+    "WEBSOCKET /ws/telemetry": (VIEWER, None),
+    "WEBSOCKET /ws/events": (VIEWER, None),
+    "WEBSOCKET /ws/stick": (OPERATOR, None),
+    "WEBSOCKET /ws/comparison": (VIEWER, None),
+}
+HTTP = [route for route in LEAST if not route.startswith("WEBSOCKET")]
+SOCKETS = [route for route in LEAST if route.startswith("WEBSOCKET")]
+SAFE = ("GET", "HEAD")
+Cookie = Callable[[str], str | None]
+
+
+def routes_of(app: Any) -> set[str]:
+    """`METHOD /path` of all routes; HEAD beside a GET of the same route is left out."""
+    found = set()
+    for route in app.routes:
+        methods = getattr(route, "methods", None)
+        if type(route).__name__ == "Mount":
+            assert route.path == "/static", "a mounted application is checked by its files"
+            found.add("GET /static/app.js")
+        elif methods is None:
+            found.add(f"WEBSOCKET {route.path}")
+        else:
+            kept = methods - {"HEAD"} if "GET" in methods else methods
+            found |= {f"{method} {route.path}" for method in kept}
+    return found
+
+
+def test_every_route_of_the_application_is_in_the_table(site: Any) -> None:
+    routes = routes_of(site.gate._app)
+    assert routes - LEAST.keys() == set(), "say in LEAST who may use the new routes"
+    assert LEAST.keys() - routes == set(), "these are gone; take them out of LEAST"
+
+
+@pytest.fixture
+def cookie(site: Any) -> Cookie:
+    """The Cookie header of a caller."""
+    door, sessions = site.gate._door, site.gate._door._sessions
+    name = site.gate._cookie.name
+
+    def make(caller: str) -> str | None:
+        if caller == "nobody":
+            return None
+        if caller == "expired":
+            long_ago = time.time() - SESSION_AGE - 1.0
+            old = Sessions(sessions._database, lambda: long_ago)
+            return f"{name}={door.sign(old.open('admin 7', ADMIN))}"
+        role = Role(caller) if caller in set(Role) else ADMIN
+        session = sessions.open(f"{role.value} 7", role)
+        value = door.sign(session)
+        if caller == "ended":
+            sessions.end(session)
+        if caller == "forged":
+            payload, stamp, signature = value.rsplit(".", 2)
+            value = ".".join((payload, stamp, signature[::-1]))
+        return f"{name}={value}"
+
+    return make
+
+
+def path_of(route: str) -> str:
+    path = route.split(" ", 1)[1]
+    name = "uPlot.iife.js" if "vendor" in path else "nobody"
+    return path.replace("{run_id}", RUN).replace("{name}", name)
+
+
+def ask(site: Any, route: str, cookie: str | None, **headers: str) -> httpx.Response:
+    method, _ = route.split(" ", 1)
+    if cookie is not None:
+        headers["Cookie"] = cookie
+    with site.browser() as client:
+        return client.request(method, path_of(route), json=LEAST[route][1], headers=headers)
+
+
+@pytest.mark.parametrize("caller", ["nobody", "expired", "forged", "ended"])
+@pytest.mark.parametrize("route", HTTP)
+def test_without_an_open_session_nothing_is_answered(
+    site: Any, station: Any, cookie: Cookie, route: str, caller: str
+) -> None:
+    answer = ask(site, route, cookie(caller))
+    assert answer.status_code == 401
+    assert station.requests == []
+
+
+@pytest.mark.parametrize("role", list(Role))
+@pytest.mark.parametrize("route", HTTP)
+def test_each_role_may_what_the_table_says(
+    site: Any, station: Any, cookie: Cookie, route: str, role: Role
+) -> None:
+    answer = ask(site, route, cookie(role.value))
+    if role.may(LEAST[route][0]):
+        assert answer.status_code not in (401, 403), answer.text
+    else:
+        assert answer.status_code == 403
+        assert f"{role.value} 7" in answer.json()["error"]
+        assert station.requests == []
+
+
+@pytest.mark.parametrize("route", [route for route in HTTP if route.split()[0] not in SAFE])
+def test_no_other_site_may_change_anything(
+    site: Any, station: Any, cookie: Cookie, route: str
+) -> None:
+    answer = ask(site, route, cookie("admin"), Origin="http://evil.example")
+    assert answer.status_code == 403
+    assert "another site" in answer.json()["error"]
+    assert station.requests == []
+
+
+@pytest.mark.parametrize("route", [route for route in HTTP if route.split()[0] in SAFE])
+def test_no_other_site_may_read_an_answer(site: Any, cookie: Cookie, route: str) -> None:
+    """It is sent, and without this header the browser keeps it from the other site's scripts."""
+    answer = ask(site, route, cookie("admin"), Origin="http://evil.example")
+    assert "access-control-allow-origin" not in answer.headers
+
+
+def connect(site: Any, route: str, cookie: str | None, origin: str | None = None) -> int:
+    """101, or the status of the refusal."""
+    viser = f"viser-v{site.view_server.version}" if route.endswith("viser") else None
+    try:
+        with site.websocket(path_of(route), cookie, origin, viser):
+            return 101
+    except websockets.exceptions.InvalidStatus as refused:
+        return int(refused.response.status_code)
+
+
+@pytest.mark.parametrize("caller", ["nobody", "expired", "forged", "ended"])
+@pytest.mark.parametrize("route", SOCKETS)
+def test_no_websocket_without_an_open_session(
+    site: Any, cookie: Cookie, route: str, caller: str
+) -> None:
+    assert connect(site, route, cookie(caller)) == 401
+
+
+@pytest.mark.parametrize("role", list(Role))
+@pytest.mark.parametrize("route", SOCKETS)
+def test_each_role_has_the_websockets_of_the_table(
+    site: Any, cookie: Cookie, route: str, role: Role
+) -> None:
+    expected = 101 if role.may(LEAST[route][0]) else 403
+    assert connect(site, route, cookie(role.value)) == expected
+
+
+@pytest.mark.parametrize("route", SOCKETS)
+def test_no_websocket_for_another_site(site: Any, cookie: Cookie, route: str) -> None:
+    assert connect(site, route, cookie("admin"), "http://evil.example") == 403

@@ -1,0 +1,124 @@
+"""How often a password may be tried, on a clock of the test's own."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from web.access.attempts import FORGOTTEN, FREE, LONGEST_WAIT, REMEMBERED, Attempts
+
+HERE, THERE = "192.0.2.1", "192.0.2.2"
+
+
+class Clock:
+    now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def attempts(clock: Clock) -> Attempts:
+    return Attempts(clock)
+
+
+def fail(attempts: Attempts, address: str, name: str, times: int = FREE) -> None:
+    for _ in range(times):
+        assert attempts.begin(address, name) == 0.0
+
+
+def test_waits_double_from_two_seconds_to_five_minutes(attempts: Attempts, clock: Clock) -> None:
+    fail(attempts, HERE, "anna")
+    waits = []
+    for _ in range(12):
+        wait = attempts.begin(HERE, "anna")
+        assert attempts.begin(HERE, "anna") == wait, "asking does not make it longer"
+        waits.append(wait)
+        clock.now += wait
+        assert attempts.begin(HERE, "anna") == 0.0
+    assert waits == [2, 4, 8, 16, 32, 64, 128, 256, 300, 300, 300, 300]
+
+
+def test_a_moment_before_the_end_of_the_wait_it_still_holds(
+    attempts: Attempts, clock: Clock
+) -> None:
+    fail(attempts, HERE, "anna")
+    clock.now += 1.999
+    assert attempts.begin(HERE, "anna") == pytest.approx(0.001)
+    assert attempts.wait(HERE, "anna") == 1
+    clock.now += 0.001
+    assert attempts.wait(HERE, "anna") == 0
+    assert attempts.begin(HERE, "anna") == 0.0
+
+
+def test_a_name_waits_wherever_it_is_tried_from(attempts: Attempts) -> None:
+    for k in range(FREE):
+        assert attempts.begin(f"192.0.2.{k}", "anna") == 0.0
+    assert attempts.begin("198.51.100.1", "anna") > 0.0
+    assert attempts.begin("198.51.100.1", "bob") == 0.0
+
+
+def test_an_address_waits_whatever_name_it_tries(attempts: Attempts) -> None:
+    for k in range(FREE):
+        assert attempts.begin(HERE, f"name{k}") == 0.0
+    assert attempts.begin(HERE, "anna") > 0.0
+    assert attempts.begin(THERE, "anna") == 0.0
+
+
+def test_success_forgives_address_and_name(attempts: Attempts) -> None:
+    fail(attempts, HERE, "anna", FREE - 1)
+    assert attempts.begin(HERE, "anna") == 0.0
+    attempts.succeeded(HERE, "anna")
+    assert len(attempts) == 0
+    fail(attempts, HERE, "anna")
+
+
+def test_ones_own_success_does_not_forgive_guesses_at_another(attempts: Attempts) -> None:
+    for _ in range(FREE):
+        assert attempts.begin(HERE, "anna") == 0.0
+        attempts.succeeded(HERE, "mallory")
+    assert attempts.begin(THERE, "anna") > 0.0
+
+
+def test_many_at_once_gain_nothing(attempts: Attempts) -> None:
+    """Counted at the beginning: none of these has failed yet."""
+    assert sum(attempts.begin(HERE, "anna") == 0.0 for _ in range(100)) == FREE
+
+
+def test_an_hour_without_a_failure_is_a_new_beginning(attempts: Attempts, clock: Clock) -> None:
+    fail(attempts, HERE, "anna")
+    clock.now += FORGOTTEN + 1.0
+    fail(attempts, HERE, "anna")
+
+
+def test_days_of_failures_overflow_nothing(attempts: Attempts, clock: Clock) -> None:
+    for _ in range(3000):
+        assert attempts.begin(HERE, "anna") == 0.0
+        clock.now += LONGEST_WAIT
+    assert attempts.begin(HERE, "anna") == 0.0
+    assert attempts.begin(HERE, "anna") == LONGEST_WAIT
+
+
+def test_memory_is_bounded(attempts: Attempts, clock: Clock) -> None:
+    seed = 20
+    print(f"seed {seed}")
+    numbers = random.Random(seed)
+    for _ in range(3 * REMEMBERED):
+        attempts.begin(f"10.{numbers.getrandbits(24)}", "x" * numbers.randrange(5000))
+        clock.now += 0.001
+    assert len(attempts) <= REMEMBERED
+
+
+def test_a_network_of_ipv6_is_one_address(attempts: Attempts) -> None:
+    for k in range(FREE):
+        assert attempts.begin(f"2001:db8::{k}", f"name{k}") == 0.0
+    assert attempts.begin("2001:db8::ffff", "anna") > 0.0
+    assert attempts.begin("2001:db8:0:1::1", "anna") == 0.0
+    fail(attempts, "::ffff:192.0.2.9", "carl")
+    assert attempts.begin("192.0.2.9", "dora") > 0.0, "one address, however it is written"

@@ -1,0 +1,91 @@
+"""The 3D view shows the beacons that the confirmed parameters describe."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bearing_sim.beacons import PRESETS, Beacons
+from bearing_sim.bearing_parameters import BearingParameters
+from bearing_sim.observability import Sight
+from web.follow_parameters import BEARINGS, ParameterFollower
+from web.parameters import ParameterMirror
+
+
+class Shown:
+    """A scene's beacons, as much as the follower asks of them."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[Beacons, float, Sight, float]] = []
+
+    def set_beacons(self, *given: Any) -> None:
+        self.calls.append(given)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def mirror() -> ParameterMirror:
+    return ParameterMirror(lambda _: None)
+
+
+@pytest.fixture
+def shown() -> Shown:
+    return Shown()
+
+
+@pytest.fixture
+def follower(mirror: ParameterMirror, shown: Shown) -> ParameterFollower:
+    scene = SimpleNamespace(beacons=shown)
+    nothing: Any = None
+    return ParameterFollower(mirror, nothing, nothing, scene, "/quad1")  # type: ignore[arg-type]
+
+
+def confirm(mirror: ParameterMirror, **values: Any) -> None:
+    mirror.apply({f"{BEARINGS}{name}": value for name, value in values.items()}, "operator 1", 1)
+
+
+def test_nothing_is_shown_before_the_station_has_told(
+    follower: ParameterFollower, mirror: ParameterMirror, shown: Shown
+) -> None:
+    follower.show_beacons()
+    mirror.apply({"control.position.kp_xy": 4.0}, "operator 1", 1)
+    follower.show_beacons()
+    assert shown.calls == []
+
+
+def test_each_confirmed_change_is_shown_once(
+    follower: ParameterFollower, mirror: ParameterMirror, shown: Shown
+) -> None:
+    confirm(mirror, **BearingParameters().model_dump())
+    for _ in range(3):
+        follower.show_beacons()
+    [(beacons, sigma, sight, rate)] = shown.calls
+    assert beacons == PRESETS["paper"]
+    assert sigma == pytest.approx(math.radians(1.5))
+    assert rate == 30.0
+    assert sight == Sight.of(BearingParameters())
+
+    confirm(mirror, layout="eight", sigma=2.0, field_of_view=90.0, mount_pitch=10.0, lost="3")
+    follower.show_beacons()
+    beacons, sigma, sight, _ = shown.calls[1]
+    assert beacons == PRESETS["eight"]
+    assert sigma == pytest.approx(math.radians(2.0))
+    assert sight.half_angle == pytest.approx(math.radians(45.0))
+    assert sight.lost == frozenset({3})
+    assert sight.axis_b[0] < 0.0
+
+
+def test_what_cannot_be_read_changes_nothing(
+    follower: ParameterFollower, mirror: ParameterMirror, shown: Shown
+) -> None:
+    confirm(mirror, layout="paper", sigma=1.5)
+    follower.show_beacons()
+    for layout in ("1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0", "a circle", 3):
+        confirm(mirror, layout=layout)
+        follower.show_beacons()
+    assert len(shown.calls) == 1
+    confirm(mirror, layout="wide")
+    follower.show_beacons()
+    assert shown.calls[1][0] == PRESETS["wide"]

@@ -1,0 +1,165 @@
+"""`<data>/web/access.sqlite` (mode 0600): accounts and open sessions.
+
+A file of its own and not a part of the catalogue: that one is shared with the station, may lie on
+another server and is handed on with the runs; password hashes belong in none of these.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import BigInteger, String, create_engine, event, func, select
+from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+
+from quadrotor.errors import StorageError
+
+NAME = "access.sqlite"
+READING = "quadlab_reading"
+
+
+class Base(DeclarativeBase):
+    """Of the tables here."""
+
+
+class AccountRow(Base):
+    """`generation` is new with every change of password or role and every sign-out everywhere."""
+
+    __tablename__ = "accounts"
+
+    name: Mapped[str] = mapped_column(String(32), primary_key=True)
+    role: Mapped[str] = mapped_column(String(16))
+    password: Mapped[str] = mapped_column(String(200))  # argon2's encoded form
+    generation: Mapped[int] = mapped_column(BigInteger)
+    created: Mapped[int] = mapped_column(BigInteger)  # s, epoch
+    last_seen: Mapped[int] = mapped_column(BigInteger, default=0)  # s, epoch; 0 = never
+
+
+class SessionRow(Base):
+    """An open session; one whose row is gone is over, whatever its cookie says."""
+
+    __tablename__ = "sessions"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True)
+    label: Mapped[str] = mapped_column(String(64), index=True)
+    role: Mapped[str] = mapped_column(String(16))
+    generation: Mapped[int] = mapped_column(BigInteger)  # of the account; 0 without one
+    issued: Mapped[int] = mapped_column(BigInteger)
+    last_seen: Mapped[int] = mapped_column(BigInteger)
+
+
+class CounterRow(Base):
+    """Numbers that never come back, so that a name added again has no old generation."""
+
+    __tablename__ = "counters"
+
+    name: Mapped[str] = mapped_column(String(32), primary_key=True)
+    value: Mapped[int] = mapped_column(BigInteger)
+
+
+class AccessDatabase:
+    """Safe to use from several threads and processes; every method may raise StorageError.
+
+    Args:
+        folder: `<data>/web`, made if missing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / NAME
+        try:
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            # SQLite gives its files beside this one the same mode.
+            os.close(os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600))
+            self._path.chmod(0o600)
+        except OSError as error:
+            raise StorageError(
+                f"cannot write {self._path} ({error.strerror}); "
+                "check the data folder's owner, or choose another with --data"
+            ) from error
+        self._engine = create_engine(f"sqlite:///{self._path}")
+        event.listen(self._engine, "connect", _set_up)
+        event.listen(self._engine, "begin", _begin)
+        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+        with self._said():
+            Base.metadata.create_all(self._engine)
+            self._watch = sqlite3.connect(
+                self._path, timeout=5.0, check_same_thread=False, isolation_level=None
+            )
+        self._watch_lock = threading.Lock()
+
+    def close(self) -> None:
+        self._watch.close()
+        self._engine.dispose()
+
+    @contextmanager
+    def session(self) -> Iterator[Session]:
+        """One transaction, committed at the end; refusals raised inside roll it back."""
+        with self._said(), self._sessions.begin() as session:
+            yield session
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """A transaction that only reads, and so never waits for one that writes."""
+        with self._said(), self._sessions() as session:
+            session.connection(execution_options={READING: True})
+            yield session
+
+    def version(self) -> int:
+        """Differs after every commit of any process; costs about 2 µs."""
+        with self._said(), self._watch_lock:
+            row = self._watch.execute("PRAGMA data_version").fetchone()
+        return int(row[0])
+
+    @contextmanager
+    def _said(self) -> Iterator[None]:
+        try:
+            yield
+        except (SQLAlchemyError, sqlite3.Error) as error:
+            reason = str(getattr(error, "orig", None) or error).splitlines()[0]
+            raise StorageError(
+                f"{self._path} cannot be used ({reason}); if it is damaged, delete it and add "
+                "the accounts again with quadlab user add"
+            ) from error
+
+
+def count_accounts(folder: Path) -> int:
+    """How many accounts there are, without making the file. Raises StorageError."""
+    if not (folder / NAME).exists():
+        return 0
+    database = AccessDatabase(folder)
+    try:
+        with database.reading() as session:
+            return session.scalar(select(func.count()).select_from(AccountRow)) or 0
+    finally:
+        database.close()
+
+
+def next_generation(session: Session) -> int:
+    """A number no account has had."""
+    row = session.get(CounterRow, "generation")
+    if row is None:
+        row = CounterRow(name="generation", value=0)
+        session.add(row)
+    row.value += 1
+    return row.value
+
+
+def _set_up(connection: Any, _record: Any) -> None:
+    connection.isolation_level = None  # we begin transactions ourselves, below
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA busy_timeout=5000")
+    cursor.execute("PRAGMA journal_mode=WAL")  # a check of a session never waits for a writer
+    cursor.execute("PRAGMA secure_delete=ON")
+    cursor.close()
+
+
+def _begin(connection: Any) -> None:
+    """What is read in a transaction (is this the last admin?) still holds when it is written."""
+    reading = connection.get_execution_options().get(READING, False)
+    connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")

@@ -1,0 +1,108 @@
+"""Open websockets, ended when their session is: what was checked once must not hold forever."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from quadrotor.errors import StorageError
+from web.access.roles import Session
+from web.access.sessions import Sessions
+
+PERIOD = 0.5  # s, between looks at what other processes and the clock have ended
+GRACE = 1.0  # s a socket has to end by itself
+SIGNED_OUT = 4401
+"""Close code: the page goes to the sign-in page instead of coming back."""
+
+
+class OpenSockets:
+    """Of one event loop."""
+
+    def __init__(self, sessions: Sessions) -> None:
+        self._sessions = sessions
+        self._guards: set[_Guard] = set()
+
+    async def serve(
+        self, app: ASGIApp, session: Session, scope: Scope, receive: Receive, send: Send
+    ) -> None:
+        """Runs `app` for one websocket until either side or the session ends."""
+        guard = _Guard(session, receive, send)
+        self._guards.add(guard)
+        try:
+            await app(scope, guard.receive, guard.send)
+        except asyncio.CancelledError:
+            if not guard.cut_off():
+                raise
+        finally:
+            self._guards.discard(guard)
+            guard.close()
+
+    def check(self) -> None:
+        """Ends sockets whose session is over."""
+        for guard in list(self._guards):
+            if not guard.is_over and not self._sessions.holds(guard.session):
+                guard.end()
+
+    async def run(self) -> None:
+        while True:
+            await asyncio.sleep(PERIOD)
+            with contextlib.suppress(StorageError):  # tried again; requests say it meanwhile
+                self.check()
+
+
+class _Guard:
+    """Between one socket and its application; once over, nothing passes any more."""
+
+    def __init__(self, session: Session, receive: Receive, send: Send) -> None:
+        self.session = session
+        self.is_over = False
+        self._receive = receive
+        self._send = send
+        self._serving = asyncio.current_task()
+        self._closing: asyncio.Task[None] | None = None
+        self._deadline: asyncio.TimerHandle | None = None
+        self._was_cut_off = False
+
+    async def receive(self) -> Message:
+        message: Message = {"type": "websocket.disconnect", "code": SIGNED_OUT}
+        if not self.is_over:
+            came = await self._receive()
+            if not self.is_over:  # a frame that was under way does not count either
+                message = dict(came)
+        return message
+
+    async def send(self, message: Message) -> None:
+        if self.is_over:
+            raise OSError("signed out")  # what a socket that has gone raises
+        await self._send(message)
+
+    def end(self) -> None:
+        """The close frame wakes the application; one that does not notice is cancelled."""
+        self.is_over = True
+        loop = asyncio.get_running_loop()
+        self._closing = loop.create_task(self._close_frame())
+        self._deadline = loop.call_later(GRACE, self._cut_off)
+
+    def cut_off(self) -> bool:
+        """Whether the cancellation being handled is ours; it is then taken back."""
+        if self._was_cut_off and self._serving is not None:
+            self._serving.uncancel()
+        return self._was_cut_off
+
+    def close(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+
+    async def _close_frame(self) -> None:
+        close = {"type": "websocket.close", "code": SIGNED_OUT, "reason": "signed out"}
+        with contextlib.suppress(OSError, RuntimeError):
+            await self._send(close)
+
+    def _cut_off(self) -> None:
+        self._was_cut_off = True
+        if self._closing is not None:
+            self._closing.cancel()
+        if self._serving is not None:
+            self._serving.cancel()

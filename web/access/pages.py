@@ -1,0 +1,75 @@
+"""The two small pages shown at the door; all else is in `static/`."""
+
+from __future__ import annotations
+
+from html import escape
+
+_STYLE = """
+html{color-scheme:dark}body{margin:0;min-height:100vh;display:grid;place-items:center;
+background:#0d1115;color:#d5dbe1;font:15px/1.55 system-ui,sans-serif}
+main{max-width:30rem;padding:2rem}h1{font-size:1.2rem;font-weight:600;margin:0 0 1.2rem}
+p{margin:.6rem 0;color:#84909b;font-size:.92em}code{color:#d5dbe1;font-size:.95em}
+form{display:flex;gap:.5rem;margin:0 0 .4rem}
+.people{flex-direction:column;border-bottom:1px solid #222b33;padding-bottom:1.4rem;
+margin-bottom:1.1rem}.people button{align-self:flex-start;margin-top:.3rem}
+label{display:flex;flex-direction:column;gap:.15rem;color:#84909b;font-size:.87em}
+input,button{font:inherit;font-size:15px;padding:.42rem .7rem;border:1px solid #34404a;
+border-radius:6px;background:#1a2127;color:#d5dbe1}input{background:#12171c;flex:1;min-width:0}
+button{cursor:pointer}button:hover{border-color:#55636f}
+:focus-visible{outline:2px solid #6f8496;outline-offset:1px}
+"""
+
+_PASSWORD_FORM = """<form class="people" method="post" action="/login">
+<label>Name<input name="name" value="{name}" autocomplete="username" autocapitalize="none"
+spellcheck="false" maxlength="64" required{name_focus}></label>
+<label>Password<input name="password" type="password" autocomplete="current-password"
+maxlength="500" required{password_focus}></label>
+<button>Sign in</button></form>"""
+
+
+def sign_in_page(line: str, name: str, base_url: str, *, with_password: bool) -> str:
+    """What to do without a session.
+
+    Args:
+        line: why this page is shown.
+        name: as it was typed the last time.
+        with_password: there are accounts to sign in to.
+    """
+    people = ""
+    if with_password:
+        at_name, at_password = ("", " autofocus") if name else (" autofocus", "")
+        people = _PASSWORD_FORM.format(
+            name=escape(name[:64]), name_focus=at_name, password_focus=at_password
+        )
+    focus = "" if with_password else " autofocus"
+    return _page(
+        "quadlab: sign in",
+        f"""<h1>{escape(line)}</h1>{people}
+<p>Open the newest link that quadlab printed in its terminal. It looks like
+<code>{escape(base_url)}/?token=…</code>.</p>
+<p>When a link has been used, a fresh one for the next browser is printed below it. No terminal
+at hand? Ask someone who is signed in for an invitation: <em>Invite</em> on the page.</p>
+<form action="/"><input name="token" aria-label="token" placeholder="or paste the token here"
+autocomplete="off"{focus}><button>Sign in</button></form>""",
+    )
+
+
+def signed_in_page() -> str:
+    """Goes on to the page by itself.
+
+    A page and not a redirect: a SameSite=Strict cookie is not sent along a redirect that
+    began at another site (a link in a mail), but is on a navigation that begins here.
+    """
+    return _page(
+        "quadlab",
+        '<meta http-equiv="refresh" content="0;url=/"><h1>Signed in.</h1>'
+        '<p><a href="/" style="color:inherit">Go to the page</a></p>',
+    )
+
+
+def _page(title: str, body: str) -> str:
+    return (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<style>{_STYLE}</style><main>{body}</main></html>"
+    )

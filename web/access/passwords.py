@@ -1,0 +1,82 @@
+"""Passwords: what is accepted, and their argon2id hashes (RFC 9106)."""
+
+from __future__ import annotations
+
+import base64
+import secrets
+import unicodedata
+from typing import TYPE_CHECKING
+
+from quadrotor.errors import RefusedError
+
+if TYPE_CHECKING:
+    from argon2 import PasswordHasher
+
+SHORTEST = 10  # characters
+LONGEST = 500
+
+
+def check_password(name: str, password: str) -> None:
+    """Raises RefusedError with the reason."""
+    plain = _normal(password)
+    if len(plain) < SHORTEST:
+        came = f"it has {len(plain)}" if plain else "it is empty"
+        raise RefusedError(
+            f"the password is too short: {came}, at least {SHORTEST} characters are needed; "
+            "a few words in a row are easy to keep in mind"
+        )
+    if len(plain) > LONGEST:
+        raise RefusedError(f"the password has {len(plain)} characters; allowed are {LONGEST}")
+    if plain.lower() == name or len(set(plain)) == 1:
+        raise RefusedError("the password is the first that anyone would try; choose another")
+
+
+class Passwords:
+    """Hashes and compares. A call takes about 0.1 s and 64 MiB: never on an event loop.
+
+    One lane, not RFC 9106's four: the flight process has a core of this computer.
+    """
+
+    def __init__(self, time_cost: int = 3, memory_cost: int = 64 * 1024) -> None:
+        self._costs = {"time_cost": time_cost, "memory_cost": memory_cost, "parallelism": 1}
+        self._made: PasswordHasher | None = None
+
+    @property
+    def _hasher(self) -> PasswordHasher:
+        if self._made is None:
+            from argon2 import PasswordHasher
+
+            self._made = PasswordHasher(**self._costs)
+        return self._made
+
+    def hash(self, password: str) -> str:
+        return self._hasher.hash(_normal(password))
+
+    def matches(self, encoded: str | None, password: str) -> bool:
+        """Whether the password fits. Without a hash (nobody of that name) the same work is done
+        in vain, so that the time taken does not tell which names exist."""
+        from argon2.exceptions import InvalidHashError, VerificationError
+
+        try:
+            fits = self._hasher.verify(encoded or self._of_nobody(), _normal(password))
+        except (VerificationError, InvalidHashError):
+            return False
+        return fits and encoded is not None
+
+    def is_outdated(self, encoded: str) -> bool:
+        """Made with other costs than ours: to be made anew while the password is at hand."""
+        return self._hasher.check_needs_rehash(encoded)
+
+    def _of_nobody(self) -> str:
+        costs = self._costs
+        head = f"m={costs['memory_cost']},t={costs['time_cost']},p={costs['parallelism']}"
+        return f"$argon2id$v=19${head}${_random(16)}${_random(32)}"
+
+
+def _normal(password: str) -> str:
+    """One form for what keyboards write in several."""
+    return unicodedata.normalize("NFKC", password)
+
+
+def _random(size: int) -> str:
+    return base64.b64encode(secrets.token_bytes(size)).decode().rstrip("=")

@@ -1,0 +1,84 @@
+"""All that knows people, in one place: accounts, sessions, the door, sign-in, open sockets."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadrotor.errors import StorageError
+from web.access.accounts import Accounts
+from web.access.attempts import Attempts
+from web.access.cookie import SessionCookie
+from web.access.database import AccessDatabase
+from web.access.door import Door
+from web.access.hashing import Hashing
+from web.access.open_sockets import OpenSockets
+from web.access.passwords import Passwords
+from web.access.sessions import Sessions
+from web.access.sign_in import SignIn
+
+SEEN_PERIOD = 30.0  # s, between writes of when each was last seen
+
+
+@dataclass(frozen=True)
+class People:
+    """Of one data folder and one page."""
+
+    database: AccessDatabase
+    accounts: Accounts
+    sessions: Sessions
+    door: Door
+    cookie: SessionCookie
+    hashing: Hashing
+    sign_in: SignIn
+    sockets: OpenSockets
+
+    async def run(self) -> None:
+        """Keeps when each was last seen; a disk that is full for a while is no reason to end."""
+        while True:
+            await asyncio.sleep(SEEN_PERIOD)
+            with contextlib.suppress(StorageError):
+                await asyncio.to_thread(self.sessions.write_seen)
+
+    def stop(self) -> None:
+        with contextlib.suppress(StorageError):
+            self.sessions.write_seen()
+        self.hashing.stop()
+        self.database.close()
+
+
+def open_people(
+    folder: Path,
+    base_url: str,
+    token: str | None,
+    say: Callable[[str, str], None],
+    on_link: Callable[[str], None],
+    attempts: Attempts | None = None,
+    passwords: Passwords | None = None,
+) -> People:
+    """The people of `<data>/web`.
+
+    Args:
+        token: as `given` of `web.access.door.Door`.
+        say, on_link, attempts: as of `web.access.sign_in.SignIn`.
+
+    Raises StorageError.
+    """
+    database = AccessDatabase(folder)
+    accounts = Accounts(database, passwords)
+    sessions = Sessions(database)
+    door = Door(folder, sessions, token)
+    hashing = Hashing()
+    return People(
+        database=database,
+        accounts=accounts,
+        sessions=sessions,
+        door=door,
+        cookie=SessionCookie(base_url),
+        hashing=hashing,
+        sign_in=SignIn(door, accounts, sessions, hashing, say, on_link, attempts),
+        sockets=OpenSockets(sessions),
+    )

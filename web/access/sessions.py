@@ -1,0 +1,146 @@
+"""Which sessions are open: asked at every request, so from memory; kept in the database.
+
+The memory is read anew whenever any process has committed to the database: `quadlab user remove`
+in a terminal signs out a browser of the running page at its next request.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sqlalchemy import Select, delete, or_, select, update
+
+from quadrotor.errors import RefusedError
+from web.access.database import AccessDatabase, AccountRow, SessionRow
+from web.access.roles import Role, Session
+
+SESSION_AGE = 30 * 24 * 3600  # s
+PER_LABEL = 50  # open sessions of one account; the oldest go
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Someone with open sessions."""
+
+    label: str
+    role: Role
+    has_account: bool
+    sessions: int
+    last_seen: int  # s, epoch
+
+
+class Sessions:
+    """Safe to use from several threads; every method may raise StorageError."""
+
+    def __init__(self, database: AccessDatabase, clock: Callable[[], float] = time.time) -> None:
+        self._database = database
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._version: int | None = None
+        self._open: dict[str, Session] = {}
+        self._seen: dict[str, int] = {}  # since the last `write_seen`
+
+    def open(self, label: str, role: Role, generation: int = 0) -> Session:
+        """A new session. `generation` is the account's as its password was verified: should it
+        have changed since, the session is over before it begins."""
+        now = int(self._clock())
+        session = Session(label, role, secrets.token_urlsafe(16), generation, now)
+        with self._database.session() as transaction:
+            mine = select(SessionRow.id).where(SessionRow.label == label)
+            old = transaction.scalars(mine.order_by(SessionRow.issued.desc()).offset(PER_LABEL - 1))
+            transaction.execute(delete(SessionRow).where(SessionRow.id.in_(old.all())))
+            transaction.add(
+                SessionRow(
+                    id=session.id, label=label, role=role.value, generation=generation,
+                    issued=now, last_seen=now,
+                )
+            )  # fmt: skip
+            if generation > 0:
+                account = update(AccountRow).where(AccountRow.name == label)
+                transaction.execute(account.values(last_seen=now))
+        return session
+
+    def is_open(self, session: Session) -> bool:
+        """As `holds`, of a session that asks for something now."""
+        if not self.holds(session):
+            return False
+        self._seen[session.id] = int(self._clock())
+        return True
+
+    def holds(self, session: Session) -> bool:
+        """Neither ended, nor too old, nor of an account that has changed since."""
+        with self._lock:
+            version = self._database.version()
+            if version != self._version:
+                self._open = self._read()
+                self._version = version
+            is_known = self._open.get(session.id) == session
+        return is_known and self._clock() < session.issued + SESSION_AGE
+
+    def end(self, session: Session) -> None:
+        """Signs one browser out."""
+        with self._database.session() as transaction:
+            transaction.execute(delete(SessionRow).where(SessionRow.id == session.id))
+
+    def end_guests(self, label: str) -> None:
+        """Ends the session that came by a link as `label`. Raises RefusedError if there is none."""
+        with self._database.session() as transaction:
+            guests = SessionRow.label == label, SessionRow.generation == 0
+            ended = transaction.scalars(select(SessionRow.id).where(*guests)).all()
+            if not ended:
+                raise RefusedError(f"nobody is signed in as {label!r:.60}")
+            transaction.execute(delete(SessionRow).where(*guests))
+
+    def people(self) -> list[Seen]:
+        """Everyone with open sessions, by label."""
+        self.write_seen()
+        with self._database.reading() as transaction:
+            rows = transaction.scalars(self._valid()).all()
+        found: dict[tuple[str, bool], list[SessionRow]] = {}
+        for row in rows:
+            found.setdefault((row.label, row.generation > 0), []).append(row)
+        return [
+            Seen(label, Role(own[-1].role), account, len(own), max(r.last_seen for r in own))
+            for (label, account), own in sorted(found.items())
+        ]
+
+    def write_seen(self) -> None:
+        """Keeps when each was last seen, and drops sessions that are over."""
+        seen, self._seen = self._seen, {}
+        oldest = int(self._clock()) - SESSION_AGE
+        with self._database.session() as transaction:
+            transaction.execute(delete(SessionRow).where(SessionRow.issued <= oldest))
+            for session_id, when in list(seen.items()):
+                row = transaction.get(SessionRow, session_id)
+                if row is None:
+                    continue
+                row.last_seen = max(row.last_seen, when)
+                if row.generation > 0:
+                    transaction.execute(
+                        update(AccountRow)
+                        .where(AccountRow.name == row.label, AccountRow.last_seen < when)
+                        .values(last_seen=when)
+                    )
+
+    def _valid(self) -> Select[tuple[SessionRow]]:
+        of_account = SessionRow.label == AccountRow.name
+        same = (SessionRow.generation == AccountRow.generation) & (
+            SessionRow.role == AccountRow.role
+        )
+        return (
+            select(SessionRow)
+            .outerjoin(AccountRow, of_account & (SessionRow.generation > 0))
+            .where(or_(SessionRow.generation == 0, same))
+        )
+
+    def _read(self) -> dict[str, Session]:
+        with self._database.reading() as transaction:
+            rows = transaction.scalars(self._valid()).all()
+        return {
+            row.id: Session(row.label, Role(row.role), row.id, row.generation, row.issued)
+            for row in rows
+        }

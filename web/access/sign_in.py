@@ -1,0 +1,140 @@
+"""Signing in: by a one-time link, or by name and password; each told as an event."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qs
+
+from starlette.types import Receive
+
+from web.access.accounts import Account, Accounts
+from web.access.attempts import Attempts
+from web.access.door import Door
+from web.access.hashing import BusyError, Hashing
+from web.access.roles import Session
+from web.access.sessions import Sessions
+
+LARGEST_FORM = 4096  # bytes
+FORM_TIME = 10.0  # s a form may take to arrive
+_log = logging.getLogger("quadlab.web")
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why someone is not signed in, in one line; `wait`: s before another try makes sense."""
+
+    status: int
+    line: str
+    wait: int = 0
+
+
+class SignIn:
+    """To be used from the event loop's thread.
+
+    Args:
+        say: level and text of a line in everyone's event list.
+        on_link: told the label of whoever used a link up.
+    """
+
+    def __init__(
+        self,
+        door: Door,
+        accounts: Accounts,
+        sessions: Sessions,
+        hashing: Hashing,
+        say: Callable[[str, str], None],
+        on_link: Callable[[str], None],
+        attempts: Attempts | None = None,
+    ) -> None:
+        self._door = door
+        self._accounts = accounts
+        self._sessions = sessions
+        self._hashing = hashing
+        self._say = say
+        self._on_link = on_link
+        self._attempts = Attempts() if attempts is None else attempts
+        self._told = Attempts()  # so that wrong links do not fill the event list
+
+    async def by_link(self, token: str, address: str) -> Session | Refusal:
+        session = self._door.consume(token)
+        if session is not None:
+            self.tell("info", f"{session.label} signed in by a link from {address}")
+            self._on_link(session.label)
+            return session
+        was_used = self._door.was_used(token)
+        if self._told.begin(address, address) == 0.0:
+            what = "used" if was_used else "wrong"
+            self.tell("warn", f"a sign-in link that was {what} came from {address}")
+        if was_used:
+            return Refusal(401, "This sign-in link has been used; each one signs in one browser.")
+        return Refusal(401, "This sign-in link is not valid (any more).")
+
+    async def by_password(self, name: str, password: str, address: str) -> Session | Refusal:
+        """The name is taken as it was meant: small letters, no blanks around it."""
+        account = await self.verify(name.strip().lower(), password, address)
+        if isinstance(account, Refusal):
+            return account
+        session = await self.open(account)
+        self.tell("info", f"{session.label} ({session.role}) signed in from {address}")
+        return session
+
+    async def verify(self, name: str, password: str, address: str) -> Account | Refusal:
+        """The account of a name and its password, within the limits of `web.access.attempts`."""
+        if self._attempts.begin(address, name) > 0.0:
+            wait = self._attempts.wait(address, name)
+            line = f"Too many wrong sign-ins; wait {wait} s, then try again."
+            return Refusal(429, line, wait)
+        try:
+            account = await self._hashing.run(self._accounts.verify, name, password)
+        except BusyError as error:
+            return Refusal(503, f"{error}.", 3)
+        if account is not None:
+            self._attempts.succeeded(address, name)
+            return account
+        # Never what came as the name: people type their password there.
+        names = {one.name for one in await asyncio.to_thread(self._accounts.all)}
+        whose = f"the password of {name}" if name in names else "a name that is not known"
+        wait = self._attempts.wait(address, name)
+        then = f"; the next try from there is in {wait} s" if wait else ""
+        self.tell("warn", f"sign-in refused: {whose}, from {address}{then}")
+        return Refusal(401, "The name or the password is wrong.", wait)
+
+    async def open(self, account: Account) -> Session:
+        return await asyncio.to_thread(
+            self._sessions.open, account.name, account.role, account.generation
+        )
+
+    def tell(self, level: str, text: str) -> None:
+        """A line in everyone's event list and in the log."""
+        self._say(level, text)
+        _log.log(logging.WARNING if level == "warn" else logging.INFO, "%s", text)
+
+
+def address_of(scope: Mapping[str, Any]) -> str:
+    """Of the connection itself: a header could name any."""
+    client = scope.get("client")
+    return str(client[0]) if client else "unknown"
+
+
+async def read_form(receive: Receive) -> dict[str, str]:
+    """The fields of a form's body. Raises ValueError with the reason."""
+    body = bytearray()
+    try:
+        async with asyncio.timeout(FORM_TIME):
+            more = True
+            while more:
+                message = await receive()
+                if message["type"] != "http.request":
+                    raise ValueError("the form did not arrive whole")
+                body += message.get("body", b"")
+                if len(body) > LARGEST_FORM:
+                    raise ValueError(f"the form is too large; allowed are {LARGEST_FORM} bytes")
+                more = message.get("more_body", False)
+    except TimeoutError:
+        raise ValueError("the form did not arrive in time") from None
+    fields = parse_qs(body.decode("utf-8", "replace"), keep_blank_values=True, max_num_fields=8)
+    return {name: values[0] for name, values in fields.items()}

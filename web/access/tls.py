@@ -1,0 +1,155 @@
+"""The page's certificate: of the data folder's own authority, or one the user brings."""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import socket
+import ssl
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadrotor.errors import UsageError
+
+SOON = 14  # days: a certificate that ends within these is worth a word
+
+
+@dataclass(frozen=True, slots=True)
+class Tls:
+    """A checked pair.
+
+    names: hosts it is for, wildcards left out.
+    authority: to be trusted once in each browser; None for a certificate the user brought.
+    """
+
+    certificate: Path
+    key: Path
+    names: tuple[str, ...]
+    authority: Path | None = None
+
+
+def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
+    """A certificate of the data folder's authority for these names; made when missing.
+
+    Raises StorageError or LinkError.
+    """
+    from vehicle_link.authority import check_certificate, ensure_web_certificate
+
+    files = ensure_web_certificate(data / "certificates", names)
+    check_certificate(files, "web")
+    held = _read(files.certificate("web"), "the page's certificate").names
+    return Tls(files.certificate("web"), files.key("web"), held, files.authority)
+
+
+def given_tls(certificate: Path, key: Path) -> Tls:
+    """A certificate (with its chain) and key in PEM.
+
+    Raises UsageError: unreadable, no PEM, locked by a password, not fitting, not valid today.
+    """
+    held = _read(certificate, "--tls-certificate")
+    _readable(key, "--tls-key")
+
+    def locked() -> str:
+        raise UsageError(f"--tls-key {key} is locked by a password; give it without one")
+
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key, locked)
+    except ssl.SSLError as error:
+        reason = (
+            "does not fit" if error.reason == "KEY_VALUES_MISMATCH" else "is not the key (PEM) of"
+        )
+        raise UsageError(f"--tls-key {key} {reason} {certificate}") from None
+    now = datetime.datetime.now(datetime.UTC)
+    if not held.begin <= now <= held.end:
+        raise UsageError(
+            f"--tls-certificate {certificate} is valid from {held.begin:%Y-%m-%d} to "
+            f"{held.end:%Y-%m-%d} and not today ({now:%Y-%m-%d}); renew it"
+        )
+    return Tls(certificate, key, held.names)
+
+
+def own_names(host: str) -> tuple[str, ...]:
+    """Names and addresses under which others reach a server that listens on `host`."""
+    if host not in ("", "0.0.0.0", "::"):
+        return (host,)
+    names = {socket.gethostname(), socket.getfqdn(), *_addresses()}
+    return tuple(sorted(name for name in names if name and not name.endswith(".arpa")))
+
+
+def shown_host(host: str) -> str:
+    """What links name: `host`, or this computer's first address when it listens on all."""
+    if host not in ("", "0.0.0.0", "::"):
+        return host
+    return next(iter(_addresses()), socket.gethostname())
+
+
+@dataclass(frozen=True, slots=True)
+class _Held:
+    names: tuple[str, ...]
+    begin: datetime.datetime
+    end: datetime.datetime
+
+
+def _read(path: Path, option: str) -> _Held:
+    from cryptography import x509
+
+    text = _readable(path, option)
+    try:
+        certificate = x509.load_pem_x509_certificate(text)
+    except ValueError:
+        raise UsageError(f"{option} {path} holds no certificate in PEM form") from None
+    try:
+        found = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName)
+        names = [str(name.value) for name in found.value]
+    except x509.ExtensionNotFound:
+        names = []
+    return _Held(
+        tuple(name for name in names if "*" not in name),
+        certificate.not_valid_before_utc,
+        certificate.not_valid_after_utc,
+    )
+
+
+def _readable(path: Path, option: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise UsageError(f"{option} {path} cannot be read ({error.strerror})") from None
+
+
+def _addresses() -> list[str]:
+    """Of this computer, the one towards the network first."""
+    found: list[str] = []
+    for family, elsewhere in (
+        (socket.AF_INET, "192.0.2.1"),  # addresses of documentation: nothing is sent
+        (socket.AF_INET6, "2001:db8::1"),
+    ):
+        try:
+            with socket.socket(family, socket.SOCK_DGRAM) as probe:
+                probe.connect((elsewhere, 9))
+                found.append(str(probe.getsockname()[0]))
+        except OSError:
+            continue
+    with contextlib.suppress(OSError):
+        found += [str(one[4][0]) for one in socket.getaddrinfo(socket.gethostname(), None)]
+    found += _interface_addresses()
+    plain = [one for one in found if "%" not in one]
+    return list(dict.fromkeys(plain))
+
+
+def _interface_addresses() -> list[str]:
+    """IPv4 of every network interface (Linux)."""
+    import fcntl
+    import struct
+
+    get_address = 0x8915  # SIOCGIFADDR
+    found = []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        for _, name in socket.if_nameindex():
+            request = struct.pack("256s", name.encode()[:15])
+            try:
+                answer = fcntl.ioctl(probe.fileno(), get_address, request)
+            except OSError:  # it has none
+                continue
+            found.append(socket.inet_ntoa(answer[20:24]))
+    return found

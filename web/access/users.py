@@ -1,0 +1,157 @@
+"""Signing out, and the users an admin sees and manages: /api/session/… and /api/users."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+from fastapi import FastAPI, HTTPException, Request
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, Field
+
+from quadrotor.errors import RefusedError
+from web.access.people import People
+from web.access.roles import Role
+from web.access.sign_in import Refusal, address_of
+from web.asking import Admin, Asker
+
+
+class SignOutBody(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    everywhere: bool = Field(False, description="all browsers of this account")
+
+
+class PasswordBody(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    password: str = Field(max_length=1000)
+
+
+class OwnPasswordBody(PasswordBody):
+    current: str = Field(max_length=1000)
+
+
+class RoleBody(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    role: Role
+
+
+class UserBody(PasswordBody):
+    name: str = Field(max_length=64)
+    role: Role | None = Field(None, description="operator by default; the first one is an admin")
+
+
+def add_users(app: FastAPI, people: People) -> None:
+    _add_session(app, people)
+    _add_management(app, people)
+
+
+def _add_session(app: FastAPI, people: People) -> None:
+    @app.post("/api/session/sign_out")
+    async def sign_out(session: Asker, body: SignOutBody | None = None) -> JSONResponse:
+        """Ends this session for good; its open websockets are closed."""
+        if body is not None and body.everywhere and session.has_account:
+            await asyncio.to_thread(people.accounts.end_sessions, session.label)
+            people.sign_in.tell("info", f"{session.label} signed out everywhere")
+        else:
+            await asyncio.to_thread(people.sessions.end, session)
+            people.sign_in.tell("info", f"{session.label} signed out")
+        people.sockets.check()
+        answer = JSONResponse({"signed_out": True})
+        answer.raw_headers.extend(people.cookie.clear())
+        return answer
+
+    @app.put("/api/session/password")
+    async def change_own(body: OwnPasswordBody, session: Asker, request: Request) -> JSONResponse:
+        """A new password for one's own account; other browsers of it are signed out."""
+        if not session.has_account:
+            raise RefusedError(f"{session.label} came by a link and has no password")
+        account = await people.sign_in.verify(
+            session.label, body.current, address_of(request.scope)
+        )
+        if isinstance(account, Refusal):
+            status = 403 if account.status == 401 else account.status
+            wait = {"Retry-After": str(account.wait)} if account.wait else None
+            line = "the current password is wrong" if status == 403 else account.line
+            raise HTTPException(status, line, wait)
+        changed = await people.hashing.run(
+            people.accounts.set_password, session.label, body.password
+        )
+        again = await people.sign_in.open(changed)
+        people.sign_in.tell("info", f"{session.label} has a new password")
+        people.sockets.check()
+        answer = JSONResponse({"changed": True})
+        answer.raw_headers.extend(people.cookie.set(people.door.sign(again)))
+        return answer
+
+
+def _add_management(app: FastAPI, people: People) -> None:
+    accounts, tell = people.accounts, people.sign_in.tell
+
+    @app.get("/api/users")
+    async def users(_: Admin) -> list[dict[str, Any]]:
+        """Accounts, and whoever is signed in by a link; `last_seen` in s, epoch, 0 = never."""
+        return await asyncio.to_thread(_everyone, people)
+
+    @app.post("/api/users", status_code=201)
+    async def add(body: UserBody, session: Admin) -> dict[str, str]:
+        made = await people.hashing.run(accounts.add, body.name, body.role, body.password)
+        tell("info", f"{session.label} added {made.name} as {made.role}")
+        return {"name": made.name, "role": made.role.value}
+
+    @app.delete("/api/users/{name}")
+    async def remove(name: str, session: Admin) -> dict[str, str]:
+        await asyncio.to_thread(accounts.remove, name)
+        people.sockets.check()
+        tell("info", f"{session.label} removed {name}")
+        return {"removed": name}
+
+    @app.put("/api/users/{name}/role")
+    async def set_role(name: str, body: RoleBody, session: Admin) -> dict[str, str]:
+        """Signs the user out everywhere."""
+        await asyncio.to_thread(accounts.set_role, name, body.role)
+        people.sockets.check()
+        tell("info", f"{session.label} made {name} {body.role}")
+        return {"name": name, "role": body.role.value}
+
+    @app.put("/api/users/{name}/password")
+    async def set_password(name: str, body: PasswordBody, session: Admin) -> dict[str, str]:
+        """Signs the user out everywhere."""
+        await people.hashing.run(accounts.set_password, name, body.password)
+        people.sockets.check()
+        tell("info", f"{session.label} gave {name} a new password")
+        return {"name": name}
+
+    @app.post("/api/users/{name}/end_sessions")
+    async def end_sessions(name: str, session: Admin) -> dict[str, str]:
+        """Signs an account out everywhere, or out who came by a link as `operator 1`."""
+        if " " in name:
+            await asyncio.to_thread(people.sessions.end_guests, name)
+        else:
+            await asyncio.to_thread(accounts.end_sessions, name)
+        people.sockets.check()
+        tell("info", f"{session.label} ended the sessions of {name}")
+        return {"ended": name}
+
+
+def _everyone(people: People) -> list[dict[str, Any]]:
+    online = people.sessions.people()
+    sessions = {one.label: one.sessions for one in online if one.has_account}
+    known = [
+        {
+            "name": one.name, "role": one.role.value, "account": True,
+            "sessions": sessions.get(one.name, 0), "last_seen": one.last_seen,
+        }
+        for one in people.accounts.all()
+    ]  # fmt: skip
+    guests = [
+        {
+            "name": one.label, "role": one.role.value, "account": False,
+            "sessions": one.sessions, "last_seen": one.last_seen,
+        }
+        for one in online
+        if not one.has_account
+    ]  # fmt: skip
+    return known + guests

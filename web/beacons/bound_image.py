@@ -1,0 +1,91 @@
+"""The observability map as a picture: calm colours in order of lightness, on a logarithmic scale.
+
+Light is well determined, dark is badly, and what is not determined at all is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+COLORS = ((199, 233, 205), (126, 197, 184), (70, 152, 163), (48, 108, 138), (43, 66, 103))
+"""sRGB, from the smallest bound to the largest; lightness falls evenly."""
+BEYOND = (40, 42, 62)
+OPACITY = 0.5
+STEPS = 24
+"""Shades: so few that the edges between them read as contour lines, and the picture is small."""
+NICE = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Ends of the colours, m."""
+
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, bound: npt.NDArray[np.float64]) -> Scale | None:
+        """Round ends around most of a map; None when nothing is determined."""
+        known = bound[np.isfinite(bound)]
+        if not len(known):
+            return None
+        low, high = np.percentile(known, (1.0, 97.0))
+        low, high = round_down(float(low)), round_up(float(high))
+        return cls(low, high if high > low else 2.0 * low)
+
+    def share(self, bound: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """0 at the low end, 1 at the high one, on a logarithmic scale, not limited."""
+        shares: npt.NDArray[np.float64] = np.log(bound / self.low) / math.log(self.high / self.low)
+        return shares
+
+
+def picture(bound: npt.NDArray[np.float64], scale: Scale) -> npt.NDArray[np.uint8]:
+    """(ny, nx, 4) RGBA of bounds in m, (ny, nx); NaN is transparent."""
+    share = scale.share(np.where(np.isfinite(bound), bound, scale.low))
+    shade = np.clip((share * STEPS).astype(int), 0, STEPS - 1)
+    colors = np.array([shade_of((k + 0.5) / STEPS) for k in range(STEPS)], np.uint8)
+    image = np.empty((*bound.shape, 4), np.uint8)
+    image[..., :3] = np.where((share > 1.0)[..., None], np.array(BEYOND, np.uint8), colors[shade])
+    image[..., 3] = np.where(np.isfinite(bound), round(255 * OPACITY), 0)
+    return image
+
+
+def shade_of(share: float) -> tuple[int, int, int]:
+    """The colour at a share of the scale."""
+    place = min(max(share, 0.0), 1.0) * (len(COLORS) - 1)
+    k = min(int(place), len(COLORS) - 2)
+    part = place - k
+    r, g, b = (round(a + part * (z - a)) for a, z in zip(COLORS[k], COLORS[k + 1], strict=True))
+    return (r, g, b)
+
+
+def legend(scale: Scale) -> dict[str, object]:
+    """For the page: ends in m, colours from low to high, and of what is above."""
+    return {
+        "low": scale.low,
+        "high": scale.high,
+        "unit": "m",
+        "scale": "log",
+        "colors": [hex_of(color) for color in COLORS],
+        "beyond": hex_of(BEYOND),
+    }
+
+
+def hex_of(color: tuple[int, int, int]) -> str:
+    return "#{:02x}{:02x}{:02x}".format(*color)
+
+
+def round_down(value: float) -> float:
+    """The largest round number not above."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return max((n * decade for n in NICE if n * decade <= value * (1 + 1e-9)), default=decade)
+
+
+def round_up(value: float) -> float:
+    """The smallest round number not below."""
+    decade = 10.0 ** math.floor(math.log10(value))
+    return min(n * decade for n in NICE if n * decade >= value * (1 - 1e-9))

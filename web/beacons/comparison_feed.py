@@ -1,0 +1,90 @@
+"""`/ws/comparison`: the estimators of the comparison with their residuals, for an open Beacons tab.
+
+JSON at 5 Hz, faster than which nobody reads numbers; nothing while no comparison comes. Charts get
+the same figures at their own rate as signals (web.signals). A page opens this socket while its
+tab is open and closes it after.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from typing import Any
+
+import msgspec
+from fastapi import WebSocket
+from starlette.websockets import WebSocketDisconnect
+
+from web.live import Live
+
+RATE = 5.0  # Hz
+TOPIC = "comparison"
+
+_encode = msgspec.json.Encoder().encode
+
+
+async def serve(socket: WebSocket, live: Live) -> None:
+    """One page's socket until it closes."""
+    await socket.accept()
+    leaving = asyncio.create_task(_wait_for_end(socket))
+    sent: Any = None
+    try:
+        while not leaving.done():
+            message = live.current(TOPIC)
+            if message is not None and message is not sent:
+                sent = message
+                await socket.send_text(_encode(as_json(message)).decode())
+            await asyncio.wait({leaving}, timeout=1.0 / RATE)
+    except (WebSocketDisconnect, OSError):
+        return
+    finally:
+        leaving.cancel()
+        with contextlib.suppress(asyncio.CancelledError, WebSocketDisconnect, OSError):
+            await leaving
+
+
+def as_json(message: Any) -> dict[str, Any]:
+    """Lengths in mm, angles in degrees; null is not known."""
+    return {
+        "truth": message.truth,
+        "duration": _short(message.duration, 6),
+        "sigma": _degrees(message.sigma),
+        "estimators": [_estimator(one) for one in message.estimators],
+    }
+
+
+def _estimator(one: Any) -> dict[str, Any]:
+    """`figures` by place, for names would be most of the bytes: position error now, rms and
+    maximum of the last 10 s, rms of the attitude's error, the same two of the session, share of a
+    core in percent."""
+    lengths = (one.position_error, one.position_rms_recent, one.position_max_recent)
+    return {
+        "name": one.name,
+        "state": "" if one.converged else "settling" if one.initialized else "not started",
+        "figures": [
+            *(_short(1e3 * length) for length in lengths),
+            _degrees(one.attitude_rms_recent),
+            _short(1e3 * one.position_rms),
+            _short(1e3 * one.position_max),
+            _short(1e2 * one.processor, 2),
+        ],
+        "residuals": [
+            [int(id), _degrees(angle)]
+            for id, angle in zip(one.beacon_ids, one.residuals, strict=False)
+        ],
+    }
+
+
+def _degrees(radians: float) -> float | None:
+    return _short(math.degrees(radians), 3)
+
+
+def _short(value: float, digits: int = 4) -> float | None:
+    """JSON has no NaN, and the page shows no more digits."""
+    return float(f"{value:.{digits}g}") if math.isfinite(value) else None
+
+
+async def _wait_for_end(socket: WebSocket) -> None:
+    while (await socket.receive())["type"] != "websocket.disconnect":
+        pass

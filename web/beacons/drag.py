@@ -1,0 +1,142 @@
+"""Beacons dragged in the 3D view.
+
+viser never sees a drag: the pump takes an operator's drag of a handle out of the browser's
+messages (`drag_of`) and gives it here. The pointer's line of sight is met with the beacons' plane,
+so that a beacon stays in it whatever the view, and positions are handed on at 10 Hz, the last one
+always. A handle moves only with the confirmed layout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import msgspec
+
+from web.beacons.shapes import Point, on_plane
+
+MESSAGE = "SceneNodeDragMessage"
+PERIOD = 0.1  # s between two positions of one beacon
+SETTLING = 1.5  # s a wanted place is shown without news
+NEAR = 0.002  # m between confirmed and wanted place: it has arrived
+FARTHEST = 15.0  # m from the world's origin, on each axis
+
+Phase = Literal["start", "update", "end"]
+
+
+class Drag(NamedTuple):
+    """One step: the pointer's place (m, world) as seen from `eye`, the camera."""
+
+    name: str
+    phase: Phase
+    pointer: Point
+    eye: Point
+    who: str
+
+
+class _DragMessage(msgspec.Struct, tag_field="type", tag=MESSAGE):
+    """What viser's client sends; the rest of it is not needed."""
+
+    phase: Phase
+    name: str
+    end_position: Point
+    button: Literal["left"]
+    owner: Literal[""] = ""
+
+
+_decode = msgspec.msgpack.Decoder(_DragMessage).decode
+
+
+def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) -> Drag | None:
+    """The drag of one of these nodes that a browser's message is; None for anything else."""
+    try:
+        message = _decode(frame)
+    except msgspec.DecodeError:
+        return None
+    if (
+        eye is None
+        or message.name not in names
+        or not all(map(math.isfinite, message.end_position))
+    ):
+        return None
+    return Drag(message.name, message.phase, message.end_position, eye, who)
+
+
+@dataclass(slots=True)
+class _Wish:
+    """Where a beacon is wanted, and whether that was handed on."""
+
+    position: Point
+    who: str
+    at: float  # s, of the newest step
+    is_sent: bool = True
+    is_over: bool = False
+
+
+class BeaconDrags:
+    """Follows drags by beacon id; `on_moved(id, position, who)` gets the positions."""
+
+    def __init__(self) -> None:
+        self.on_moved: Callable[[int, Point, str], None] = lambda *_: None
+        self._offsets: dict[int, Point] = {}
+        self._wishes: dict[int, _Wish] = {}
+        self._sent: dict[int, float] = {}
+
+    def take(self, drag: Drag, id: int, place: Point, normal: Point, now: float) -> None:
+        """One step of beacon `id`, which stands at `place` in the plane with this normal."""
+        met = on_plane(drag.eye, drag.pointer, place, normal)
+        if drag.phase == "start":
+            self._offsets.pop(id, None)
+            if met is not None:
+                x, y, z = (p - m for p, m in zip(place, met, strict=True))
+                self._offsets[id] = (x, y, z)
+                self._wishes[id] = _Wish(place, drag.who, now)
+            return
+        offset = self._offsets.get(id)
+        if offset is None:
+            return
+        wish = self._wishes.setdefault(id, _Wish(place, drag.who, now))
+        wish.at = now
+        if met is not None and max(map(abs, met)) < FARTHEST:
+            x, y, z = (m + o for m, o in zip(met, offset, strict=True))
+            if math.dist((x, y, z), wish.position) > 1e-4:
+                wish.position, wish.is_sent = (x, y, z), False
+        if drag.phase == "end":
+            wish.is_over = True
+            del self._offsets[id]
+
+    def hand_on(self, now: float) -> None:
+        """What is due; to be called at every frame."""
+        for id, wish in list(self._wishes.items()):
+            if not wish.is_sent and now - self._sent.get(id, -math.inf) >= PERIOD:
+                wish.is_sent = True
+                self._sent[id] = now
+                self.on_moved(id, wish.position, wish.who)
+
+    def wanted(self, places: dict[int, Point], now: float) -> dict[int, Point]:
+        """Places asked for and not yet confirmed; `places` are the confirmed ones."""
+        for id, wish in list(self._wishes.items()):
+            place = places.get(id)
+            has_come = wish.is_over and place is not None and _near(place, wish.position)
+            if wish.is_sent and (has_come or place is None or now - wish.at > SETTLING):
+                del self._wishes[id]
+        return {
+            id: wish.position
+            for id, wish in self._wishes.items()
+            if id in places and not _near(places[id], wish.position)
+        }
+
+    def forget(self) -> None:
+        """A refusal: what was asked for is not wanted any more; a drag under way goes on."""
+        self._wishes.clear()
+
+    def stop(self) -> None:
+        """Ends every drag."""
+        self._wishes.clear()
+        self._offsets.clear()
+
+
+def _near(a: Point, b: Point) -> bool:
+    return math.dist(a, b) < NEAR

@@ -1,0 +1,96 @@
+"""The observability map: the position bound over a horizontal slice, computed beside the loop."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+from bearing_sim.beacons import Beacons
+from bearing_sim.observability import Sight, bound_map
+from web.beacons.bound_image import Scale, legend, picture
+
+PERIOD = 0.2  # s between two maps, at least: while a beacon is dragged
+SPACING = 0.1  # m, at least
+MOST = 80  # points along a side
+NODE = "/bound"
+
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """All a map depends on."""
+
+    beacons: Beacons
+    sigma: float  # rad
+    sight: Sight
+    volume: Box
+    height: float  # m
+
+
+class BoundSlice:
+    """Node `/bound`. `update` never waits: the newest wish is worked on in a thread."""
+
+    def __init__(self, api: Any) -> None:
+        self._api = api
+        self._node: Any = None
+        self._worker = ThreadPoolExecutor(1, thread_name_prefix="bound-map")
+        self._work: Future[Scale | None] | None = None
+        self._working_on: Wish | None = None
+        self._drawn: Wish | None = None
+        self._begun = -math.inf
+        self.scale: Scale | None = None
+
+    def update(self, wish: Wish | None, now: float) -> bool:
+        """Begins what is to be computed, shows what is ready; True when the scale has changed.
+
+        None hides the map.
+        """
+        before = self.scale
+        if self._work is not None and self._work.done():
+            self.scale, self._drawn = self._work.result(), self._working_on
+            self._work = None
+        is_time = now - self._begun >= PERIOD or now < self._begun
+        if wish is not None and self._work is None and wish != self._drawn and is_time:
+            self._begun, self._working_on = now, wish
+            self._work = self._worker.submit(self._draw, wish)
+        if wish is None and self._work is None:
+            self.scale, self._drawn = None, None
+        if self._node is not None:
+            self._node.visible = wish is not None and self.scale is not None
+        return self.scale != before
+
+    def legend(self) -> dict[str, object] | None:
+        """Of the map that is shown; None when there is none."""
+        return None if self.scale is None else legend(self.scale)
+
+    def _draw(self, wish: Wish) -> Scale | None:
+        """In the worker: numbers, picture, node."""
+        (x_low, x_high), (y_low, y_high), _ = wish.volume
+        width, depth = x_high - x_low, y_high - y_low
+        if not (width > 0.0 and depth > 0.0):
+            return None
+        spacing = max(SPACING, width / MOST, depth / MOST)
+        found = bound_map(
+            wish.beacons,
+            wish.sigma,
+            *wish.volume[:2],
+            wish.height,
+            sight=wish.sight,
+            spacing=spacing,
+        )
+        scale = Scale.of(found.position)
+        if scale is None:
+            return None
+        image = picture(found.position, scale)
+        if self._node is None:
+            self._node = self._api.add_image(
+                NODE, image, width, depth, format="png", cast_shadow=False, visible=False
+            )
+        else:
+            self._node.image = image
+            self._node.render_width, self._node.render_height = width, depth
+        self._node.position = (0.5 * (x_low + x_high), 0.5 * (y_low + y_high), wish.height)
+        return scale

@@ -1,0 +1,147 @@
+"""Beacons as nodes of the 3D view: ball, post and id, and the handle that drags one.
+
+Slot k shows the k-th beacon of the layout. Slots are made when first needed and hidden when not:
+viser keeps a tombstone of every node removed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bearing_sim.beacons import Beacons
+from web.beacons.shapes import IDENTITY, Point, handle, turns_from_z
+
+SEEN, UNSEEN = (224, 196, 110), (122, 128, 134)
+HANDLE = (224, 196, 110)
+POST = (90, 102, 114)
+RADIUS = 0.045  # m
+THINNEST = 0.01  # m, the height of a post on the ground
+
+
+class _Slot:
+    """The nodes of one beacon."""
+
+    def __init__(self, api: Any, name: str) -> None:
+        self.id: int | None = None
+        self.frame = api.add_frame(name, show_axes=False, visible=False)
+        self.ball = api.add_icosphere(f"{name}/ball", radius=RADIUS, color=SEEN, cast_shadow=False)
+        self.post = api.add_cylinder(
+            f"{name}/post", radius=0.008, height=1.0, color=POST, cast_shadow=False
+        )
+        self.label = api.add_label(
+            f"{name}/id",
+            "",
+            position=(0.0, 0.0, 0.1),
+            font_screen_scale=0.85,
+            anchor="bottom-center",
+        )
+        self.handle_name = f"{name}/handle"
+        self._api = api
+        self._handle: Any = None
+        self._wanted: Any = None
+
+    def place(self, id: int, position: Point) -> None:
+        z = position[2]
+        self.post.scale = (1.0, 1.0, max(abs(z), THINNEST))
+        self.post.position = (0.0, 0.0, -0.5 * z)
+        self.frame.position = position
+        if id != self.id:
+            self.id = id
+            self.label.text = str(id)
+        self.frame.visible = True
+
+    def hide(self) -> None:
+        self.id = None
+        self.frame.visible = False
+        self.want(None)
+
+    def show_handle(self, shown: bool, turn: Any) -> None:
+        if self._handle is None:
+            if not shown:
+                return
+            self._handle = self._api.add_mesh_simple(
+                self.handle_name,
+                *handle(),
+                color=HANDLE,
+                opacity=0.3,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+                wxyz=turn,
+            )
+            # Only tells the browser to take hold of it: what it sends ends at the pump.
+            self._handle.on_drag("left")(_nothing)
+        self._handle.wxyz = turn
+        self._handle.visible = shown
+
+    def want(self, position: Point | None) -> None:
+        """A pale ball where the beacon was dragged to and has not been confirmed."""
+        if self._wanted is None:
+            if position is None:
+                return
+            self._wanted = self._api.add_icosphere(
+                f"{self.handle_name}_wanted",
+                radius=RADIUS,
+                color=SEEN,
+                opacity=0.35,
+                cast_shadow=False,
+            )
+        if position is not None:
+            self._wanted.position = [
+                w - p for w, p in zip(position, self.frame.position, strict=True)
+            ]
+        self._wanted.visible = position is not None
+
+
+class BeaconMarks:
+    """Args: `api` is viser's scene; nodes are `/beacons/<slot>/…`."""
+
+    def __init__(self, api: Any) -> None:
+        self._api = api
+        self._slots: list[_Slot] = []
+        self._handles_shown = False
+        self._turn: Any = IDENTITY
+        self.beacons: Beacons | None = None
+        self.places: dict[int, Point] = {}
+        api.add_frame("/beacons", show_axes=False)
+
+    def show(self, beacons: Beacons) -> None:
+        self.beacons = beacons
+        rows = beacons.positions_w.tolist()
+        self.places = {
+            id: (x, y, z) for id, (x, y, z) in zip(beacons.ids.tolist(), rows, strict=True)
+        }
+        while len(self._slots) < len(self.places):
+            self._slots.append(_Slot(self._api, f"/beacons/{len(self._slots)}"))
+        self._turn = turns_from_z(beacons.normal_w[None])[0]
+        for slot, (id, position) in zip(self._slots, self.places.items(), strict=False):
+            slot.place(id, position)
+        for slot in self._slots[len(self.places) :]:
+            slot.hide()
+        self.show_handles(self._handles_shown)
+
+    def show_handles(self, shown: bool) -> None:
+        self._handles_shown = shown
+        for slot in self._slots:
+            slot.show_handle(shown and slot.id is not None, self._turn)
+
+    @property
+    def handles(self) -> dict[str, int]:
+        """Names of the handles now shown, and the beacon each drags."""
+        if not self._handles_shown:
+            return {}
+        return {slot.handle_name: slot.id for slot in self._slots if slot.id is not None}
+
+    def light(self, ids: frozenset[int]) -> None:
+        """Those in view have their colour, the others are grey."""
+        for slot in self._slots:
+            if slot.id is not None:
+                slot.ball.color = SEEN if slot.id in ids else UNSEEN
+
+    def want(self, positions: dict[int, Point]) -> None:
+        for slot in self._slots:
+            slot.want(positions.get(slot.id) if slot.id is not None else None)
+
+
+async def _nothing(_: Any) -> None:
+    pass

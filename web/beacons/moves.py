@@ -1,0 +1,76 @@
+"""Beacons dragged in the 3D view: each step asks for a new layout on the gain path.
+
+A drag brings up to ten positions a second. Steps follow on the layout last asked for, not on the
+one last confirmed, so that two beacons can be moved at once; the gain path sends the newest only.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+
+from bearing_sim.beacons import format_layout, parse_layout
+from quadrotor.errors import LinkError, QuadlabError
+from web.events import EventHub
+from web.parameters import LAYOUT, GainPath, ParameterMirror
+
+Position = tuple[float, float, float]
+DIGITS = 4  # to a tenth of a millimetre, well within the flatness a small set needs
+PAUSE = 1.0  # s between two lines about refusals
+
+
+class BeaconMoves:
+    """Args: `put_back()` is called after each refusal, to show the confirmed layout again."""
+
+    def __init__(
+        self,
+        gains: GainPath,
+        mirror: ParameterMirror,
+        hub: EventHub,
+        put_back: Callable[[], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._gains, self._mirror, self._hub = gains, mirror, hub
+        self._put_back = put_back
+        self._clock = clock
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._wanted: str | None = None
+        self._told = float("-inf")
+
+    @property
+    def busy(self) -> bool:
+        """Whether a step waits for its answer."""
+        return bool(self._tasks)
+
+    def moved(self, id: int, position_w: Position, who: str) -> None:
+        """Beacon `id` is to stand at `position_w` (m); to be called on the event loop."""
+        text = self._wanted or self._mirror.value(LAYOUT)
+        try:
+            if not isinstance(text, str):
+                raise LinkError("the layout has not been read yet")
+            place = [round(float(x), DIGITS) for x in position_w]
+            wanted = format_layout(parse_layout(text).moved(id, place))
+        except QuadlabError as error:
+            self._refused(id, who, error)
+            return
+        self._wanted = wanted
+        task = asyncio.get_running_loop().create_task(self._change(id, wanted, who))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _change(self, id: int, text: str, who: str) -> None:
+        try:
+            await self._gains.change({LAYOUT: text}, who)
+        except QuadlabError as error:
+            self._refused(id, who, error)
+        finally:
+            if self._wanted == text:
+                self._wanted = None  # from here on what is confirmed counts
+
+    def _refused(self, id: int, who: str, error: QuadlabError) -> None:
+        self._wanted = None
+        self._put_back()
+        if self._clock() - self._told >= PAUSE:
+            self._told = self._clock()
+            self._hub.say("warn", f"beacon {id} not moved ({who}): {error}")

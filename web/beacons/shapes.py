@@ -1,0 +1,146 @@
+"""Geometry of what the 3D view shows of beacons: meshes and rotations, without viser.
+
+Quaternions are (w, x, y, z); lengths in m.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Point = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+Mesh = tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]
+"""Vertices (V, 3) and faces (F, 3)."""
+
+DEVIATIONS = 3.0
+"""Cones and ellipsoids reach so many standard deviations."""
+IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+def point_of(v: Any) -> Point:
+    """Of a message with x, y, z."""
+    return (v.x, v.y, v.z)
+
+
+def wxyz_of(q: Any) -> Quaternion:
+    """Of a geometry_msgs/Quaternion."""
+    return (q.w, q.x, q.y, q.z)
+
+
+def matrix_of(q: Sequence[float]) -> Array:
+    """The rotation matrix of a quaternion of any length but zero."""
+    w, x, y, z = np.asarray(q, float) / math.sqrt(math.fsum(c * c for c in q))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def wxyz_of_matrix(R: Array) -> Quaternion:
+    """The quaternion of a rotation matrix, w not negative."""
+    w, x, y, z = (
+        math.sqrt(max(0.0, 1.0 + a * R[0, 0] + b * R[1, 1] + c * R[2, 2]))
+        for a, b, c in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
+    )
+    # The largest is divided by: the others come with it from the matrix, signs included.
+    if w >= max(x, y, z):
+        q = (w * w, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1])
+    elif x >= max(y, z):
+        q = (R[2, 1] - R[1, 2], x * x, R[0, 1] + R[1, 0], R[0, 2] + R[2, 0])
+    elif y >= z:
+        q = (R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], y * y, R[1, 2] + R[2, 1])
+    else:
+        q = (R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], z * z)
+    length = math.copysign(math.sqrt(sum(c * c for c in q)), q[0])
+    return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+
+
+def turns_from_z(directions: Array) -> Array:
+    """Quaternions (N, 4) of the shortest turns of +z to unit vectors (N, 3)."""
+    x, y, z = directions.T
+    w = 1.0 + z
+    q = np.stack([w, -y, x, np.zeros_like(w)], axis=1)
+    q[w < 1e-9] = (0.0, 1.0, 0.0, 0.0)  # straight down: half a turn about x
+    turns: Array = q / np.linalg.norm(q, axis=1)[:, None]
+    return turns
+
+
+def cone(segments: int = 28) -> Mesh:
+    """The side of a cone: apex at the origin, base of radius 1 at z = 1, without a lid."""
+    angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
+    rim = np.stack([np.cos(angle), np.sin(angle), np.ones(segments)], axis=1)
+    k = np.arange(segments)
+    faces = np.stack([np.zeros(segments), 1 + (k + 1) % segments, 1 + k], axis=1)
+    return np.vstack([np.zeros(3), rim]).astype(np.float32), faces.astype(np.uint32)
+
+
+def cone_scales(distances: Array, sigma: float) -> Array:
+    """(N, 3): what makes `cone()` reach beacons at these distances (m), `DEVIATIONS` sigma wide.
+
+    sigma: rad on each of two tangent axes.
+    """
+    angle = min(DEVIATIONS * sigma, math.radians(80.0))
+    radius = distances * math.tan(angle)
+    return np.stack([radius, radius, distances], axis=1)
+
+
+def ellipsoid(covariance: npt.ArrayLike) -> tuple[Point, Quaternion] | None:
+    """Half axes (m) and rotation of the surface at `DEVIATIONS` of a (3, 3) covariance (m^2).
+
+    None when it is none: not finite, or not positive.
+    """
+    P = np.asarray(covariance, float).reshape(3, 3)
+    if not np.isfinite(P).all():
+        return None
+    variances, axes = np.linalg.eigh(0.5 * (P + P.T))
+    if not variances[0] > 0.0:
+        return None
+    if np.linalg.det(axes) < 0.0:
+        axes[:, 0] = -axes[:, 0]
+    x, y, z = (DEVIATIONS * math.sqrt(v) for v in variances.tolist())
+    return (x, y, z), wxyz_of_matrix(axes)
+
+
+def handle(radius: float = 0.17, reach: float = 0.27) -> Mesh:
+    """What drags a beacon: a disc in the plane z = 0 with an arrow head to each of four sides."""
+    segments = 32
+    angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
+    vertices = [(0.0, 0.0, 0.0)]
+    vertices += [(radius * math.cos(a), radius * math.sin(a), 0.0) for a in angle.tolist()]
+    faces = [(0, 1 + k, 1 + (k + 1) % segments) for k in range(segments)]
+    for quarter in range(4):
+        c, s = math.cos(0.5 * math.pi * quarter), math.sin(0.5 * math.pi * quarter)
+        base = len(vertices)
+        for along, across in ((reach, 0.0), (radius + 0.03, 0.06), (radius + 0.03, -0.06)):
+            vertices.append((c * along - s * across, s * along + c * across, 0.0))
+        faces.append((base, base + 1, base + 2))
+    return np.array(vertices, np.float32), np.array(faces, np.uint32)
+
+
+def on_plane(eye: Point, through: Point, point: Point, normal: Point) -> Point | None:
+    """Where the line of sight from `eye` through another point meets a plane.
+
+    None when it does not, or so flatly that a pixel is metres.
+    """
+    ray = [b - a for a, b in zip(eye, through, strict=True)]
+    length = math.sqrt(math.fsum(c * c for c in ray))
+    if not 0.0 < length < math.inf:
+        return None
+    toward = math.fsum(n * c for n, c in zip(normal, ray, strict=True)) / length
+    if abs(toward) < 0.03:
+        return None
+    away = math.fsum(n * (p - e) for n, p, e in zip(normal, point, eye, strict=True))
+    share = away / toward / length
+    if not share > 0.0:
+        return None
+    x, y, z = (e + share * c for e, c in zip(eye, ray, strict=True))
+    return (x, y, z)
