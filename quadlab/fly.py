@@ -79,7 +79,7 @@ class Fly:
         estimator = TrueState(simulated) if self.true_state else None
         # Everything that is loaded or compiled at its first use, so that the figures below are
         # of flying alone.
-        prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
+        _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
         typestore()
         flight = SimulatedFlight(parameters, simulated, log, estimator)
         began, processor = time.perf_counter(), time.process_time()
@@ -87,6 +87,7 @@ class Fly:
             experiment.fly(flight)
         finally:
             log.close()
+            later.close()
         wall, processor = time.perf_counter() - began, time.process_time() - processor
         flown, rate = flight.view().time, parameters.simulator.imu_rate
         result = experiment.evaluate(path)

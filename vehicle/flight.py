@@ -23,12 +23,14 @@ from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.lateness import Lateness
 from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.modes import Mode
 from vehicle.process_config import FlightConfig, Rings, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
 from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import SerialPort
 
 if TYPE_CHECKING:
+    from vehicle.kernels import Later
     from vehicle.stack import FlightStack
 
 POLL_MS = 50
@@ -44,6 +46,7 @@ class Stack(Protocol):
     store: ParameterStore
     outbox: list[mailbox.Event | mailbox.ParameterChange]
     motor_state_wanted: MotorState
+    mode: Mode
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
     def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
@@ -69,8 +72,11 @@ class Mcu(Protocol):
 class FlightLoop:
     """Sample in, tick, references out; inbox before, rings after."""
 
-    def __init__(self, stack: Stack, mcu: Mcu, rings: Rings, *, real_time: bool) -> None:
+    def __init__(
+        self, stack: Stack, mcu: Mcu, rings: Rings, *, real_time: bool, later: Later | None = None
+    ) -> None:
         self.stopping = False
+        self._later = later
         self._stack = stack
         self._mcu = mcu
         self._rings = rings
@@ -97,6 +103,8 @@ class FlightLoop:
         samples = self._mcu.receive()
         for sample in samples:
             self._tick(sample)
+        if self._later is not None and self._later.arrived and self._stack.mode is Mode.READY:
+            self._load(self._later)
         self._watch_silence(bool(samples))
         if self._silent:
             self._drain_inbox()
@@ -128,6 +136,13 @@ class FlightLoop:
                 missed=statistics.missed_share,
                 real_time=self._real_time,
             )
+
+    def _load(self, later: Later) -> None:
+        parts = later.load()
+        self._later = None
+        if parts:
+            self._stack.say(f"compiled beside, and ready: {', '.join(parts)}")
+            self._send_outbox()
 
     def _drain_inbox(self) -> None:
         inbox = self._rings.inbox
@@ -221,7 +236,9 @@ def fly(config: FlightConfig) -> None:
     for port in ports:
         while port.read():  # samples from before are old
             pass
-    loop = FlightLoop(stack, Microcontroller(ports), rings, real_time=granted.scheduled)
+    loop = FlightLoop(
+        stack, Microcontroller(ports), rings, real_time=granted.scheduled, later=later
+    )
 
     def stop(signal_number: int, frame: object) -> None:
         loop.stopping = True
@@ -229,8 +246,7 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
     loop.run()
-    if later is not None and later.poll() is None:
-        later.terminate()
+    later.close()
 
 
 def load_trajectories(stack: FlightStack, folder: Path) -> None:

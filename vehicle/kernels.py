@@ -97,13 +97,51 @@ LATER: Parts = {
     "error-state filter": ("estimation.error_state.filter", _error_state),
     "near-hovering law": ("control.near_hovering", _near_hovering),
 }  # fmt: skip
-"""What only comms or a choice on the ground needs: compiled beside, on time nobody else wants."""
+"""What only comms or a choice of another estimator or law needs: compiled beside, on time nobody
+else wants."""
 HELPED = "controller"
 """What a second process takes; the rest takes about the same time."""
 IDLE = "--idle"
 
 
-def prepare(say: Callable[[str], None]) -> tuple[list[str], subprocess.Popen[bytes] | None]:
+class Later:
+    """The parts of LATER: loaded at once when kept, else compiled beside and loaded when that is
+    done and the vehicle stands with motors off. An estimator can then be chosen in flight.
+    """
+
+    def __init__(self) -> None:
+        self._kept = [part for part, (module, _) in LATER.items() if kept(module)]
+        self._missing = [part for part in LATER if part not in self._kept]
+        self._process = _in_another_process([IDLE, *self._missing]) if self._missing else None
+
+    @property
+    def arrived(self) -> bool:
+        """Whether compiling beside has ended and `load` has not been called since."""
+        return self._process is not None and self._process.poll() is not None
+
+    def load(self) -> list[str]:
+        """Load what is kept, in some 0.1 s; the parts. What failed to compile beside is compiled
+        when it is chosen, on the ground.
+        """
+        parts, self._kept = self._kept, []
+        if self.arrived:
+            parts += [part for part in self._missing if kept(LATER[part][0])]
+            self._process = None
+        for part in parts:
+            LATER[part][1]()
+        return parts
+
+    def wait(self) -> None:
+        """Until compiling beside has ended."""
+        if self._process is not None:
+            self._process.wait()
+
+    def close(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+
+
+def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
     """Compile what is missing, load the rest, fly the hop.
 
     Call it before asking for real time, which a child would inherit.
@@ -111,18 +149,19 @@ def prepare(say: Callable[[str], None]) -> tuple[list[str], subprocess.Popen[byt
     Args:
         say: gets a line when something is compiled, and one a part.
 
-    Returns what was refused in the hop (what comes after it would compile in flight), and the
-    process that compiles what is for later, if any: keep it, and terminate it at the end.
+    Returns what was refused in the hop (what comes after it would compile in flight), and what is
+    compiled for later: close it at the end.
     """
-    later = [part for part, (module, _) in LATER.items() if not kept(module)]
-    beside = _in_another_process([IDLE, *later]) if later else None
+    later = Later()
     missing = [part for part, (module, _) in PARTS.items() if not kept(module)]
     if missing:
         with _without_garbage_collection():
             _compile(missing, say)
     from vehicle.flight_warm_up import warm_up
 
-    return warm_up(), beside
+    refused = warm_up()
+    later.load()
+    return refused, later
 
 
 @contextmanager

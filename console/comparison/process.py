@@ -111,7 +111,6 @@ class Worker:
 def main() -> None:
     """Until the input ends; Ctrl-C is for the station, which then closes it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))  # a compiler of ours ends with us
     os.setpriority(os.PRIO_PROCESS, 0, 0)  # the station may be above; this need not be
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what an estimator prints is no message
@@ -124,6 +123,12 @@ def main() -> None:
         lambda payload, stamp_ns: send("comparison", payload, stamp_ns),
         lambda line: send("say", line),
     )
+
+    def end(*_: object) -> None:
+        worker.close()  # a compiler of ours ends with us
+        os._exit(0)  # an exception raised here may land in a destructor, and be lost there
+
+    signal.signal(signal.SIGTERM, end)
     try:
         _work(worker, sys.stdin.buffer)
     except BrokenPipeError:

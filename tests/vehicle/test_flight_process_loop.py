@@ -13,6 +13,7 @@ from quadrotor.records import Record, new_tick
 from vehicle import flight, mailbox
 from vehicle.flight import COMMANDS_A_TICK, FlightLoop, open_ports
 from vehicle.microcontroller import RawSample
+from vehicle.modes import Mode
 from vehicle.process_config import Rings, create_rings, open_rings
 from vehicle_link.serial.ids import MotorState
 
@@ -35,6 +36,7 @@ class FakeStack:
         self.store = ParameterStore(Root().model_copy(deep=True))
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self.motor_state_wanted = MotorState.OFF
+        self.mode = Mode.READY
         self.calls: list[object] = []
         self.statistics: list[dict[str, float]] = []
         self.references: tuple[int, int, int, int] | None = (1, 2, 3, 4)
@@ -138,6 +140,38 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 
 
 POSE = mailbox.Pose(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
+
+
+class Compiled:
+    """Something compiled beside, loaded when it has arrived."""
+
+    arrived = False
+    loads = 0
+
+    def load(self) -> list[str]:
+        self.loads += 1
+        return ["error-state filter"]
+
+
+def test_what_was_compiled_beside_is_loaded_on_the_ground_and_only_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = Bench(monkeypatch)
+    later = Compiled()
+    loop = FlightLoop(made.stack, made.mcu, made.rings, real_time=False, later=later)  # type: ignore[arg-type]
+    made.stack.mode = Mode.READY
+    loop.once(timeout_ms=0)
+    assert later.loads == 0
+    later.arrived = True
+    for mode in (Mode.STARTING, Mode.ARMED, Mode.EMERGENCY_LAND):
+        made.stack.mode = mode
+        loop.once(timeout_ms=0)
+    assert later.loads == 0
+    made.stack.mode = Mode.READY
+    for _ in range(3):
+        loop.once(timeout_ms=0)
+    assert later.loads == 1
+    made.mcu.close()
 
 
 def test_every_sample_makes_one_tick_one_command_and_one_record(bench: Bench) -> None:

@@ -7,6 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
+from vehicle import kernels
 from vehicle.kernels import HELPED, LATER, PARTS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -15,9 +18,8 @@ from vehicle.kernels import prepare
 
 refused, later = prepare(print)
 print("refused", refused)
-if later is not None:
-    later.terminate()
-    print("later", later.wait())
+later.close()
+later.wait()
 """
 
 
@@ -37,6 +39,51 @@ def test_what_is_not_kept_is_compiled_and_told_and_then_it_is_kept(tmp_path: Pat
     assert "refused []" in said
     again = prepare(tmp_path)
     assert again[0] == "refused []"
+
+
+class Beside:
+    """A process that compiles until it is told that it has ended."""
+
+    def __init__(self) -> None:
+        self.ended = self.terminated = False
+
+    def poll(self) -> int | None:
+        return 0 if self.ended else None
+
+    def terminate(self) -> None:
+        self.terminated = True
+
+
+def test_what_is_compiled_beside_is_loaded_once_it_is_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    loaded: list[str] = []
+    present, beside, asked = {"a"}, Beside(), []
+    parts = {name: (name, lambda name=name: loaded.append(name)) for name in "abc"}
+    monkeypatch.setattr(kernels, "LATER", parts)
+    monkeypatch.setattr(kernels, "kept", lambda module: module in present)
+    monkeypatch.setattr(kernels, "_in_another_process", lambda words: asked.append(words) or beside)
+    later = kernels.Later()
+    assert asked == [[kernels.IDLE, "b", "c"]]
+    assert later.load() == ["a"]
+    present.add("b")  # half of what is asked: not before it has ended
+    assert not later.arrived
+    assert later.load() == []
+    beside.ended = True  # and failed at c
+    assert later.arrived
+    assert later.load() == ["b"]
+    assert not later.arrived
+    assert loaded == ["a", "b"]
+    later.close()
+    assert not beside.terminated
+
+
+def test_compiling_beside_ends_with_the_flight_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = Beside()
+    monkeypatch.setattr(kernels, "kept", lambda module: False)
+    monkeypatch.setattr(kernels, "_in_another_process", lambda words: beside)
+    kernels.Later().close()
+    assert beside.terminated
 
 
 def test_every_part_names_a_module_that_has_compiled_functions() -> None:
