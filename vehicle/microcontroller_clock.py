@@ -18,6 +18,10 @@ LATE_MS = 1_000
 """A step that looks like 59 s to 60 s forward is a sample that came late by up to 1 s."""
 JUMP_MS = 500
 """A longer step forward is believed only when a second sample confirms it."""
+SLACK_MS = 1_000
+"""Such a step must not lead further ahead of the host's steady clock than ever before, but this."""
+RESTART_MS = 1_000
+"""Times refused for so long are those of a microcontroller that began anew."""
 MS = 1_000_000
 
 
@@ -25,14 +29,23 @@ class MicrocontrollerClock:
     """Turns the microcontroller's wrapped ms into ns of the vehicle's clock.
 
     Args:
-        epoch_ns: stamp of the first sample; None takes it from the host's clock.
+        epoch_ns: stamp of the first sample, for simulated time; None takes it from the host.
         host_ns: the host's clock, read only until the epoch is settled.
+        steady_ns: the host's steady clock, which tells a gap from a sample that came very late;
+            not read when the epoch is given.
     """
 
     def __init__(
-        self, epoch_ns: int | None = None, host_ns: Callable[[], int] = time.time_ns
+        self,
+        epoch_ns: int | None = None,
+        host_ns: Callable[[], int] = time.time_ns,
+        steady_ns: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self._host_ns = host_ns
+        self._steady_ns = steady_ns if epoch_ns is None else None
+        self._begun_ns = 0
+        self._lead_ms = 0  # largest so far of the clock before the host's
+        self._refused_ms: int | None = None  # the host's time when the first was
         self._epoch_ns = epoch_ns
         self._settling = 0
         self._least_ns: int | None = None
@@ -53,16 +66,27 @@ class MicrocontrollerClock:
         last = self._last_ms
         if last is None:
             self._last_ms = ms
+            self._begun_ns = self._steady_ns() if self._steady_ns is not None else 0
             return 0
         step = (ms - last) % TIME_PERIOD_MS
         if step > TIME_PERIOD_MS - LATE_MS:
             return (self._elapsed_ms + step - TIME_PERIOD_MS) * MS
-        if step > JUMP_MS and not self._confirmed(ms):
-            self._suspect_ms = ms
-            return None
-        self._suspect_ms = None
+        host = self._host_ms()
+        if step > JUMP_MS:
+            if host is not None and self._elapsed_ms + step > host + self._lead_ms + SLACK_MS:
+                # More than a second late, or of another beginning: no such time has gone by.
+                self._refused_ms = host if self._refused_ms is None else self._refused_ms
+                if host - self._refused_ms < RESTART_MS:
+                    return None
+                step = max(0, host - self._elapsed_ms)
+            elif not self._confirmed(ms):
+                self._suspect_ms = ms
+                return None
+        self._suspect_ms = self._refused_ms = None
         self._last_ms = ms
         self._elapsed_ms += step
+        if host is not None:
+            self._lead_ms = max(self._lead_ms, self._elapsed_ms - host)
         return self._elapsed_ms * MS
 
     def stamp_ns(self, elapsed_ns: int) -> int:
@@ -77,6 +101,10 @@ class MicrocontrollerClock:
         self._settling += samples
         if self._settling >= SETTLING_SAMPLES:
             self._epoch_ns = self._least_ns
+
+    def _host_ms(self) -> int | None:
+        """Since the first sample, by the host's clock; None in simulated time."""
+        return None if self._steady_ns is None else (self._steady_ns() - self._begun_ns) // MS
 
     def _confirmed(self, ms: int) -> bool:
         suspect = self._suspect_ms

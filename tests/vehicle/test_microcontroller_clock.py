@@ -52,3 +52,62 @@ def test_a_given_epoch_needs_no_host_clock() -> None:
     clock = MicrocontrollerClock(42, host_ns)
     assert clock.settled
     assert clock.stamp_ns(8) == 50
+
+
+class Host:
+    """A steady clock that is moved by hand, ms."""
+
+    def __init__(self) -> None:
+        self.ms = 0
+        self.clock = MicrocontrollerClock(steady_ns=lambda: self.ms * MS)
+
+    def after(self, passed_ms: int, ms: int) -> float | None:
+        """A sample that arrives so much later; its elapsed time in ms."""
+        self.ms += passed_ms
+        elapsed = self.clock.elapsed_ns(ms)
+        return None if elapsed is None else elapsed / MS
+
+
+def test_samples_more_than_a_second_late_do_not_move_the_clock_on() -> None:
+    host = Host()
+    assert host.after(0, 30_000) == 0.0
+    assert host.after(2, 30_002) == 2.0
+    for late in (28_950, 28_952, 28_954):  # 1.05 s late, or 58.95 s ahead
+        assert host.after(0, late) is None
+    assert host.after(2, 30_004) == 4.0
+
+
+def test_a_gap_that_the_host_has_seen_is_a_gap() -> None:
+    host = Host()
+    assert host.after(0, 10_000) == 0.0
+    assert host.after(40_000, 50_000) is None  # a second one must confirm it
+    assert host.after(2, 50_002) == 40_002.0
+
+
+def test_a_microcontroller_that_began_anew_goes_on_from_where_the_host_is() -> None:
+    host = Host()
+    assert host.after(0, 45_000) == 0.0
+    told = [host.after(2, 2 * k) for k in range(600)]
+    assert told[:500] == [None] * 500
+    assert told[500] == 1002.0
+    assert told[501:] == [1002.0 + 2.0 * k for k in range(1, 100)]
+
+
+def test_samples_read_long_after_they_came_are_in_their_order_and_a_hole_in_them_is_one() -> None:
+    host = Host()
+    assert host.after(0, 0) == 0.0
+    assert [host.after(5_000 if k == 1 else 0, 2 * k) for k in range(1, 100)] == [
+        2.0 * k for k in range(1, 100)
+    ]
+    assert host.after(0, 3_198) is None  # what the port could not hold meanwhile
+    assert host.after(0, 3_200) == 3_200.0
+    assert host.after(2, 3_202) == 3_202.0
+
+
+def test_a_fast_microcontroller_is_no_late_sample() -> None:
+    host = Host()
+    assert host.after(0, 0) == 0.0
+    for k in range(1, 2_000):  # 2.5 % fast: two seconds ahead after 80
+        assert host.after(40, 41 * k % 60_000) == 41.0 * k
+    assert host.after(700, (41 * 1_999 + 715) % 60_000) is None  # a gap, to be confirmed
+    assert host.after(2, (41 * 1_999 + 717) % 60_000) == 41 * 1_999 + 717
