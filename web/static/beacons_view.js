@@ -68,7 +68,8 @@ export class BeaconView {
 
   async change(part) {
     this.reason.hidden = true;
-    try { this.show(await request("PUT", "/api/beacons/view", part)); } catch (error) {
+    // What is shown comes as an event, in its order with the map's: the answer may be older.
+    try { await request("PUT", "/api/beacons/view", part); } catch (error) {
       this.reason.textContent = error.message;
       this.reason.hidden = false;
       this.draw();
