@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
-from console.catalogue import Catalogue
 from quadrotor.errors import (
     LinkError,
     MeasurementError,
@@ -26,21 +24,14 @@ from quadrotor.errors import (
 )
 from web import commands, events, pump, sticks
 from web.access.hashing import BusyError
-from web.access.people import People
 from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.asking import Asker, Operator
 from web.beacons.routes import add_beacons
-from web.events import EventHub
 from web.experiments import add_experiments, experiment_summary
-from web.live import Live
-from web.parameters import GainPath, ParameterMirror
+from web.parts import Parts
 from web.runs import add_runs
-from web.scene import Scene
 from web.signals import describe
-from web.station import Station
-from web.telemetry import TelemetryFeed
-from web.view_server import ViewServer
 
 STATIC = Path(__file__).parent / "static"
 UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
@@ -52,25 +43,6 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (StorageError, 503),
     (BusyError, 503),
 )
-
-
-@dataclass(frozen=True)
-class Parts:
-    """Everything the routes speak to."""
-
-    vehicle: str
-    base_url: str
-    people: People
-    live: Live
-    hub: EventHub
-    feed: TelemetryFeed
-    view_server: ViewServer
-    scene: Scene
-    station: Station
-    mirror: ParameterMirror
-    gains: GainPath
-    catalogue: Catalogue
-    stick: sticks.StickOutput
 
 
 def create_app(

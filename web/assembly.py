@@ -19,11 +19,12 @@ from web.access.attempts import Attempts
 from web.access.gate import Gate
 from web.access.passwords import Passwords
 from web.access.people import open_people
-from web.app import Parts, create_app
+from web.app import create_app
 from web.events import EventHub
 from web.follow_parameters import ParameterFollower
 from web.live import Live
 from web.parameters import GainPath, ParameterMirror
+from web.parts import Parts
 from web.scene import Scene
 from web.station import Station
 from web.sticks import StickOutput

@@ -20,7 +20,7 @@ from web.asking import Operator
 from web.live import Live
 
 if TYPE_CHECKING:
-    from web.app import Parts
+    from web.parts import Parts
 
 STATIC = Path(__file__).parent / "static"
 SHOWN = {

@@ -25,7 +25,7 @@ from web.live import Live
 from web.parameters import LAYOUT, ParameterMirror
 
 if TYPE_CHECKING:
-    from web.app import Parts
+    from web.parts import Parts
 
 COMPARED = "station.comparison.estimators"
 ALWAYS_SHOWN = ("none", "one frame", "vehicle")
