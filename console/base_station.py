@@ -19,6 +19,7 @@ from console.beacon_layout import BeaconLayout, vehicle_teller
 from console.catalogue import Catalogue
 from console.commands import CommandGateway
 from console.comparison.feed import ComparisonFeed, both
+from console.control.desk import ControlDesk
 from console.expansion import expanded, messages_of
 from console.experiment_running.runner import ExperimentRunner, settings_of
 from console.link_monitor import LinkMonitor
@@ -88,6 +89,7 @@ class BaseStation:
         self._outbox = Outbox(self._node, vehicle, self._recorder.put, self.link.vehicle_ns)
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
+        self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
         self._sticks = StickWatchdog()
         self._sticks_lock = threading.Lock()
         parameters = self._store.parameters
@@ -110,11 +112,12 @@ class BaseStation:
         self.experiments = ExperimentRunner(
             self._node, vehicle, self._link_state, self.link.vehicle_ns, self._outbox,
             self._vehicle_parameters, self._recorder, catalogue, settings_of(parameters),
-            self.runs.asked,
+            self.runs.asked, self.control.permit,
         )  # fmt: skip
         CommandGateway(
-            self._node, self._store, self._link_state, self.runs.by_hand, self.experiments.commanded
-        )
+            self._node, self._store, self._link_state, self.runs.by_hand, self.control.permit,
+            self.experiments.commanded,
+        )  # fmt: skip
         serve_parameters(self._node, self._store)
         self._subscribe()
         self._threads = [
@@ -209,6 +212,8 @@ class BaseStation:
         if received.received_ns - received.source_ns > timeout * 1e9:
             return  # of a page that stood still; the watchdog has noticed
         sticks = topics.decode_joy(received.payload)
+        if not self.control.steers(sticks.requester, sticks.enabled):
+            return  # another has control; silence drops what these sticks held
         with self._sticks_lock:
             order = self._sticks.feed(sticks.axes, sticks.enabled, time.monotonic(), timeout)
         if self.experiments.passes(order):
@@ -235,6 +240,7 @@ class BaseStation:
             "sticks", "sticks dropped: release the dead-man and press again" if dropped else None
         )
         self.runs.tick()
+        self.control.tick(count)
         self.experiments.tick(count)
         if count % STATUS_EVERY == 0:
             self._send_status()

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
-from quadrotor.errors import LinkError, ParameterError, StorageError
+from quadrotor.errors import LinkError, ParameterError, RefusedError, StorageError
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
@@ -32,6 +32,7 @@ class CommandGateway:
     Args:
         link_state: of the link to the vehicle, now.
         record: (start, requester) → run id; raises StorageError with the reason.
+        permit: asked first with (command, requester); raises RefusedError with the reason.
         on_asked: told (command, requester) before a command is passed on.
     """
 
@@ -41,11 +42,13 @@ class CommandGateway:
         store: StationStore,
         link_state: Callable[[], LinkState],
         record: Callable[[bool, str], str],
+        permit: Callable[[str, str], None],
         on_asked: Callable[[str, str], None],
     ) -> None:
         self._store = store
         self._link_state = link_state
         self._record = record
+        self._permit = permit
         self._on_asked = on_asked
         self._clients = {
             name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
@@ -63,9 +66,12 @@ class CommandGateway:
         # Requests queue up behind one that waits in vain; executed late they would surprise.
         if name != "emergency" and self._link_state() is LinkState.LOST:
             return _refused(name, "the link to the vehicle is lost; nothing was sent")
-        self._on_asked(name, request.requester)
         try:
+            self._permit(name, request.requester)
+            self._on_asked(name, request.requester)
             return self._clients[name].call(request, timeout=CALL_TIMEOUT)
+        except RefusedError as error:
+            return _refused(name, str(error))
         except LinkError as error:
             return _refused(name, f"the vehicle did not answer: {error}")
 
@@ -73,10 +79,11 @@ class CommandGateway:
         """Names of the station here, all others at the vehicle; all or nothing."""
         name = "change_parameters"
         try:
+            self._permit(name, request.requester)
             values = from_parameters(request.parameters)
             own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
             self._store.check(own)
-        except ParameterError as error:
+        except (ParameterError, RefusedError) as error:
             return _refused(name, str(error))
         applied, revision = {}, self._store.revision
         others = {key: value for key, value in values.items() if key not in own}
@@ -107,8 +114,9 @@ class CommandGateway:
 
     def _start_or_stop(self, request: Any) -> Any:
         try:
+            self._permit("record", request.requester)
             run_id = self._record(bool(request.start), request.requester)
-        except StorageError as error:
+        except (RefusedError, StorageError) as error:
             return _refused("record", str(error))
         return new(f"{SERVICES['record']}_Response", accepted=True, run_id=run_id)
 

@@ -20,7 +20,7 @@ from vehicle_link.topics import TOPICS
 
 RECORDED = (
     "tracker_pose", "bearings", "joy", "station_status", "link_status", "comparison",
-    "experiment_status",
+    "experiment_status", "control",
 )  # fmt: skip
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
 

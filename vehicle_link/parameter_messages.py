@@ -1,7 +1,7 @@
 """Parameters as rcl_interfaces messages and back: values, lists of them, and descriptions.
 
-What ROS 2 has no field for (unit, default, one-sided bounds, choices) travels as JSON in
-`additional_constraints`, so that a ParameterDescription comes back exactly.
+What ROS 2 has no field for (unit, default, one-sided bounds, choices, steps in flight) travels
+as JSON in `additional_constraints`, so that a ParameterDescription comes back exactly.
 """
 
 from __future__ import annotations
@@ -85,6 +85,7 @@ def to_descriptor(description: ParameterDescription) -> Message:
         "maximum": high,
         "step": description.step,
         "choices": list(description.choices),
+        "flight_step": description.flight_step,
     }
     return new(
         "rcl_interfaces/ParameterDescriptor",
@@ -113,6 +114,7 @@ def from_descriptor(message: Message) -> ParameterDescription:
             step=constraints["step"],
             read_only=bool(message.read_only),
             choices=tuple(constraints["choices"]),
+            flight_step=constraints["flight_step"],
         )
     except (KeyError, TypeError, ValueError) as error:
         raise LinkError(

@@ -71,11 +71,12 @@ class ExperimentRunner:
         catalogue: Catalogue,
         settings: Settings,
         asked: Callable[[str, str], None],
+        permit: Callable[[str, str], None],
         module: str = MODULE,
     ) -> None:
         self.feed = VehicleFeed(parameters)
         self.link_state, self.vehicle_ns, self.joy = link_state, vehicle_ns, outbox.joy
-        self.asked = asked
+        self.asked, self.permit = asked, permit
         self._vehicle = vehicle
         self._outbox, self._recorder, self._catalogue = outbox, recorder, catalogue
         self._settings, self._module = settings, module

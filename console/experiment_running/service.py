@@ -22,6 +22,8 @@ ANSWER = f"{SERVICES['experiment']}_Response"
 class Runner(Protocol):
     """Each raises RefusedError with the reason."""
 
+    def permit(self, command: str, requester: str) -> None: ...
+
     def start(self, experiment: Experiment, requester: str) -> None: ...
 
     def finish(self, requester: str) -> None: ...
@@ -49,6 +51,7 @@ class ExperimentService:
         requester = request.requester or "somebody"
         if request.action == "describe":
             return describe(self._vehicle)
+        self._runner.permit("experiment", requester)
         if request.action == "start":
             options = from_parameters(request.options)
             self._runner.start(prepared(request.name, options, self._vehicle), requester)

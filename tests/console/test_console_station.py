@@ -25,7 +25,7 @@ from quadrotor.records import TICK, Record
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import LogWriter, is_closed, read_attachments, read_log, read_metadata
-from vehicle_link.messages import decode, encode, new
+from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.parameter_service import ParameterClient, serve_parameters
@@ -179,8 +179,9 @@ class Bench:
         self.sessions.append(loopback_session(loopback))
         self.page = Node(self.sessions[2], "/quad1", "page")
         self.inbox = Inbox(
-            self.page, "state", "station_status", "link_status", "events", "parameter_changes"
-        )
+            self.page,
+            "state", "station_status", "link_status", "events", "parameter_changes", "control",
+        )  # fmt: skip
         self.truth = self.page.advertise(TOPICS["truth"])
         self.stick = self.page.advertise(TOPICS["stick"])
 
@@ -200,6 +201,10 @@ class Bench:
         client = self.page.client(f"station/{service}", SERVICES[service])
         fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}
         return client.call(new(f"{SERVICES[service]}_Request", **fields), timeout=5.0)
+
+    def free_control(self) -> None:
+        for action in ("take", "release"):
+            assert self.call("control", action=action).accepted
 
     def recording(self) -> str:
         return self.station.runs.recorder.run_id
@@ -232,6 +237,7 @@ def _on_the_ground(request: pytest.FixtureRequest) -> Iterator[None]:
         bench = request.getfixturevalue("bench")
         bench.vehicle.armed, bench.vehicle.refusal = False, ""
         bench.vehicle.send_status()
+        bench.free_control()
         bench.station.runs.recorder.stop()
         assert bench.station.runs.recorder.wait_idle(LIMIT)
 
@@ -280,6 +286,82 @@ def test_a_command_reaches_the_vehicle_with_its_requester_and_id(bench: Bench) -
     assert (request.request_id, request.requester) == ("r77", "grace")
 
 
+@pytest.mark.parametrize(
+    ("service", "fields"),
+    [
+        ("arm", {}),
+        ("disarm", {}),
+        ("start_behavior", {"name": "hover"}),
+        ("change_parameters", {"parameters": to_parameters({"station.sticks.timeout": 0.3})}),
+        ("record", {"start": True}),
+        ("experiment", {"action": "start", "name": "hover"}),
+        ("experiment", {"action": "stop"}),
+    ],
+)
+def test_without_control_nothing_is_sent_and_the_answer_names_its_holder(
+    bench: Bench, service: str, fields: dict[str, Any]
+) -> None:
+    assert bench.call("control", action="ask", requester="grace").accepted
+    sent = len(bench.vehicle.requests)
+    answer = bench.call(service, **fields)
+    assert (answer.accepted, answer.reason.split(";")[0]) == (False, "grace has control")
+    assert len(bench.vehicle.requests) == sent
+    assert until(lambda: bench.inbox.decoded("control")[-1].holder == "grace")
+
+
+@pytest.mark.parametrize("action", ["land", "cut"])
+def test_an_emergency_is_everybodys_and_moves_control_to_nobody(bench: Bench, action: str) -> None:
+    assert bench.call("control", action="ask", requester="grace").accepted
+    assert bench.call("emergency", action=action).accepted
+    name, request = bench.vehicle.requests[-1]
+    assert (name, request.action, request.requester) == ("emergency", action, "ada")
+    assert bench.call("arm", requester="grace").accepted
+
+
+def test_quadlab_itself_may_land_whoever_has_control(bench: Bench) -> None:
+    assert bench.call("control", action="ask", requester="grace").accepted
+    assert bench.call("start_behavior", name="land", requester="quadlab up").accepted
+
+
+def test_control_goes_from_hand_to_hand_and_everybody_hears_of_it(bench: Bench) -> None:
+    assert bench.call("arm", requester="grace").accepted
+    assert bench.call("control", action="ask").accepted
+    assert until(lambda: bench.inbox.decoded("control")[-1].asking)
+    asked = bench.inbox.decoded("control")[-1]
+    assert (asked.holder, asked.asking) == ("grace", "ada")
+    assert 0.0 < asked.answer_within <= 20.0
+    assert bench.call("control", action="give", requester="grace").accepted
+    assert until(lambda: bench.inbox.decoded("control")[-1].holder == "ada")
+    assert not bench.call("disarm", requester="grace").accepted
+    assert bench.call("disarm").accepted
+    wrong = bench.call("control", action="steal")
+    assert "no action; there are ask, give, keep, release and take" in wrong.reason
+
+
+def test_sticks_of_one_without_control_do_not_reach_the_vehicle(bench: Bench) -> None:
+    assert bench.call("control", action="ask", requester="grace").accepted
+
+    def send(requester: str, forward: float, held: bool = True) -> None:
+        joy = new(
+            "sensor_msgs/Joy",
+            header=header(time.time_ns(), requester), axes=[forward, 0, 0, 0], buttons=[held],
+        )  # fmt: skip
+        bench.stick.put(encode(joy), time.time_ns())
+
+    before = len(bench.vehicle.inbox.got["joy"])
+    send("ada", 0.25)
+    send("grace", 0.5)
+
+    def came() -> list[float]:
+        got = bench.vehicle.inbox.got["joy"][before:]
+        return [topics.decode_joy(one.payload).axes[0] for one in got]
+
+    assert until(lambda: 0.5 in came())
+    assert 0.25 not in came()
+    send("grace", 0.0, held=False)
+    assert until(lambda: came()[-1] == 0.0)
+
+
 def test_a_refusal_comes_back_with_the_vehicles_reason(bench: Bench) -> None:
     bench.vehicle.refusal = "not on the ground"
     answer = bench.call("arm")
@@ -301,7 +383,7 @@ def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Ben
     event_ns = vehicle_now()
     bench.vehicle.put("events", topics.encode_event(event_ns, 20, "hello", "vehicle"), event_ns)
     assert until(lambda: any(e.msg == "hello" for e in bench.inbox.decoded("events")))
-    assert bench.call("disarm").accepted
+    assert bench.call("disarm", requester="grace").accepted
     assert until(lambda: not bench.recording())
     assert bench.station.runs.recorder.wait_idle(LIMIT)
 
@@ -408,13 +490,13 @@ def test_the_truth_becomes_tracker_poses_and_bearings_at_the_vehicle(bench: Benc
 
 
 def test_sticks_reach_the_vehicle_and_silence_drops_them(bench: Bench) -> None:
-    joys = bench.vehicle.inbox.got["joy"]
+    joys, have = bench.vehicle.inbox.got["joy"], len(bench.vehicle.inbox.got["joy"])
     axes = (0.5, 0.0, 0.0, -0.5)
     bench.stick.put(topics.encode_joy(time.time_ns(), axes, True))
-    assert until(lambda: joys)
-    first = topics.decode_joy(joys[0].payload)
+    assert until(lambda: len(joys) > have)
+    first = topics.decode_joy(joys[have].payload)
     assert (first.axes, first.enabled) == (axes, True)
-    assert abs(first.stamp_ns - AHEAD_NS - joys[0].received_ns) < 1_000_000_000
+    assert abs(first.stamp_ns - AHEAD_NS - joys[have].received_ns) < 1_000_000_000
     assert until(lambda: not topics.decode_joy(joys[-1].payload).enabled)
     assert until(lambda: any("dead-man" in a for s in bench.inbox.decoded("station_status")
                              for a in s.alarms))  # fmt: skip

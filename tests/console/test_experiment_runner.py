@@ -308,8 +308,11 @@ def bench(running: Bench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     running.vehicle.requests.clear()
     running.vehicle.joys.clear()
     running.told[:-1] = []
+    for action in ("take", "release"):
+        assert running.call("control", action=action).accepted
     yield running
     if running.told[-1].phase not in (*ENDED, "idle"):
+        assert running.call("control", action="take").accepted
         running.do("stop")
         running.ended()
     running.vehicle.reset()
@@ -413,6 +416,7 @@ def test_a_persons_command_ends_it_and_nothing_more_is_sent(
 ) -> None:
     bench.flying(kind="sticks")
     assert until(lambda: bench.vehicle.joys)
+    assert bench.call("control", action="take", requester="grace").accepted
     bench.call(service, requester="grace", **fields)
     at = next(i for i, r in enumerate(bench.vehicle.requests) if r[2] == "grace")
     joys = len(bench.vehicle.joys)
@@ -427,6 +431,7 @@ def test_a_persons_command_ends_it_and_nothing_more_is_sent(
 def test_parameters_changed_by_a_person_do_not_end_it(bench: Bench) -> None:
     bench.flying()
     values = to_parameters({"position.kp_xy": 5.0})
+    assert bench.call("control", action="take", requester="grace").accepted
     assert bench.call("change_parameters", parameters=values, requester="grace").accepted
     threading.Event().wait(0.2)
     assert bench.told[-1].phase == "flying"
@@ -488,6 +493,7 @@ def test_by_hand_the_persons_sticks_fly_until_finish_and_held_ones_take_nothing_
 
 def test_stop_brakes_in_the_name_of_who_stops_and_sends_nothing_more(bench: Bench) -> None:
     bench.flying()
+    assert bench.call("control", action="take", requester="grace").accepted
     assert bench.do("stop", "grace").accepted
     done = bench.ended()
     assert done.phase == "stopped"

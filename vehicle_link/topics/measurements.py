@@ -52,6 +52,7 @@ class Sticks:
     stamp_ns: int
     axes: tuple[float, float, float, float]
     enabled: bool
+    requester: str = ""  # whose they are: the message's frame_id
 
 
 def encode_poses(samples: Record) -> list[bytes]:
@@ -180,7 +181,12 @@ def decode_joy(payload: bytes) -> Sticks:
     if len(message.buttons) < 1:
         raise MeasurementError("sticks need a button 0, held to enable them")
     forward, left, up, yaw = (max(-1.0, min(1.0, value)) for value in axes)
-    return Sticks(stamp_of(message), (forward, left, up, yaw), bool(message.buttons[0]))
+    return Sticks(
+        stamp_of(message),
+        (forward, left, up, yaw),
+        bool(message.buttons[0]),
+        str(message.header.frame_id),
+    )
 
 
 @cache

@@ -76,6 +76,9 @@ _ROWS = (
     Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5),
     Topic("comparison", "quadlab_msgs/EstimatorComparison", "station", 10),
     Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 5),
+    Topic("preflight", "quadlab_msgs/Preflight", "station", 2),
+    Topic("control", "quadlab_msgs/ControlStatus", "station", 2),
+    Topic("presence", "quadlab_msgs/Presence", "web", 1),
     Topic("truth", "nav_msgs/Odometry", "simulator", 100),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
 )
@@ -93,6 +96,8 @@ SERVICES: dict[str, str] = {
     "whoami": "quadlab_msgs/srv/WhoAmI",
     "record": "quadlab_msgs/srv/Record",
     "experiment": "quadlab_msgs/srv/Experiment",
+    "checks": "quadlab_msgs/srv/Checks",
+    "control": "quadlab_msgs/srv/Control",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>` (which alone has `record` and `experiment`, and neither `time_sync` nor

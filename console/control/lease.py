@@ -1,0 +1,121 @@
+"""The control lease: one operator commands at a time, and everybody sees who.
+
+Whoever commands while nobody holds it, holds it. The holder hands it on when asked, gives it
+up, or loses it by leaving the page; an admin may take it. Who asks a holder that neither answers
+nor does anything gets it in the end: a page left open must not keep a laboratory waiting, and
+hands on the sticks must not lose them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from quadrotor.errors import RefusedError
+
+ABSENT = 5.0
+"""s after which a holder counts as gone who neither was seen nor commanded anything."""
+UNANSWERED = 20.0
+"""s of silence to a question, and of nothing done since, after which the holder gives way."""
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseView:
+    """Names as of `requester` everywhere; "" = nobody."""
+
+    holder: str
+    asking: str
+    answer_within: float
+    """s after which who asks gets control if its holder goes on doing nothing; 0 = nobody asks."""
+
+
+class ControlLease:
+    """Times in s of any steady clock. Not thread-safe."""
+
+    def __init__(self) -> None:
+        self._holder = ""
+        self._seen = self._acted = 0.0
+        self._asking = ""
+        self._asked = 0.0
+
+    @property
+    def holder(self) -> str:
+        return self._holder
+
+    def view(self, now: float) -> LeaseView:
+        left = UNANSWERED - self._waited(now) if self._asking else 0.0
+        return LeaseView(self._holder, self._asking, max(left, 0.0))
+
+    def may_command(self, who: str, now: float) -> bool:
+        """Whether `command` would let this requester."""
+        self.expire(now)
+        return self._holder in ("", who)
+
+    def command(self, who: str, now: float) -> None:
+        """Somebody commands. Raises RefusedError when another holds the lease."""
+        if not self.may_command(who, now):
+            raise RefusedError(
+                f"{self._holder} has control; ask for it, or wait until it is given up"
+            )
+        if not self._holder:
+            self._give(who, now)
+        self._seen = self._acted = now
+
+    def present(self, who: str, now: float) -> None:
+        """This person has a page open."""
+        if who == self._holder:
+            self._seen = now
+        self.expire(now)
+
+    def ask(self, who: str, now: float) -> None:
+        """Has it at once when nobody does. Raises RefusedError while another asks."""
+        self.expire(now)
+        if self._holder in ("", who):
+            self._give(who, now)
+        elif self._asking not in ("", who):
+            raise RefusedError(f"{self._asking} has asked {self._holder} for control already")
+        elif not self._asking:
+            self._asking, self._asked = who, now
+
+    def answer(self, who: str, yes: bool, now: float) -> None:
+        """The holder's word to who asks. Raises RefusedError."""
+        self._of_holder(who)
+        if not self._asking:
+            raise RefusedError("nobody asks for control (any more)")
+        self._acted = now
+        if yes:
+            self._give(self._asking, now)
+        else:
+            self._asking = ""
+
+    def release(self, who: str, now: float) -> None:
+        """The holder gives it up; who asks for it gets it. Raises RefusedError."""
+        self._of_holder(who)
+        self._free(now)
+
+    def take(self, who: str, now: float) -> None:
+        """By an admin, from whoever holds it."""
+        self._give(who, now)
+
+    def expire(self, now: float) -> None:
+        """Call some times a second."""
+        if not self._holder:
+            return
+        unanswered = self._asking and self._waited(now) > UNANSWERED
+        if now - self._seen > ABSENT or unanswered:
+            self._free(now)
+
+    def _waited(self, now: float) -> float:
+        return now - max(self._asked, self._acted)
+
+    def _of_holder(self, who: str) -> None:
+        if who != self._holder:
+            raise RefusedError(f"control is not yours: {self._holder or 'nobody'} has it")
+
+    def _free(self, now: float) -> None:
+        following, self._holder = self._asking, ""
+        if following:
+            self._give(following, now)
+
+    def _give(self, who: str, now: float) -> None:
+        self._holder, self._asking = who, ""
+        self._seen = self._acted = now

@@ -1,0 +1,56 @@
+"""One check's result, as either end of the link finds it and the page shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from vehicle_link.messages import new
+
+State = Literal["ok", "warn", "fail", "unknown"]
+Place = Literal["station", "vehicle", "page"]
+STATES: tuple[State, ...] = ("ok", "warn", "fail", "unknown")
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """What was looked at.
+
+    state: `warn` is worth a look, `fail` must be mended, `unknown` could not be looked at.
+    found, wanted: in words, with the figure and its limit.
+    advice: what to do; shown unless the state is ok.
+    """
+
+    name: str
+    state: State
+    found: str
+    wanted: str = ""
+    advice: str = ""
+    place: Place = "station"
+
+
+def to_messages(checks: Iterable[Check]) -> list[Any]:
+    """quadlab_msgs/Check of each."""
+    return [
+        new(
+            "quadlab_msgs/Check",
+            name=one.name, place=one.place, state=one.state,
+            found=one.found, wanted=one.wanted,
+            advice="" if one.state == "ok" else one.advice,
+        )
+        for one in checks
+    ]  # fmt: skip
+
+
+def from_messages(messages: Iterable[Any]) -> list[Check]:
+    """A state that this version does not know is `unknown`."""
+    return [
+        Check(
+            str(one.name),
+            one.state if one.state in STATES else "unknown",
+            str(one.found), str(one.wanted), str(one.advice),
+            one.place if one.place in ("station", "vehicle", "page") else "station",
+        )
+        for one in messages
+    ]  # fmt: skip

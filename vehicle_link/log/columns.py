@@ -1,0 +1,233 @@
+"""The messages of a log as columns of numbers and texts, block by block.
+
+For every topic: when each message was true and when it was received, a column for each number of
+its type (by path, `pose.pose.position.x`), and for each text the places where it changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import LinkError, LogFormatError
+from vehicle_link.log.blocks import HEAD_BYTES, Block, BlockReader, Bytes, Places, field_at
+from vehicle_link.log.payload_layout import PayloadLayout, SchemaLayouts
+from vehicle_link.messages import decode
+
+MOST_LAYOUTS = 200
+"""Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
+
+Floats = npt.NDArray[np.float32]
+Stamps = npt.NDArray[np.int64]
+
+
+@dataclass
+class Columns:
+    """N messages of one topic, in the order they were written."""
+
+    topic: str
+    type_name: str
+    log_ns: Stamps  # (N,) reception at the writer
+    publish_ns: Stamps  # (N,) the source's stamp
+    numbers: dict[str, Floats] = field(default_factory=dict)  # (N,) each, NaN where there is none
+    texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from there
+    payloads: list[bytes] = field(default_factory=list)  # of topics wanted whole
+
+
+class Batch(NamedTuple):
+    """What one block gave."""
+
+    columns: list[Columns]
+    share: float  # of the file read so far, 0 to 1
+
+
+class ColumnReader:
+    """Iterate once.
+
+    Args:
+        whole: ends of topic names (`/events`) whose payloads are wanted too.
+
+    Attributes:
+        problems: one line for each topic that could not be read.
+
+    Raises LogFormatError or StorageError.
+    """
+
+    def __init__(self, path: Path, whole: tuple[str, ...] = ()) -> None:
+        self.log = BlockReader(path)
+        self.problems: dict[str, str] = {}
+        self._whole = whole
+        self._topics: dict[int, _TopicReader | None] = {}
+
+    def __iter__(self) -> Iterator[Batch]:
+        for block in self.log:
+            columns = []
+            for channel, places in block.places.items():
+                reader = self._reader(channel)
+                if reader is not None and len(places):
+                    columns.append(reader.read(block, places))
+            yield Batch(columns, block.share)
+
+    def _reader(self, channel_id: int) -> _TopicReader | None:
+        if channel_id in self._topics:
+            return self._topics[channel_id]
+        reader: _TopicReader | None = None
+        channel = self.log.channels.get(channel_id)
+        schema = self.log.schemas.get(channel.schema_id) if channel else None
+        if channel is not None and schema is not None:
+            try:
+                if channel.message_encoding != "cdr":
+                    raise LogFormatError(f"messages in {channel.message_encoding}; only cdr is read")
+                layouts = SchemaLayouts(schema)
+                reader = _TopicReader(
+                    channel.topic, schema.name, layouts, channel.topic.endswith(self._whole)
+                )
+            except LogFormatError as error:
+                self.problems[channel.topic] = str(error)
+        self._topics[channel_id] = reader
+        return reader
+
+
+class _TopicReader:
+    def __init__(self, topic: str, type_name: str, layouts: SchemaLayouts, whole: bool) -> None:
+        self._topic = topic
+        self._type_name = type_name
+        self._layouts = layouts
+        self._whole = whole
+        self._known: dict[int, list[PayloadLayout]] = {}  # by size
+        self._last: dict[str, str] = {}
+
+    def read(self, block: Block, places: Places) -> Columns:
+        data = block.data
+        sizes = field_at(data, places, 1, "<u8").astype(np.int64) + 9 - HEAD_BYTES
+        sound = (sizes >= 0) & (places + HEAD_BYTES + sizes <= len(data))
+        places, sizes = places[sound], sizes[sound]
+        out = Columns(
+            self._topic, self._type_name,
+            field_at(data, places, 15, "<i8"), field_at(data, places, 23, "<i8"),
+        )  # fmt: skip
+        texts: dict[str, npt.NDArray[Any]] = {}
+        for size in np.unique(sizes).tolist():
+            chosen = np.flatnonzero(sizes == size)
+            rows = _rows(data, places[chosen] + HEAD_BYTES, size)
+            self._read_size(rows, chosen, out, texts)
+        for path, column in texts.items():
+            out.texts[path] = self._changes(path, column)
+        if self._whole:
+            begins = (places + HEAD_BYTES).tolist()
+            out.payloads = [
+                data[begin : begin + size].tobytes()
+                for begin, size in zip(begins, sizes.tolist(), strict=True)
+            ]
+        return out
+
+    def _read_size(
+        self, rows: Bytes, chosen: Places, out: Columns, texts: dict[str, npt.NDArray[Any]]
+    ) -> None:
+        """Payloads (N, size) that stand at the places `chosen` of the columns."""
+        known = self._known.setdefault(rows.shape[1], [])
+        left = np.ones(len(rows), bool)
+        for k in range(MOST_LAYOUTS):
+            if not left.any():
+                return
+            if k == len(known):
+                try:
+                    known.append(self._layouts.of(rows[np.argmax(left)].tobytes()))
+                except LogFormatError:  # of this message only
+                    left[np.argmax(left)] = False
+                    continue
+            here = left & known[k].fits(rows) if k < len(known) else left
+            if here.any() and k < len(known):
+                whole = bool(here.all())
+                _fill(rows if whole else rows[here], chosen[here], known[k], out, texts)
+            left &= ~here
+
+    def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:
+        """Where a text differs from the one before; None stands for no text."""
+        found = []
+        begins = np.flatnonzero(np.concatenate([[True], column[1:] != column[:-1]]))
+        for index in begins.tolist():
+            text = column[index]
+            if text is not None and self._last.get(path) != text:
+                self._last[path] = text
+                found.append((index, text))
+        return found
+
+
+def _fill(
+    rows: Bytes,
+    chosen: Places,
+    layout: PayloadLayout,
+    out: Columns,
+    texts: dict[str, npt.NDArray[Any]],
+) -> None:
+    count = len(out.log_ns)
+    if layout.numbers:
+        record = np.dtype(
+            {
+                "names": list(layout.numbers),
+                "formats": [dtype for _, dtype in layout.numbers.values()],
+                "offsets": [offset for offset, _ in layout.numbers.values()],
+                "itemsize": layout.size,
+            }
+        )
+        read = np.ascontiguousarray(rows).view(record)[:, 0]
+        for path in layout.numbers:
+            column = out.numbers.get(path)
+            if column is None:
+                column = out.numbers[path] = np.full(count, np.nan, np.float32)
+            with np.errstate(over="ignore", invalid="ignore"):
+                column[chosen] = read[path]
+    for path, pieces in layout.texts.items():
+        column = texts.get(path)
+        if column is None:
+            column = texts[path] = np.full(count, None, object)
+        column[chosen] = _joined(rows, pieces)
+
+
+def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
+    """The text of each row, a sequence's items parted by commas; shape (N,)."""
+    places = [k for offset, length in pieces for k in range(offset, offset + length)]
+    if not places:
+        return np.full(len(rows), "", object)
+    merged = np.ascontiguousarray(rows[:, places])
+    distinct, which = np.unique(merged.view(f"V{len(places)}")[:, 0], return_inverse=True)
+    made = np.empty(len(distinct), object)
+    for k, one in enumerate(distinct):
+        raw, at, words = one.tobytes(), 0, []
+        for _, length in pieces:
+            words.append(raw[at : at + length].decode(errors="replace"))
+            at += length
+        made[k] = ", ".join(words)
+    joined: npt.NDArray[Any] = made[which]
+    return joined
+
+
+def _rows(data: Bytes, places: Places, size: int) -> Bytes:
+    """The bytes behind each place, shape (N, size)."""
+    if size == 0:
+        return np.zeros((len(places), 0), np.uint8)
+    stands: npt.NDArray[Any] = np.ndarray(
+        (len(data) - size + 1,), f"V{size}", data.data, strides=(1,)
+    )
+    rows: Bytes = stands[places].view(np.uint8).reshape(len(places), size)
+    return rows
+
+
+def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
+    """A message's own fields that are texts or numbers, by name; empty when it is unreadable."""
+    try:
+        message = decode(payload, type_name)
+    except (LinkError, KeyError):
+        return {}
+    found = {}
+    for name in message.__dataclass_fields__:
+        value = getattr(message, name)
+        if isinstance(value, str | bool | int | float) and not name.isupper():
+            found[name] = value
+    return found

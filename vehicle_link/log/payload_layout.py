@@ -1,0 +1,147 @@
+"""Where the numbers and texts of a message stand in its CDR bytes, by the log's own schema.
+
+`SchemaLayouts` walks one payload of a kind by its definition and remembers the places, together
+with what they depend on: the lengths of its texts and sequences. Every payload with the same
+lengths has the same layout, so that thousands are read in one go.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mcap.records import Schema
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import get_types_from_msg
+from rosbags.typesys.base import TypesysError
+
+from quadrotor.errors import LogFormatError
+from vehicle_link.messages import stored_name, typestore
+
+MOST_ITEMS = 64
+"""Of an array that become signals; of longer ones (pictures, point clouds) none do."""
+MOST_MESSAGES = 1000
+"""Of a sequence of messages that are walked."""
+_NAMELESS = frozenset({"header", "stamp"})  # times have their own way
+_LENGTH = struct.Struct("<I")
+_OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
+
+
+@dataclass
+class PayloadLayout:
+    """Offsets count from the payload's first byte, its 4-byte header included."""
+
+    size: int
+    lengths: list[tuple[int, int]] = field(default_factory=list)  # offset of a uint32, its value
+    numbers: dict[str, tuple[int, np.dtype[Any]]] = field(default_factory=dict)  # by path
+    texts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # offset, bytes
+
+    def fits(self, rows: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
+        """Which of the payloads (N, size) have this layout, shape (N,)."""
+        same = np.ones(len(rows), bool)
+        for offset, value in self.lengths:
+            words = np.ascontiguousarray(rows[:, offset : offset + 4]).view("<u4")[:, 0]
+            same &= words == value
+        return same
+
+
+class SchemaLayouts:
+    """Layouts of one schema. Raises LogFormatError when it is of a kind not read here."""
+
+    def __init__(self, schema: Schema) -> None:
+        if schema.encoding != "ros2msg":
+            raise LogFormatError(
+                f"{schema.name} is described in {schema.encoding or 'no'} form; only ros2msg is read"
+            )
+        try:
+            self._name = stored_name(schema.name)
+            found = get_types_from_msg(schema.data.decode(), self._name)
+        except (TypesysError, UnicodeDecodeError, ValueError) as error:
+            raise LogFormatError(f"the description of {schema.name} cannot be read") from error
+        self._types: Mapping[str, Any] = {**typestore().fielddefs, **found}
+
+    def of(self, payload: bytes) -> PayloadLayout:
+        """Raises LogFormatError when the bytes are no such message."""
+        if len(payload) < 4 or payload[1] != 1:
+            raise LogFormatError(f"{self._name}: only little-endian CDR is read")
+        walk = _Walk(payload, self._types)
+        try:
+            walk.message(self._name, "", shown=True)
+        except (struct.error, KeyError, RecursionError) as error:
+            raise LogFormatError(f"{len(payload)} bytes are no {self._name}") from error
+        return walk.layout
+
+
+class _Walk:
+    def __init__(self, payload: bytes, types: Mapping[str, Any]) -> None:
+        self._payload = payload
+        self._types = types
+        self._at = 4
+        self.layout = PayloadLayout(len(payload))
+
+    def message(self, name: str, prefix: str, *, shown: bool) -> None:
+        for key, (kind, details) in self._types[name][1]:
+            path = f"{prefix}{key}"
+            wanted = shown and key not in _NAMELESS
+            if kind == Nodetype.BASE:
+                self._base(str(details[0]), path, shown=wanted)
+            elif kind == Nodetype.NAME:
+                self.message(str(details), f"{path}.", shown=wanted)
+            else:
+                self._array(path, details, is_sequence=kind == Nodetype.SEQUENCE, shown=wanted)
+        if self._at > len(self._payload):
+            raise LogFormatError(f"{len(self._payload)} bytes are no {name}: too few")
+
+    def _base(self, primitive: str, path: str, *, shown: bool) -> None:
+        if primitive in ("string", "wstring"):
+            offset, length = self._text()
+            if shown:
+                self.layout.texts[path] = [(offset, length)]
+            return
+        self._numbers(primitive, [path] if shown else [], 1)
+
+    def _array(self, path: str, details: Any, *, is_sequence: bool, shown: bool) -> None:
+        (kind, item), count = details
+        if is_sequence:
+            count = self._length()
+        if kind == Nodetype.NAME:
+            if count > MOST_MESSAGES:
+                raise LogFormatError(f"{path} has {count} items; at most {MOST_MESSAGES} are read")
+            for k in range(count):
+                self.message(str(item), f"{path}[{k}].", shown=shown and k < MOST_ITEMS)
+        elif item[0] in ("string", "wstring"):
+            pieces = [self._text() for _ in range(count)]
+            if shown:
+                self.layout.texts[path] = pieces
+        else:
+            listed = shown and count <= MOST_ITEMS
+            self._numbers(str(item[0]), [f"{path}[{k}]" for k in range(count * listed)], count)
+
+    def _numbers(self, primitive: str, paths: list[str], count: int) -> None:
+        dtype = np.dtype(_OCTETS.get(primitive, primitive)).newbyteorder("<")
+        if count:
+            self._align(dtype.itemsize)
+        for k, path in enumerate(paths):
+            self.layout.numbers[path] = (self._at + k * dtype.itemsize, dtype)
+        self._at += count * dtype.itemsize
+
+    def _text(self) -> tuple[int, int]:
+        length = self._length()
+        offset = self._at
+        self._at += length
+        return offset, max(length - 1, 0)  # without its closing zero
+
+    def _length(self) -> int:
+        self._align(4)
+        value: int = _LENGTH.unpack_from(self._payload, self._at)[0]
+        self.layout.lengths.append((self._at, value))
+        self._at += 4
+        return value
+
+    def _align(self, size: int) -> None:
+        """Counted from behind the header."""
+        self._at += -(self._at - 4) % size

@@ -1,0 +1,26 @@
+// Keys of the page, each with what it does, so that the help can list them.
+
+const ACTIONS = new Map(); // by key
+const TYPING = "input, select, textarea, [contenteditable]";
+
+// act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.
+// `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough.
+export function onKey(key, meaning, act, { hold = 0 } = {}) {
+  if (ACTIONS.has(key)) throw new Error(`the key ${key} has a meaning already: ${ACTIONS.get(key).meaning}`);
+  ACTIONS.set(key, { key, meaning, act, hold, timer: null });
+}
+
+export const keys = () => [...ACTIONS.values()];
+
+function stop(action) { clearTimeout(action.timer); action.timer = null; }
+
+document.addEventListener("keydown", (event) => {
+  const action = ACTIONS.get(event.key);
+  if (!action || event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.(TYPING)) return;
+  event.preventDefault();
+  if (event.repeat || action.timer !== null) return;
+  if (!action.hold) action.act(event);
+  else action.timer = setTimeout(() => { action.timer = null; action.act(event); }, action.hold);
+});
+document.addEventListener("keyup", (event) => { if (ACTIONS.has(event.key)) stop(ACTIONS.get(event.key)); });
+window.addEventListener("blur", () => { for (const action of ACTIONS.values()) stop(action); });
