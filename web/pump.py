@@ -1,9 +1,12 @@
 """viser's page and websocket through our port.
 
-The pump carries viser's frames to the browser untouched and lets back only what `passes`:
-the camera. Our scene has no viser widgets, and other messages let a client change what
-everybody sees (set attributes of handles, drag nodes, ask for a public tunnel). An operator's drag
-of a beacon's handle does not reach viser either: it is taken out and given to `ViewServer.on_drag`.
+The pump carries viser's frames to the browser untouched and lets back the camera alone. Our scene
+has no viser widgets, and other messages let a client change what everybody sees (set attributes
+of handles, drag nodes, ask for a public tunnel). An operator's drag of a beacon's handle does not
+reach viser either: it is taken out and given to `ViewServer.on_drag`.
+
+What viser's own client never sends to this scene (other messages, large ones, hundreds a second)
+comes from another program: that connection is closed.
 """
 
 from __future__ import annotations
@@ -11,6 +14,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import time
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import distribution
 from pathlib import Path
@@ -27,8 +32,11 @@ from web.beacons.shapes import Point
 from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 CAMERA = "ViewerCameraMessage"
-WIDGET = "GuiUpdateMessage"
+IDLE = ("SceneNodeDragMessage", "SceneNodeClickMessage", "ScenePointerMessage")
+"""What a pointer in viser's client may bring about; nothing of it reaches viser."""
 LARGEST_UPWARD = 4096  # bytes; a camera message is about 300
+RATE, BURST = 200.0, 400.0  # messages a second, and at once; viser's client sends 50 a second
+POLICY_VIOLATION = 1008  # close code
 CLIENT_POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "worker-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -47,64 +55,74 @@ class _Upward(msgspec.Struct):
     """The head of what a browser sends to viser."""
 
     type: str
-    updates: dict[str, object] | None = None
     position: object = None
 
 
 _decode = msgspec.msgpack.Decoder(_Upward).decode
 
 
-def passes(frame: bytes, role: Role) -> bool:
-    """Whether a message from the browser may reach viser.
-
-    Viewers: the camera only. Operators: also the value of a widget, and nothing else of it.
-    """
-    message = _read(frame)
-    if message is None:
-        return False
-    if message.type == CAMERA:
-        return True
-    is_value = message.updates is not None and message.updates.keys() == {"value"}
-    return role.may(Role.OPERATOR) and message.type == WIDGET and is_value
+class HostileError(Exception):
+    """What viser's client does not send to this scene; the message says what."""
 
 
-def _read(frame: bytes) -> _Upward | None:
+def _read(frame: bytes | None) -> _Upward:
+    if frame is None:
+        raise HostileError("the view takes no text")
     if len(frame) > LARGEST_UPWARD:
-        return None
+        raise HostileError(f"{len(frame)} bytes; the view takes at most {LARGEST_UPWARD}")
     try:
         return _decode(frame)
-    except msgspec.DecodeError:
-        return None
+    except msgspec.DecodeError as error:
+        raise HostileError("that is no message of viser") from error
 
 
 class Upstream:
-    """What one browser sends: decides what reaches viser, and finds drags in the rest."""
+    """What one browser sends: decides what reaches viser, and finds drags in the rest.
 
-    def __init__(self, server: ViewServer, session: Session) -> None:
+    Args: `clock`, s of a steady clock.
+    """
+
+    def __init__(
+        self,
+        server: ViewServer,
+        session: Session,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._server = server
         self._session = session
+        self._clock = clock
         self._eye: Point | None = None
+        self._left, self._counted = BURST, clock()
 
-    def takes(self, frame: bytes) -> bool:
-        """Whether viser gets it."""
-        if passes(frame, self._session.role):
-            self._eye = camera_of(frame) or self._eye
+    def takes(self, frame: bytes | None) -> bool:
+        """Whether viser gets it. Raises HostileError."""
+        self._count()
+        message = _read(frame)
+        if message.type == CAMERA:
+            self._eye = eye_of(message.position) or self._eye
             return True
-        if self._session.role.may(Role.OPERATOR) and len(frame) <= LARGEST_UPWARD:
+        if message.type not in IDLE:
+            raise HostileError(f"the view takes no {message.type[:40]}")
+        if self._session.role.may(Role.OPERATOR) and frame is not None:
             names = self._server.draggable
             drag = drag_of(frame, names, self._eye, self._session.label) if names else None
             if drag is not None:
                 self._server.on_drag(drag)
         return False
 
+    def _count(self) -> None:
+        """A bucket that RATE fills and each message takes from."""
+        now = self._clock()
+        self._left = min(BURST, self._left + RATE * (now - self._counted)) - 1.0
+        self._counted = now
+        if self._left < 0.0:
+            raise HostileError(f"more than {RATE:.0f} messages a second")
 
-def camera_of(frame: bytes) -> Point | None:
-    """Where a camera message puts the camera, m, world; None for any other message."""
-    message = _read(frame)
-    if message is None or message.type != CAMERA:
-        return None
+
+def eye_of(position: object) -> Point | None:
+    """Where a camera message puts the camera, m, world; None when it says nothing sound."""
     try:
-        x, y, z = msgspec.convert(message.position, Point)
+        x, y, z = msgspec.convert(position, Point)
     except msgspec.ValidationError:
         return None
     return (x, y, z) if math.isfinite(x + y + z) else None
@@ -164,5 +182,9 @@ async def _up(
     with contextlib.suppress(ConnectionClosed, WebSocketDisconnect, OSError):
         while (event := await socket.receive())["type"] != "websocket.disconnect":
             frame = event.get("bytes")
-            if frame is not None and filtered.takes(frame):
-                await upstream.send(frame)
+            try:
+                if filtered.takes(frame) and frame is not None:
+                    await upstream.send(frame)
+            except HostileError as error:
+                await socket.close(POLICY_VIOLATION, str(error))
+                return

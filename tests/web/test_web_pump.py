@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
+import contextlib
+import struct
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -13,10 +14,11 @@ import viser
 import websockets
 import websockets.exceptions
 import websockets.sync.client
+import zstandard
 from viser import _messages
 
 from web import pump
-from web.access.roles import Role
+from web.access.roles import Role, Session
 from web.view_server import ViewServer
 
 CAMERA = {
@@ -25,44 +27,83 @@ CAMERA = {
     "far": 100.0, "image_height": 400, "image_width": 640, "look_at": [0.0, 0.0, 0.0],
     "up_direction": [0.0, 0.0, 1.0],
 }  # fmt: skip
-VALUE = {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"value": 3.0}}
 HARMFUL = [
+    {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"value": 1e6}},
     {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"update_cb": []}},
     {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"value": 3.0, "disabled": False}},
     {"type": "GuiUpdateMessage", "uuid": "u"},
     {"type": "ShareUrlRequest"},
     {"type": "ShareUrlDisconnect"},
-    {"type": "SceneNodeClickMessage", "name": "/vehicle"},
     {"type": "TransformControlsUpdateMessage", "name": "/vehicle"},
     {"type": "FileTransferStartUpload"},
     {"type": "RunJavascriptMessage", "source": "1"},
     {"type": "SetPositionMessage", "name": "/vehicle", "position": [0, 0, 9]},
 ]
+POINTED = [
+    {"type": "SceneNodeClickMessage", "name": "/vehicle"},
+    {"type": "SceneNodeDragMessage", "name": "/vehicle"},
+    {"type": "ScenePointerMessage"},
+]
 encode = msgspec.msgpack.encode
 
 
+@pytest.fixture
+def upstream() -> Callable[[Role], pump.Upstream]:
+    """One browser of this role, to a server that would take its drags."""
+    return lambda role: pump.Upstream(_NoServer(), Session("somebody", role), lambda: 0.0)
+
+
+class _NoServer(ViewServer):
+    def __init__(self) -> None:
+        self.draggable = frozenset()
+
+
 @pytest.mark.parametrize("role", list(Role))
-def test_everyone_may_move_their_camera(role: Role) -> None:
-    assert pump.passes(encode(CAMERA), role)
+def test_everyone_may_move_their_camera(upstream: Any, role: Role) -> None:
+    assert upstream(role).takes(encode(CAMERA))
 
 
-def test_only_operators_may_set_the_value_of_a_widget() -> None:
-    assert pump.passes(encode(VALUE), Role.OPERATOR)
-    assert not pump.passes(encode(VALUE), Role.VIEWER)
+@pytest.mark.parametrize("message", POINTED, ids=lambda m: m["type"])
+@pytest.mark.parametrize("role", list(Role))
+def test_what_a_pointer_brings_about_goes_no_further(
+    upstream: Any, role: Role, message: dict[str, Any]
+) -> None:
+    assert not upstream(role).takes(encode(message))
 
 
 @pytest.mark.parametrize("message", HARMFUL, ids=lambda m: m["type"])
 @pytest.mark.parametrize("role", list(Role))
-def test_nothing_else_passes(message: dict[str, Any], role: Role) -> None:
-    assert not pump.passes(encode(message), role)
+def test_what_our_scene_has_no_use_for_ends_the_connection(
+    upstream: Any, role: Role, message: dict[str, Any]
+) -> None:
+    with pytest.raises(pump.HostileError, match=message["type"]):
+        upstream(role).takes(encode(message))
 
 
 @pytest.mark.parametrize(
     "frame",
-    [b"", b"\xc1", b"text", encode(3), encode({"type": 1}), encode({**CAMERA, "x": "y" * 5000})],
-)
-def test_what_is_no_message_does_not_pass(frame: bytes) -> None:
-    assert not pump.passes(frame, Role.OPERATOR)
+    [b"", b"\xc1", b"text", encode(3), encode({"type": 1}), encode({**CAMERA, "x": "y" * 5000}),
+     None],
+)  # fmt: skip
+def test_what_is_no_message_ends_the_connection(upstream: Any, frame: bytes | None) -> None:
+    with pytest.raises(pump.HostileError):
+        upstream(Role.ADMIN).takes(frame)
+
+
+def test_hundreds_of_messages_a_second_end_the_connection_and_50_do_not() -> None:
+    now = [0.0]
+    page = pump.Upstream(_NoServer(), Session("somebody", Role.VIEWER), lambda: now[0])
+    for _ in range(50 * 60):
+        now[0] += 0.02
+        assert page.takes(encode(CAMERA))
+
+    def flood() -> None:
+        for _ in range(1000):
+            now[0] += 0.001
+            page.takes(encode(CAMERA))
+
+    with pytest.raises(pump.HostileError, match="200 messages a second"):
+        flood()
 
 
 def test_the_client_page_is_told_that_it_has_the_focus() -> None:
@@ -106,7 +147,7 @@ def test_the_private_names_we_use_exist_in_this_viser(server: ViewServer) -> Non
     assert isinstance(inner._live_connections, dict)
     assert isinstance(inner._incoming_handlers, dict)
     assert _messages.ViewerCameraMessage.__name__ == pump.CAMERA
-    assert _messages.GuiUpdateMessage.__name__ == pump.WIDGET
+    assert {vars(_messages)[name].__name__ for name in pump.IDLE} == set(pump.IDLE)
     assert viser.__version__.startswith("1.1.")
 
 
@@ -141,25 +182,65 @@ def test_another_version_of_the_client_is_sent_away(site: Any, operator: httpx.C
     assert caught.value.response.status_code == 403
 
 
-def test_only_the_camera_reaches_viser(
-    site: Any, viewer: httpx.Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def reached(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The types of the messages that viser got."""
     came: list[str] = []
-    arrived = threading.Event()
     original = _messages.Message.deserialize.__func__  # type: ignore[attr-defined]
 
     def deserialize(cls: Any, raw: bytes) -> Any:
         message = original(cls, raw)
         came.append(type(message).__name__)
-        arrived.set()
         return message
 
     monkeypatch.setattr(_messages.Message, "deserialize", classmethod(deserialize))
+    return came
+
+
+def test_only_the_camera_reaches_viser(
+    site: Any, viewer: httpx.Client, reached: list[str], until: Any
+) -> None:
     with view(site, site.cookie(viewer)) as socket:
         socket.recv(timeout=10.0)
-        for message in HARMFUL:
+        for message in (*POINTED, CAMERA):  # in order: the others were dropped when it arrives
             socket.send(encode(message))
-        socket.send("text")
-        socket.send(encode(CAMERA))  # in order: the others were dropped when this one arrives
-        assert arrived.wait(10.0)
-    assert came == ["ViewerCameraMessage"]
+        until(lambda: reached)
+    assert reached == ["ViewerCameraMessage"]
+
+
+def unpacked(frame: bytes) -> bytes:
+    """The msgpack of one of viser's frames: two lengths of 8 bytes, then zstd."""
+    size, packed = struct.unpack_from("<QQ", frame)
+    return zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed], size)
+
+
+HOSTILE: dict[str, Callable[[Any], None]] = {
+    "a value out of range": lambda socket: socket.send(encode(HARMFUL[0])),
+    "callbacks taken away": lambda socket: socket.send(encode(HARMFUL[1])),
+    "a public tunnel": lambda socket: socket.send(encode({"type": "ShareUrlRequest"})),
+    "a foreign message": lambda socket: socket.send(encode({"type": "MakeTeaMessage"})),
+    "text": lambda socket: socket.send("hello"),
+    "64 MiB": lambda socket: socket.send(bytes(64 << 20)),
+    "1000 messages a second": lambda socket: [socket.send(encode(CAMERA)) for _ in range(1000)],
+}
+
+
+@pytest.mark.parametrize("attack", HOSTILE)
+def test_a_hostile_client_is_closed_and_the_others_see_on(
+    site: Any, operator: httpx.Client, viewer: httpx.Client, reached: list[str], attack: str
+) -> None:
+    with view(site, site.cookie(viewer), "b") as other:
+        assert len(other.recv(timeout=10.0)) > 1000
+        with view(site, site.cookie(operator)) as socket:
+            socket.recv(timeout=10.0)
+            with contextlib.suppress(websockets.exceptions.ConnectionClosed):
+                HOSTILE[attack](socket)
+            with contextlib.suppress(websockets.exceptions.ConnectionClosed):
+                for _ in socket:  # what was under way
+                    pass
+            assert socket.close_code in (1008, 1009)
+        site.view_server.viser.scene.add_frame("/probe")
+        while b"/probe" not in unpacked(other.recv(timeout=10.0)):
+            pass
+        site.view_server.viser.scene.remove_by_name("/probe")
+    assert set(reached) <= {"ViewerCameraMessage"}
