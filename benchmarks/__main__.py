@@ -23,6 +23,7 @@ from benchmarks.harness import Report
 
 NAMES = (
     "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
+    "replay", "sticks", "parameter_page", "run_list",
 )  # fmt: skip
 
 

@@ -173,6 +173,7 @@ def measure(parent: int, lines: list[str], began: float, cold: bool) -> dict[str
         answer = browser.post(f"/api/commands/{command}", json=body)
         assert answer.status_code == 200, answer.text
 
+    until(lambda: (summary().get("preflight") or {}).get("ready"))
     command("arm")
     until(lambda: status()["mode"] == "armed")
     time.sleep(1.0)

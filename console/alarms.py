@@ -30,6 +30,11 @@ class AlarmBoard:
         if begins and line is not None:
             self._said(line)
 
+    def keyed(self) -> dict[str, str]:
+        """The alarms by cause."""
+        with self._lock:
+            return dict(self._lines)
+
     def lines(self, foreign: Sequence[str] = ()) -> list[str]:
         """All alarms with those another object keeps itself (the recorder)."""
         with self._lock:

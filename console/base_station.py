@@ -17,6 +17,7 @@ from typing import Any
 from console.alarms import AlarmBoard
 from console.beacon_layout import BeaconLayout, vehicle_teller
 from console.catalogue import Catalogue
+from console.check_desk import CheckDesk
 from console.commands import CommandGateway
 from console.comparison.feed import ComparisonFeed, both
 from console.control.desk import ControlDesk
@@ -24,13 +25,17 @@ from console.expansion import expanded, messages_of
 from console.experiment_running.runner import ExperimentRunner, settings_of
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
+from console.parameter_history import ParameterHistory
 from console.parameter_store import StationStore
-from console.run_files import tidy_runs
+from console.parameter_witness import ParameterWitness
+from console.run_housekeeping import PERIOD, Housekeeping
 from console.run_keeper import RunKeeper
-from console.sticks import StickWatchdog
+from console.run_marks import MarkService
+from console.stick_desk import StickDesk
 from console.tracker_feed import TrackerFeed
+from console.tuning.log_window import LogWindow
 from console.vehicle_parameters import VehicleParameters
-from quadrotor.errors import LinkError, MeasurementError, StorageError
+from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
 from vehicle_link.heartbeat import LinkState
@@ -90,8 +95,6 @@ class BaseStation:
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
-        self._sticks = StickWatchdog()
-        self._sticks_lock = threading.Lock()
         parameters = self._store.parameters
         self._comparison = ComparisonFeed(
             parameters.comparison, self._outbox.put, partial(self._outbox.say, INFO)
@@ -109,17 +112,36 @@ class BaseStation:
             vehicle_teller(self._node),
         )
         self._store.before_change = self._layout.before_change
+        self._witness = ParameterWitness(
+            ParameterHistory(catalogue.engine, vehicle), partial(self._alarms.set, "history")
+        )
+        self._witness.begin(self._store.values())
         self.experiments = ExperimentRunner(
             self._node, vehicle, self._link_state, self.link.vehicle_ns, self._outbox,
             self._vehicle_parameters, self._recorder, catalogue, settings_of(parameters),
-            self.runs.asked, self.control.permit,
+            self._asked, self.control.permit,
         )  # fmt: skip
         CommandGateway(
             self._node, self._store, self._link_state, self.runs.by_hand, self.control.permit,
             self.experiments.commanded,
         )  # fmt: skip
+        MarkService(self._node, vehicle, catalogue, self._recorder, self._outbox, self.link)
+        self._house = Housekeeping(
+            catalogue, parameters.recorder, self._recorder.status,
+            partial(self._outbox.say, INFO), self._alarms.set,
+        )  # fmt: skip
+        LogWindow(self._node, self._link_state)
         serve_parameters(self._node, self._store)
+        self._sticks = StickDesk(
+            self._outbox, self.control.steers, self.experiments, lambda: parameters.sticks.timeout
+        )
+        self.checks = CheckDesk(
+            self._node, self._outbox, parameters, self.link, self._tracker,
+            self._vehicle_parameters, self._recorder, self._alarms, catalogue.folder,
+            lambda: self._sticks.alarm is not None,
+        )  # fmt: skip
         self._subscribe()
+        self.checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
             for name, target in (("beat", self._beat), ("slow", self._ask), ("tidy", self._tidy))
@@ -131,12 +153,15 @@ class BaseStation:
         """Close the run's file first: nothing else matters as much."""
         self._closing.set()
         self.runs.close()
+        self.checks.close()
         self.experiments.close()
+        self._sticks.close()
         self._tracker.close()
         self._comparison.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
         self._node.close()
+        self._witness.close()
         self._catalogue.close()
 
     # ------------------------------------------------------------------ what comes
@@ -147,9 +172,7 @@ class BaseStation:
             "stick": self._on_stick,
             "status": self._on_status,
             "truth": self._on_truth,
-            "parameter_changes": lambda received: self.experiments.feed.parameter_changed(
-                decode(received.payload, TOPICS["parameter_changes"].type_name)
-            ),
+            "parameter_changes": self._on_parameter_change,
         }
         for name in {*makers, *AS_IT_COMES}:
             callback = partial(self._on_message, name, makers.get(name))
@@ -167,6 +190,7 @@ class BaseStation:
                 if not self._closing.is_set():
                     self._alarms.set(name, f"{name}: {error}")
         if name in AS_IT_COMES:
+            self.checks.observed.message(name, received.payload)
             self._recorder.put(
                 f"/{self._vehicle}/{name}",
                 TOPICS[name].type_name,
@@ -182,6 +206,7 @@ class BaseStation:
         shown = self.link.telemetry(sequence, stamp_ns, received.received_ns)
         self._comparison.telemetry(received.payload)
         if shown:
+            self.checks.observed.telemetry(ticks["state"][-1])
             self.experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
         payloads: dict[str, list[bytes]] = {}
         if self._recorder.run_id:
@@ -196,10 +221,27 @@ class BaseStation:
 
     def _on_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)
+        self.checks.observed.status(status)
         self._vehicle_parameters.shown_revision = int(status.parameter_revision)
         self.runs.status(bool(status.armed))
+        self._witness.status(bool(status.armed), self._recorder.run_id)
         self.experiments.feed.status(status)
         self._comparison.status(bool(status.armed), str(status.mode))
+
+    def _on_stick(self, received: Received) -> None:
+        self.checks.observed.message("stick", received.payload)
+        self._sticks.received(received)
+
+    def _asked(self, command: str, requester: str) -> None:
+        """Before a command of a person or an experiment is passed on. Raises RefusedError."""
+        if command == "arm":
+            self.checks.preflight.before_arming(requester)
+        self.runs.asked(command, requester)
+
+    def _on_parameter_change(self, received: Received) -> None:
+        change = decode(received.payload, TOPICS["parameter_changes"].type_name)
+        self.experiments.feed.parameter_changed(change)
+        self._witness.changed(change, received.received_ns)
 
     def _on_truth(self, received: Received) -> None:
         stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)
@@ -207,21 +249,9 @@ class BaseStation:
         self._comparison.truth(*pose)
         self._tracker.truth(*pose)
 
-    def _on_stick(self, received: Received) -> None:
-        timeout = self._store.parameters.sticks.timeout
-        if received.received_ns - received.source_ns > timeout * 1e9:
-            return  # of a page that stood still; the watchdog has noticed
-        sticks = topics.decode_joy(received.payload)
-        if not self.control.steers(sticks.requester, sticks.enabled):
-            return  # another has control; silence drops what these sticks held
-        with self._sticks_lock:
-            order = self._sticks.feed(sticks.axes, sticks.enabled, time.monotonic(), timeout)
-        if self.experiments.passes(order):
-            self._outbox.joy(order)
-
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
-        """20 Hz: heartbeat, stick watchdog, end of runs; every fourth time the status topics."""
+        """20 Hz: heartbeat, end of runs; every fourth time the status topics."""
         due, count = time.monotonic(), 0
         while not self._closing.is_set():
             count += 1
@@ -231,14 +261,7 @@ class BaseStation:
 
     def _beat_once(self, count: int) -> None:
         self._outbox.heartbeat(count)
-        with self._sticks_lock:
-            order = self._sticks.tick(time.monotonic(), self._store.parameters.sticks.timeout)
-            dropped = self._sticks.dropped
-        if order is not None and self.experiments.passes(order):
-            self._outbox.joy(order)
-        self._alarms.set(
-            "sticks", "sticks dropped: release the dead-man and press again" if dropped else None
-        )
+        self._alarms.set("sticks", self._sticks.alarm)
         self.runs.tick()
         self.control.tick(count)
         self.experiments.tick(count)
@@ -266,7 +289,8 @@ class BaseStation:
             alarms=self._alarms.lines(recorder.alarms),
         )
         self._outbox.message("station_status", status, stamp_ns)
-        self._outbox.message("link_status", self.link.message(time.time_ns()), stamp_ns)
+        link_status = self.checks.gatherer.link_status = self.link.message(time.time_ns())
+        self._outbox.message("link_status", link_status, stamp_ns)
 
     def _ask(self) -> None:
         """Slow questions to the vehicle: its clock, its parameters."""
@@ -280,22 +304,17 @@ class BaseStation:
             self.link.exchanged(exchange(time_sync))
             if not self._recorder.run_id:
                 self._vehicle_parameters.refresh()
+                if (present := self._vehicle_parameters.present()) is not None:
+                    self._witness.look(*present)
             self._alarms.set("beacons", self._layout.agree() or None)
         except LinkError:
             # The link's state on the page says it; asked again in a second.
             log.debug("the vehicle did not answer", exc_info=True)
 
     def _tidy(self) -> None:
-        """Once, beside the work: a flight that is under way must not wait for old files."""
-
-        def tidy() -> None:
-            try:
-                for line in tidy_runs(self._catalogue, skip=(self._recorder.run_id,)):
-                    self._outbox.say(INFO, line)
-            except StorageError as error:
-                self._alarms.set("catalogue", str(error))
-
-        self._guard(tidy)
+        self._guard(self._house.tidy)
+        while not self._closing.wait(PERIOD):
+            self._guard(self._house.look)
 
     def _link_state(self) -> LinkState:
         return self.link.state(time.time_ns())

@@ -12,38 +12,17 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import BigInteger, String, Text, create_engine, event, func, or_, select
-from sqlalchemy.exc import SQLAlchemyError
-from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+from sqlalchemy import Engine, create_engine, event, func, select
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.orm import Session, sessionmaker
 
+from console.catalogue_search import RunSearch, condition
+from console.catalogue_tables import Base, RunRow, TrashRow
 from quadrotor.errors import StorageError
 
 RUNS = "runs"
 DATABASE = "catalogue.sqlite"
 SUFFIX = ".mcap"
-
-
-class Base(DeclarativeBase):
-    """Of the tables here."""
-
-
-class RunRow(Base):
-    """One run; the log itself is a file in the runs folder."""
-
-    __tablename__ = "runs"
-
-    id: Mapped[str] = mapped_column(String(120), primary_key=True)
-    vehicle: Mapped[str] = mapped_column(String(60), index=True)
-    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)
-    duration: Mapped[float] = mapped_column(default=0.0)
-    file: Mapped[str] = mapped_column(String(200))
-    bytes: Mapped[int] = mapped_column(BigInteger, default=0)
-    messages: Mapped[int] = mapped_column(BigInteger, default=0)
-    operator: Mapped[str] = mapped_column(String(120), default="")
-    complete: Mapped[bool] = mapped_column(default=False)
-    recovered: Mapped[bool] = mapped_column(default=False)
-    problem: Mapped[str] = mapped_column(Text, default="")
-    notes: Mapped[str] = mapped_column(Text, default="")
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,16 +70,24 @@ class Catalogue:
             event.listen(self._engine, "connect", _set_up_sqlite)
         self._sessions = sessionmaker(self._engine, expire_on_commit=False)
         try:
-            Base.metadata.create_all(self._engine)
+            try:
+                Base.metadata.create_all(self._engine)
+            except OperationalError:  # another process was making the same tables
+                Base.metadata.create_all(self._engine)
         except SQLAlchemyError as error:
             raise _storage_error(error) from error
+
+    @property
+    def engine(self) -> Engine:
+        """Of the database, for the tables of others in it."""
+        return self._engine
 
     def close(self) -> None:
         self._engine.dispose()
 
     def add(self, entry: RunEntry) -> None:
         """A new run, or new facts about one; notes already written are kept."""
-        with self._session() as session:
+        with self.session() as session:
             row = session.get(RunRow, entry.id)
             values = {name: getattr(entry, name) for name in RunEntry.__slots__}
             if row is None:
@@ -110,45 +97,40 @@ class Catalogue:
             _update(row, values)
 
     def update(self, run_id: str, **values: Any) -> None:
-        """Change columns of a run. Raises StorageError for an unknown run."""
-        with self._session() as session:
-            _update(_existing(session, run_id), values)
-
-    def set_notes(self, run_id: str, notes: str) -> None:
-        """The researcher's text about a run."""
-        self.update(run_id, notes=notes)
+        """Change columns of a run. Raises StorageError for an unknown or deleted run."""
+        with self.session() as session:
+            _update(self.existing(session, run_id), values)
 
     def get(self, run_id: str) -> RunEntry:
-        """Raises StorageError for an unknown run."""
-        with self._session() as session:
-            return _entry(_existing(session, run_id))
+        """Raises StorageError for an unknown or deleted run."""
+        with self.session() as session:
+            return _entry(self.existing(session, run_id))
 
     def runs(
-        self, search: str = "", vehicle: str = "", limit: int = 200, offset: int = 0
+        self, search: RunSearch | str = "", vehicle: str = "", limit: int = 200, offset: int = 0
     ) -> list[RunEntry]:
-        """Newest first; `search` looks in id, operator and notes."""
-        query = select(RunRow).order_by(RunRow.start_ns.desc(), RunRow.id.desc())
-        if vehicle:
-            query = query.where(RunRow.vehicle == vehicle)
-        if search:
-            columns = (RunRow.id, RunRow.operator, RunRow.notes)
-            query = query.where(or_(*(c.icontains(search, autoescape=True) for c in columns)))
-        with self._session() as session:
+        """Newest first, without deleted ones; a text is searched for as words."""
+        query = select(RunRow).where(condition(_search(search, vehicle)))
+        query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc())
+        with self.session() as session:
             return [_entry(row) for row in session.scalars(query.limit(limit).offset(offset))]
 
-    def count(self) -> int:
-        with self._session() as session:
-            return session.scalar(select(func.count()).select_from(RunRow)) or 0
+    def count(self, search: RunSearch | str = "", vehicle: str = "") -> int:
+        """Of what `runs` would list."""
+        query = select(func.count()).select_from(RunRow)
+        with self.session() as session:
+            return session.scalar(query.where(condition(_search(search, vehicle)))) or 0
 
     def remove(self, run_id: str) -> None:
         """Forget a run; its file stays."""
-        with self._session() as session:
-            session.delete(_existing(session, run_id))
+        with self.session() as session:
+            session.delete(self.existing(session, run_id))
 
     def resolve(self, run_id: str) -> Path:
         """The file of a catalogued run, never anything outside the runs folder.
 
-        Raises StorageError for an unknown run, a missing file, or a name that leads elsewhere.
+        Raises StorageError for an unknown or deleted run, a missing file, or a name that leads
+        elsewhere.
         """
         entry = self.get(run_id)
         folder = self.folder.resolve()
@@ -159,8 +141,17 @@ class Catalogue:
             raise StorageError(f"the file of run {run_id} is gone: {path}")
         return path
 
+    def existing(self, session: Session, run_id: str) -> RunRow:
+        """Within `session`. Raises StorageError for an unknown or deleted run."""
+        row = session.get(RunRow, run_id)
+        if row is None:
+            raise StorageError(f"no run {run_id!r} in the catalogue; list them on the Runs page")
+        if session.get(TrashRow, run_id) is not None:
+            raise StorageError(f"run {run_id} was deleted; undo that on the Runs page first")
+        return row
+
     @contextmanager
-    def _session(self) -> Iterator[Session]:
+    def session(self) -> Iterator[Session]:
         """One transaction; what the database cannot do is a StorageError."""
         try:
             with self._sessions.begin() as session:
@@ -181,11 +172,8 @@ def run_name(
     return name
 
 
-def _existing(session: Session, run_id: str) -> RunRow:
-    row = session.get(RunRow, run_id)
-    if row is None:
-        raise StorageError(f"no run {run_id!r} in the catalogue; list them on the Runs page")
-    return row
+def _search(search: RunSearch | str, vehicle: str) -> RunSearch:
+    return RunSearch(words=search, vehicle=vehicle) if isinstance(search, str) else search
 
 
 def _update(row: RunRow, values: dict[str, Any]) -> None:

@@ -73,6 +73,8 @@ class CommandGateway:
         except RefusedError as error:
             return _refused(name, str(error))
         except LinkError as error:
+            if name == "emergency":  # an error, not a refusal: who asks tries again
+                raise LinkError(f"the vehicle did not answer: {error}") from error
             return _refused(name, f"the vehicle did not answer: {error}")
 
     def _change_parameters(self, request: Any) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from console.outages import Outages
 from console.telemetry_window import TelemetryWindow
 from vehicle_link.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.messages import header, new
@@ -25,10 +26,12 @@ class LinkMonitor:
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
         self._started_ns = time.time_ns()
+        self._outages = Outages(self._started_ns)
 
     def heartbeat(self, station_ns: int) -> None:
         """The vehicle's heartbeat came."""
         self._heartbeats.heard(station_ns)
+        self._outages.heard(station_ns)
 
     def exchanged(self, exchange: Exchange) -> None:
         """A time synchronisation was answered."""
@@ -57,6 +60,7 @@ class LinkMonitor:
     def message(self, station_ns: int) -> Any:
         """quadlab_msgs/LinkStatus."""
         quality = self._telemetry.quality(station_ns)
+        outages = self._outages.figures(station_ns)
         newest_ns = self._telemetry.newest_stamp_ns
         # Before the first packet, for as long as we have waited for one.
         since_ns = self._started_ns if newest_ns is None else self._clock.to_client(newest_ns)
@@ -70,4 +74,9 @@ class LinkMonitor:
             age=max(0, station_ns - since_ns) * 1e-9,
             loss=quality.loss,
             telemetry_rate=quality.rate,
+            state_duration=self._outages.state_duration(station_ns),
+            outages=outages.count,
+            outage_last=outages.last,
+            outage_longest=outages.longest,
+            outage_total=outages.total,
         )

@@ -20,7 +20,7 @@ from vehicle_link.topics import TOPICS
 
 RECORDED = (
     "tracker_pose", "bearings", "joy", "station_status", "link_status", "comparison",
-    "experiment_status", "control",
+    "experiment_status", "preflight", "control",
 )  # fmt: skip
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
 
@@ -47,7 +47,7 @@ class Outbox:
         self._vehicle = vehicle
         self._record = record
         self._vehicle_ns = vehicle_ns
-        names = (*RECORDED, *SHARED, "station_heartbeat", *ENCODERS)
+        names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *ENCODERS)
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:

@@ -21,7 +21,8 @@ class StationStore:
     """The backend of the station's parameter services; thread-safe.
 
     Args:
-        on_change: called once for each value that really changed, outside any lock.
+        on_change: called once for each value that really changed, in the order of the revisions;
+            it may read here but not change.
 
     Attributes:
         before_change: has a say in sound values before they are applied; outside any lock.
@@ -33,6 +34,7 @@ class StationStore:
         )
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
+        self._telling = threading.Lock()
         self.before_change: BeforeChange = lambda *_: None
         self.on_change = on_change
 
@@ -64,13 +66,14 @@ class StationStore:
     ) -> tuple[dict[str, ParameterValue], int]:
         """(applied values, revision); all or nothing. Raises ParameterError."""
         self.before_change(self._checked(values), requester)
-        with self._lock:
-            before = self._store.values()
-            applied = self._store.set(values)
-            revision = self._store.revision
-        for name, value in applied.items():
-            if value != before[name]:
-                self.on_change(name, before[name], value, requester, revision)
+        with self._telling:
+            with self._lock:
+                before = self._store.values()
+                applied = self._store.set(values)
+                revision = self._store.revision
+            for name, value in applied.items():
+                if value != before[name]:
+                    self.on_change(name, before[name], value, requester, revision)
         return applied, revision
 
     def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from bearing_sim import BearingParameters, TrackerParameters
+from console.checks.parameters import PreflightParameters
 from console.comparison.parameters import ComparisonParameters
 from quadrotor.parameters import Parameters, parameter
 
@@ -20,6 +21,22 @@ class RecorderParameters(Parameters):
     )
     keep_free: float = parameter(
         500.0, unit="MB", ge=10, le=100_000, step=10, description="no recording below this"
+    )
+    warn_free: float = parameter(
+        5000.0,
+        unit="MB",
+        ge=10,
+        le=1_000_000,
+        step=100,
+        description="a warning below this free space",
+    )
+    trash_keep: float = parameter(
+        7.0,
+        unit="d",
+        ge=0.01,
+        le=365,
+        step=1,
+        description="deleted runs can be brought back for this long",
     )
 
 
@@ -39,6 +56,7 @@ class StationParameters(Parameters):
     recorder: RecorderParameters = RecorderParameters()
     sticks: StickParameters = StickParameters()
     comparison: ComparisonParameters = ComparisonParameters()
+    preflight: PreflightParameters = PreflightParameters()
 
 
 class StationTree(Parameters):

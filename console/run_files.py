@@ -6,6 +6,8 @@ from collections.abc import Collection
 from pathlib import Path
 
 from console.catalogue import SUFFIX, Catalogue, RunEntry
+from console.log_marks import keep_marks_of_log
+from console.run_trash import undo_half_deletions
 from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.log import is_closed, recover, summarize
 from vehicle_link.log.file import is_being_written
@@ -17,7 +19,7 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
     Files being written, in whatever process, and runs named in `skip` are left alone.
     Raises StorageError when folder or catalogue cannot be used at all.
     """
-    lines: list[str] = []
+    lines = [f"run {run}: its deletion was undone" for run in undo_half_deletions(catalogue)]
     known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
     try:
         paths = sorted(catalogue.folder.glob(f"*{SUFFIX}"))
@@ -41,18 +43,23 @@ def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list
         if is_closed(path):
             if entry is not None and entry.complete:
                 return []
-            catalogue.add(described(path, entry))
+            _enter(catalogue, path, entry)
             return [f"run {path.stem}: entered in the catalogue"]
         if is_being_written(path):
             return []
         recovery = recover(path)
-        catalogue.add(described(path, entry))
+        _enter(catalogue, path, entry)
     except (LogFormatError, StorageError) as error:
         catalogue.add(_unreadable(path, entry, str(error)))
         return [f"run {path.stem}: {error}"]
     return [
         f"run {path.stem}: recovered {recovery.messages} messages of a recording that was cut off"
     ]
+
+
+def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> None:
+    catalogue.add(described(path, entry))
+    keep_marks_of_log(catalogue, path, path.stem)
 
 
 def described(path: Path, entry: RunEntry | None) -> RunEntry:

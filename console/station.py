@@ -49,6 +49,10 @@ def run_station(
     files = ensure_certificates(data / "certificates", [host])
     session = station_session(vehicle_endpoint, loopback_port, files)
     station = BaseStation(session, catalogue, name, operator, settings)
+    station.checks.startup.endpoints = (
+        f"dials the vehicle at {vehicle_endpoint}, serves page and ROS 2 at "
+        f"127.0.0.1:{loopback_port}"
+    )
     print(f"station: dials {vehicle_endpoint}, serves 127.0.0.1:{loopback_port}", flush=True)
     while not stopping.wait(1.0):
         pass

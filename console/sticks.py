@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 CENTRED = (0.0, 0.0, 0.0, 0.0)
 REPEATS = 3
-"""A drop is sent this often, for sticks travel best effort; the vehicle has its own watchdog."""
+"""The order to stop is sent this often, for sticks travel best effort; the vehicle has its own
+watchdog."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,22 +40,29 @@ class StickWatchdog:
         if self._heard is not None and now - self._heard > timeout:
             self._drop()
         if not enabled:
+            if self._heard is not None:
+                self._repeats = REPEATS - 1
             self._heard = None
             self._latched = False
             return DROPPED
         if self._latched:
             return DROPPED
         self._heard = now
+        self._repeats = 0
         return StickOrder(axes, True)
 
     def tick(self, now: float, timeout: float) -> StickOrder | None:
-        """Some times a second; returns the order to stop while it must be sent."""
+        """When it is `due`; returns the order to stop while it must be sent."""
         if self._heard is not None and now - self._heard > timeout:
             self._drop()
         if self._repeats > 0:
             self._repeats -= 1
             return DROPPED
         return None
+
+    def due(self, now: float, timeout: float) -> float | None:
+        """s until silence is a drop; None = there is nothing to drop."""
+        return None if self._heard is None else max(self._heard + timeout - now, 0.0) + 1e-4
 
     @property
     def dropped(self) -> bool:

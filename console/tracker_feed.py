@@ -50,6 +50,7 @@ class TrackerFeed:
         self._ahead_ns = 0  # truth's clock minus ours
         self._heard: float | None = None
         self._sent: deque[float] = deque(maxlen=1000)
+        self._frames: deque[float] = deque(maxlen=1000)
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="tracker", daemon=True)
         self._thread.start()
@@ -72,6 +73,12 @@ class TrackerFeed:
         return sum(1 for at in list(self._sent) if at >= since) / RATE_WINDOW
 
     @property
+    def bearings_rate(self) -> float:
+        """Frames of bearings sent in the last second, Hz."""
+        since = self._clock() - RATE_WINDOW
+        return sum(1 for at in list(self._frames) if at >= since) / RATE_WINDOW
+
+    @property
     def silence(self) -> float | None:
         """s since the last truth, None before the first (no simulator, no tracking system)."""
         return None if self._heard is None else self._clock() - self._heard
@@ -88,6 +95,7 @@ class TrackerFeed:
             self._publish_pose(pose)
             self._emulator.observe(*pose)
         for frame in self._emulator.due(now_ns):
+            self._frames.append(self._clock())
             self._publish_bearings(frame)
 
     def _next_ns(self) -> int | None:

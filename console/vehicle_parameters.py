@@ -28,12 +28,29 @@ class VehicleParameters:
                 self._values = self._client.values()
                 self._revision = wanted
 
+    @property
+    def in_step(self) -> bool:
+        """Whether what we have is what the vehicle shows. Never waits."""
+        return self._values is not None and self._revision == self.shown_revision
+
+    def newest(self, name: str) -> ParameterValue | None:
+        """As it was fetched last, be it old; None when it was not. Never waits."""
+        values = self._values
+        return None if values is None else values.get(name)
+
     def known(self, name: str) -> ParameterValue | None:
         """As it was fetched; None when the vehicle has none, or shows a newer revision."""
         with self._fetching:
             if self._values is None or self._revision != self.shown_revision:
                 return None
             return self._values.get(name)
+
+    def present(self) -> tuple[dict[str, ParameterValue], int] | None:
+        """(values, revision) as they were fetched; None when the vehicle shows a newer one."""
+        with self._fetching:
+            if self._values is None or self._revision != self.shown_revision:
+                return None
+            return self._values, self._revision
 
     def snapshot(self) -> tuple[dict[str, ParameterValue] | None, int, str]:
         """(values or None, revision, why there are none or old ones); may wait 1 s."""

@@ -39,9 +39,11 @@ GEOMETRIC, NEAR_HOVERING = "geometric", "near_hovering"
 
 
 def _gain(default: float, largest: float, unit: str, description: str) -> float:
+    """In flight it moves by a fifth of its range at once: from any named set to any other."""
     value: float = parameter(
-        default, unit=unit, ge=0.0, le=largest, step=largest / 200.0, description=description
-    )
+        default, unit=unit, ge=0.0, le=largest, step=largest / 200.0, description=description,
+        flight_step=largest / 5.0,
+    )  # fmt: skip
     return value
 
 
@@ -77,8 +79,9 @@ class ControlLimits(Parameters):
     """What the laws may ask for."""
 
     tilt_max: float = parameter(
-        45.0, unit="°", ge=5.0, le=70.0, step=1.0, description="largest tilt of the desired force"
-    )
+        45.0, unit="°", ge=5.0, le=70.0, step=1.0, flight_step=15.0,
+        description="largest tilt of the desired force",
+    )  # fmt: skip
     position_integral_max: float = parameter(
         1.0, unit="m s", ge=0.0, le=5.0, step=0.05, description="bound of each axis of ∫e_p"
     )

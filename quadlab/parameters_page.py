@@ -48,6 +48,8 @@ def _rows(prefix: str, descriptions: Iterable[ParameterDescription]) -> Iterable
         if d.minimum is not None and d.maximum is not None:
             allowed = f"{d.minimum:g} … {d.maximum:g}"
         unit, name = d.unit, prefix + d.name
+        if d.flight_step is not None:
+            allowed = f"{allowed}; {d.flight_step:g} at once in flight".removeprefix("; ")
         default = f"{d.default:g}" if isinstance(d.default, float) else str(d.default)
         fixed = " (at start only)" if d.read_only else ""
         yield f"| `{name}` | {default} | {allowed} | {unit} | {d.description}{fixed} |\n"

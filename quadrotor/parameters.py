@@ -48,13 +48,18 @@ def parameter(
     step: float | None = None,
     read_only: bool = False,
     choices: tuple[str, ...] = (),
+    flight_step: float | None = None,
 ) -> Any:
     """A scalar field with unit, bounds, slider step and description.
 
     Vectors are written as named scalars (`kp_xy`, `kp_z`): each has its own bounds and slider.
+
+    Args:
+        flight_step: of a float that acts on the motors at once: largest change in flight.
     """
     extra: dict[str, Any] = {"unit": unit, "step": step, "read_only": read_only}
     extra["choices"] = list(choices)
+    extra["flight_step"] = flight_step
     return Field(default, ge=ge, le=le, description=description, json_schema_extra=extra)
 
 
@@ -72,6 +77,7 @@ class ParameterDescription:
     step: float | None
     read_only: bool
     choices: tuple[str, ...]
+    flight_step: float | None = None  # largest change in flight
 
 
 class ParameterStore:
@@ -252,6 +258,9 @@ def _describe(name: str, field: FieldInfo) -> ParameterDescription:
                 bounds[key] = float(getattr(constraint, key))
     kind = field.annotation.__name__ if field.annotation else "str"
     step, choices = extra.get("step"), extra.get("choices")
+    flight_step = extra.get("flight_step")
+    if flight_step is not None and kind != "float":
+        raise TypeError(f"{name}: only a float can be limited to a step in flight")
     return ParameterDescription(
         name=name,
         type=kind,
@@ -263,4 +272,5 @@ def _describe(name: str, field: FieldInfo) -> ParameterDescription:
         step=float(step) if isinstance(step, int | float) else None,
         read_only=bool(extra.get("read_only")),
         choices=tuple(str(c) for c in choices) if isinstance(choices, list) else (),
+        flight_step=float(flight_step) if isinstance(flight_step, int | float) else None,
     )

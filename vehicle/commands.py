@@ -12,6 +12,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.bearings_guard import BearingsGuard
+from vehicle.flight_steps import check_steps
 from vehicle.modes import Flag, Mode
 from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters, check_pairs
@@ -83,6 +84,8 @@ class CommandHandler:
         stack = self._stack
         checked = {name: stack.store.check(name, v) for name, v in command.values.items()}
         check_pairs(stack.store.values() | checked)
+        if stack.airborne:
+            check_steps(stack.store, checked)
         armed = stack.mode in (Mode.ARMED, Mode.EMERGENCY_LAND)
         stack.steering.check(checked, armed)
         stack.guard.check(checked, armed)

@@ -28,9 +28,11 @@ from vehicle.comms_publish import FLOWN_ON, Publisher
 from vehicle.comms_radio import LinkRadio
 from vehicle.comms_services import serve
 from vehicle.onboard_log import OnboardLog
+from vehicle.onboard_reader import OnboardReader
 from vehicle.process import GIVEN_UP, say
 from vehicle.process_config import CommsConfig, Rings, open_rings
 from vehicle.realtime import die_with_parent
+from vehicle.self_checks import SelfChecks
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.node import Node, Received
@@ -65,6 +67,9 @@ class Comms:
         self._dropped = 0
         self._fetch_due_ns = 0
         serve(node, self._flight, self._mirror, self._clock, config.name)
+        node.serve("checks", topics.SERVICES["checks"], SelfChecks(Path(config.data)).answer)
+        reader = OnboardReader(self._log, config.name)
+        node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
         for topic in self._inbound.handlers:
             node.subscribe(topic, topics.TOPICS[topic].type_name, self._receiver(topic))
 

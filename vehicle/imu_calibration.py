@@ -36,7 +36,7 @@ CALIBRATION = np.dtype(
 
 def _matrix_entry(default: float, entry: str) -> float:
     value: float = parameter(
-        default, ge=-1.5, le=1.5, step=0.0001,
+        default, ge=-1.5, le=1.5, step=0.0001, flight_step=0.02,
         description=f"entry {entry} of T of Sec. 5.2: mounting and scale of the accelerometer",
     )  # fmt: skip
     return value
@@ -44,7 +44,7 @@ def _matrix_entry(default: float, entry: str) -> float:
 
 def _accelerometer_bias(axis: str) -> float:
     value: float = parameter(
-        0.0, unit="m/s²", ge=-3.0, le=3.0, step=0.001,
+        0.0, unit="m/s²", ge=-3.0, le=3.0, step=0.001, flight_step=0.2,
         description=f"accelerometer bias b of Sec. 5.2 about its {axis} axis",
     )  # fmt: skip
     return value
@@ -54,11 +54,11 @@ class ImuCalibration(Parameters):
     """What turns the microcontroller's counts into specific force and angular velocity."""
 
     accelerometer_scale: float = parameter(
-        0.0039, unit="g", ge=0.0001, le=0.1, step=0.00001,
+        0.0039, unit="g", ge=0.0001, le=0.1, flight_step=0.0001, step=0.00001,
         description="specific force per count of the accelerometer",
     )  # fmt: skip
     accelerometer_zero: float = parameter(
-        512.0, unit="count", ge=0.0, le=1023.0, step=0.1,
+        512.0, unit="count", ge=0.0, le=1023.0, flight_step=5.0, step=0.1,
         description="accelerometer reading in free fall",
     )  # fmt: skip
     accelerometer_xx: float = _matrix_entry(1.0, "xx")
@@ -74,11 +74,11 @@ class ImuCalibration(Parameters):
     accelerometer_bias_y: float = _accelerometer_bias("y")
     accelerometer_bias_z: float = _accelerometer_bias("z")
     gyroscope_scale: float = parameter(
-        0.586, unit="deg/s", ge=0.001, le=10.0, step=0.001,
+        0.586, unit="deg/s", ge=0.001, le=10.0, flight_step=0.02, step=0.001,
         description="angular velocity per count of the gyroscope",
     )  # fmt: skip
     gyroscope_zero: float = parameter(
-        512.0, unit="count", ge=0.0, le=1023.0, step=0.1,
+        512.0, unit="count", ge=0.0, le=1023.0, flight_step=1.0, step=0.1,
         description="nominal gyroscope reading at rest; the drift about it is found at each start",
     )  # fmt: skip
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 import threading
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -29,6 +30,7 @@ AFTER_DISARMING_NS = 500_000_000
 FREE_BYTES_MIN = 500_000_000
 FREE_CHECK_NS = 1_000_000_000
 WAIT_S = 0.5
+FILES_KEPT = 2  # of which places are known
 
 Say = Callable[[int, str], None]
 
@@ -48,6 +50,30 @@ class Batch(NamedTuple):
 
     ticks: Record
     log_ns: int
+
+
+class Written:
+    """One file, as far as it is written; other threads may read it.
+
+    Attributes:
+        start_ns: of its first tick.
+        closed: nothing will be added.
+    """
+
+    def __init__(self, path: Path, start_ns: int) -> None:
+        self.path = path
+        self.start_ns = start_ns
+        self.closed = False
+        self._marks: list[tuple[int, int]] = [(start_ns, 0)]  # stamp, place in the file
+
+    def mark(self, stamp_ns: int, place: int) -> None:
+        """Ticks after `stamp_ns` stand at `place` or behind it."""
+        self._marks.append((stamp_ns, place))
+
+    def place_before(self, stamp_ns: int) -> int:
+        """Where to begin to read for ticks from `stamp_ns` on."""
+        at = bisect_left(self._marks, (stamp_ns, 0))
+        return self._marks[max(0, at - 1)][1]
 
 
 class OnboardLog:
@@ -82,6 +108,8 @@ class OnboardLog:
         self._started = False
         self._closing = False
         self._writer: LogWriter | None = None
+        self._files: deque[Written] = deque(maxlen=FILES_KEPT)
+        self.problem = ""  # why nothing is written, if it should be
         self._stopped = False  # by an error or a full disk, until the next arming
         self._disarmed_ns = 0
         self._checked_ns = 0
@@ -104,6 +132,10 @@ class OnboardLog:
     ) -> None:
         """Any other topic, from any thread; kept while a file is open."""
         self._append(Message(topic, type_name, payload, source_ns, log_ns), len(payload), 1)
+
+    def files(self) -> list[Written]:
+        """The newest ones of this process, oldest first; from any thread."""
+        return list(self._files)
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is buffered and close the file."""
@@ -173,6 +205,8 @@ class OnboardLog:
         run = {"run_id": stem, "vehicle": self._vehicle, "recorder": "onboard", **provenance()}
         path = self._folder / f"{stem}.mcap"
         self._writer = LogWriter(path, run, {"parameters.json": self._parameters()})
+        self._files.append(Written(path, stamp_ns))
+        self.problem = ""
         self._say(INFO, f"onboard log {path.name} started")
 
     def _write_ticks(self, batch: Batch) -> None:
@@ -180,7 +214,10 @@ class OnboardLog:
         if writer is None or not len(ticks):
             return
         stamps: list[int] = ticks["imu"]["stamp_ns"].tolist()
+        checked_ns = self._checked_ns
         self._check_space(stamps[-1])
+        if self._checked_ns != checked_ns:  # once a second
+            self._files[-1].mark(stamps[0] - 1, writer.size)
         for topic, payloads in (
             ("state", topics.encode_states(ticks, self._vehicle)),
             ("reference", topics.encode_references(ticks)),
@@ -212,6 +249,7 @@ class OnboardLog:
 
     def _stop(self, reason: str) -> None:
         self._say(ERROR, f"onboard log stopped: {reason}")
+        self.problem = reason
         self._stopped = True
         self._checked_ns = 0
         self._finish()
@@ -225,6 +263,8 @@ class OnboardLog:
         except StorageError as error:
             self._say(ERROR, f"onboard log not closed, recovered at the next start: {error}")
             return
+        finally:
+            self._files[-1].closed = True
         megabytes = writer.size / 1e6
         self._say(INFO, f"onboard log {writer.path.name} closed, {megabytes:.1f} MB")
 

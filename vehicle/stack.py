@@ -147,6 +147,9 @@ class FlightStack:
                 self.reference,
             )
             self.steering.controller.step(self.state, self.reference, airborne, dt, self.actuators)
+            if self.behaviors.aborted:
+                self.say(f"braking: {self.behaviors.aborted}", mailbox.WARN)
+                self.behaviors.aborted = ""
             self._watch_ground(dt)
         elif flying:
             self._idle()
@@ -192,6 +195,7 @@ class FlightStack:
         self.status["parameter_revision"] = self.store.revision
         self.mass.configure(p.mass)
         self.behaviors.hover_thrust = p.model.mass * GRAVITY
+        self.behaviors.control = p.control
 
     # ------------------------------------------------------------------ mode changes
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:

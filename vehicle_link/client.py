@@ -34,13 +34,20 @@ class ServiceClient:
     """Made by `Node.client`; may be called from several threads."""
 
     def __init__(
-        self, session: zenoh.Session, name: str, key: str, srv_type: str, gid: bytes
+        self,
+        session: zenoh.Session,
+        name: str,
+        key: str,
+        srv_type: str,
+        gid: bytes,
+        priority: zenoh.Priority = zenoh.Priority.INTERACTIVE_HIGH,
     ) -> None:
         self._session = session
         self._name = name
         self._key = key
         self._type = srv_type
         self._gid = gid
+        self._priority = priority  # of the answer too
         self._sequence = itertools.count(1)
 
     def wait(self, timeout: float) -> bool:
@@ -63,8 +70,8 @@ class ServiceClient:
                 consolidation=zenoh.ConsolidationMode.NONE,
                 timeout=timeout,
                 congestion_control=zenoh.CongestionControl.BLOCK,
-                priority=zenoh.Priority.INTERACTIVE_HIGH,
-                express=True,
+                priority=self._priority,
+                express=self._priority != zenoh.Priority.BACKGROUND,
                 payload=encode(request),
                 attachment=attachment(next(self._sequence), time.time_ns(), self._gid),
             )

@@ -114,7 +114,9 @@ def real_time_check(
     return Check(name, "fail", f"SCHED_FIFO {priority} refused ({refusal})", wanted, advice, place)
 
 
-def memory_lock_check(place: Place, limit: int | None = None, *, capable: bool | None = None) -> Check:
+def memory_lock_check(
+    place: Place, limit: int | None = None, *, capable: bool | None = None
+) -> Check:
     """Whether memory may be locked, so that no page is swapped out. limit: bytes, -1 = none."""
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] if limit is None else limit
     capable = _has_capability(_LOCK_MEMORY) if capable is None else capable
@@ -202,5 +204,9 @@ def _user() -> str:
 def _size(count: float) -> str:
     for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= size:
-            return f"{count / size:.3g} {unit}" if count < 1000 * size else f"{count / size:.0f} {unit}"
+            return (
+                f"{count / size:.3g} {unit}"
+                if count < 1000 * size
+                else f"{count / size:.0f} {unit}"
+            )
     return f"{count:.0f} B"

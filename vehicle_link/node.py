@@ -207,9 +207,15 @@ class Node:
         callback = Callback(answer, indirect=not direct)
         self._entities.append(self.session.declare_queryable(key, callback, complete=True))
 
-    def client(self, name: str, srv_type: str) -> ServiceClient:
+    def client(
+        self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
+    ) -> ServiceClient:
+        """`priority`: of the questions and of their answers."""
         key, gid = self._announce("SC", name, srv_type, RELIABLE)
-        return ServiceClient(self.session, full_name(self.namespace, name), key, srv_type, gid)
+        return ServiceClient(
+            self.session, full_name(self.namespace, name), key, srv_type, gid,
+            getattr(zenoh.Priority, priority.upper()),
+        )  # fmt: skip
 
     def close(self) -> None:
         """Undeclare all of this node; its session stays open."""

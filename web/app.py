@@ -26,12 +26,19 @@ from web import commands, events, pump, sticks
 from web.access.hashing import BusyError
 from web.access.roles import Role, Session
 from web.access.users import add_users
-from web.asking import Asker, Operator
+from web.asking import Asker, Operator, operator_of
 from web.beacons.routes import add_beacons
+from web.control import add_control
 from web.experiments import add_experiments, experiment_summary
+from web.parameter_routes import add_parameters
 from web.parts import Parts
-from web.runs import add_runs
-from web.signals import describe
+from web.replay.routes import add_replay
+from web.replay.store import ReplayStore
+from web.runs.routes import add_runs
+from web.setup.preflight import preflight_summary
+from web.setup.routes import add_setup
+from web.signals import described
+from web.tuning.routes import add_tuning
 
 STATIC = Path(__file__).parent / "static"
 UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
@@ -57,10 +64,15 @@ def create_app(
     _add_commands(app, parts)
     _add_view(app, parts)
     _add_sockets(app, parts)
-    add_runs(app, parts.catalogue)
+    add_parameters(app, parts)
+    add_runs(app, parts)
+    add_replay(app, parts.catalogue, ReplayStore(parts.catalogue.folder))
     add_users(app, parts.people)
+    add_control(app, parts)
+    add_setup(app, parts)
     add_experiments(app, parts)
     add_beacons(app, parts)
+    add_tuning(app, parts)
     app.mount("/static", StaticFiles(directory=STATIC))
     return app
 
@@ -95,9 +107,9 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
         return {**events.session_fields(session), "vehicle": parts.vehicle}
 
     @app.get("/api/signals")
-    def signals() -> dict[str, Any]:
+    def signals() -> Response:
         """Signals for charts and table; topics in the order of the ages in a frame."""
-        return describe()
+        return Response(described(), media_type="application/json")
 
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:
@@ -105,17 +117,15 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
         return {
             **events.summarize(parts.live),
             "experiment": experiment_summary(parts.live),
+            "control": parts.control.summary(),
+            "preflight": preflight_summary(parts.live),
+            "emergency": parts.emergency.state,
         }
 
     @app.get("/api/events")
     async def newest_events() -> list[dict[str, Any]]:
         """The last log lines of the vehicle, the station and the page."""
         return parts.hub.lines
-
-    @app.get("/api/parameters")
-    async def parameters() -> dict[str, Any]:
-        """Descriptions and confirmed values, as the vehicle gave them."""
-        return parts.mirror.as_json()
 
 
 def _add_commands(app: FastAPI, parts: Parts) -> None:
@@ -138,21 +148,20 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
         return {"accepted": True}
 
     @app.post("/api/commands/emergency")
-    async def emergency(body: commands.EmergencyBody, session: Operator) -> dict[str, Any]:
-        """`land` comes down at once under control; `cut` stops the motors."""
-        await station.command("emergency", session.label, action=body.action, **body.fields)
-        return {"accepted": True}
+    async def emergency(body: commands.EmergencyBody, session: Asker) -> dict[str, Any]:
+        """`land` comes down at once under control, and is everybody's; `cut` stops the motors.
+
+        Answers once the vehicle has accepted it; whether it shows it is told as `emergency`.
+        """
+        if body.action == "cut":
+            operator_of(session)
+        press = await parts.emergency.press(body.action, session.label, body.request_id)
+        return {"accepted": True, "id": press}
 
     @app.post("/api/commands/record")
     async def record(body: commands.RecordBody, session: Operator) -> dict[str, Any]:
         reply = await station.command("record", session.label, start=body.start, **body.fields)
         return {"accepted": True, "run_id": reply.run_id}
-
-    @app.put("/api/parameters")
-    async def change(body: commands.ParametersBody, session: Operator) -> dict[str, Any]:
-        """Clamped to their bounds, applied all or none; answers what the vehicle applied."""
-        applied, revision = await parts.gains.change(body.values, session.label)
-        return {"applied": applied, "revision": revision}
 
     @app.post("/api/invitations")
     def invite(body: commands.InvitationBody, session: Operator) -> dict[str, str]:
@@ -194,12 +203,15 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
                 "vehicle": parts.vehicle,
                 "events": parts.hub.lines,
                 "revision": parts.mirror.revision,
+                "emergency": parts.emergency.state,
             }
 
         def summary() -> dict[str, Any]:
             return {
                 **events.summarize(parts.live),
                 "experiment": experiment_summary(parts.live),
+                "control": parts.control.summary(),
+                "preflight": preflight_summary(parts.live),
                 "pages": parts.hub.pages,
             }
 
@@ -207,7 +219,8 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
 
     @app.websocket("/ws/stick")
     async def stick(socket: WebSocket) -> None:
-        await sticks.serve(socket, parts.stick, socket.scope["session"])
+        session: Session = socket.scope["session"]
+        await sticks.serve(socket, parts.stick, session, parts.control.may, parts.hub.say)
 
 
 def _add_error_handlers(app: FastAPI) -> None:

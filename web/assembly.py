@@ -14,17 +14,25 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from console.catalogue import Catalogue
+from console.parameter_history import ParameterHistory
+from console.parameter_presets import ParameterPresets
 from vehicle_link.messages import decode
 from web.access.attempts import Attempts
 from web.access.gate import Gate
 from web.access.passwords import Passwords
 from web.access.people import open_people
+from web.access.signed_links import SignedLinks
+from web.access.tls import Tls
 from web.app import create_app
+from web.control import Control
+from web.emergency import EmergencyDesk
 from web.events import EventHub
 from web.follow_parameters import ParameterFollower
 from web.live import Live
-from web.parameters import GainPath, ParameterMirror
+from web.parameter_mirror import ParameterMirror
+from web.parameters import GainPath
 from web.parts import Parts
+from web.runs.exports import ViserExports
 from web.scene import Scene
 from web.station import Station
 from web.sticks import StickOutput
@@ -47,6 +55,7 @@ def assemble(
     show_link: ShowLink,
     view_server: ViewServer,
     names: Collection[str] = (),
+    tls: Tls | None = None,
     attempts: Attempts | None = None,
     passwords: Passwords | None = None,
 ) -> ASGIApp:
@@ -56,6 +65,7 @@ def assemble(
         base_url: where the page is; under https the cookie is Secure.
         connect: makes the station's client.
         names: of hosts that mean us, beside that of `base_url` and loopback's.
+        tls: the page's certificate, to be looked at by the start-up checks.
         attempts, passwords: other than usual, for tests.
 
     Raises StorageError.
@@ -70,12 +80,20 @@ def assemble(
         attempts=attempts,
         passwords=passwords,
     )
+    links, exports = SignedLinks(data / "web"), ViserExports()
     mirror = ParameterMirror(hub.publish)
     scene = Scene(view_server, live)
     station = connect(live, hub)
     follower = ParameterFollower(mirror, station, live, scene, f"/{vehicle}")
     station.on_change = follower.changed_from_thread
+    stick = StickOutput(station.publish_stick)
+    station.on_stick_answer = stick.answer_from_thread
     feed = TelemetryFeed(live)
+    control = Control(live, lambda: people.sockets.labels, station.publish_presence)
+
+    def airborne() -> bool:
+        status = live.current("status")
+        return status is not None and bool(status.airborne)
 
     def sign_in_link() -> str:
         return f"{base_url}/?token={people.door.token}"
@@ -85,8 +103,11 @@ def assemble(
         loop = asyncio.get_running_loop()
         hub.attach(loop)
         follower.attach(loop)
+        stick.attach(loop)
         station.start()
-        loops = [_start(part, hub) for part in (scene, feed, follower, people, people.sockets)]
+        loops = [
+            _start(part, hub) for part in (scene, feed, follower, people, people.sockets, control)
+        ]
         show_link(sign_in_link())
         try:
             yield
@@ -96,6 +117,7 @@ def assemble(
             await asyncio.gather(*loops, return_exceptions=True)
             station.stop()
             view_server.stop()
+            exports.stop()
             people.stop()
 
     app = create_app(
@@ -110,9 +132,16 @@ def assemble(
             scene=scene,
             station=station,
             mirror=mirror,
-            gains=GainPath(mirror, station),
+            gains=GainPath(mirror, station, airborne),
+            history=ParameterHistory(catalogue.engine, vehicle),
+            presets=ParameterPresets(catalogue.engine, vehicle),
             catalogue=catalogue,
-            stick=StickOutput(station.publish_stick),
+            tls=tls,
+            links=links,
+            exports=exports,
+            stick=stick,
+            emergency=EmergencyDesk(station, live, hub.publish, hub.say),
+            control=control,
         ),
         lifespan,
     )
@@ -125,6 +154,7 @@ def assemble(
         accounts=people.accounts,
         sign_in=people.sign_in,
         sockets=people.sockets,
+        links=links,
     )
 
 

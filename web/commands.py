@@ -37,12 +37,6 @@ class RecordBody(_Body):
     start: bool
 
 
-class ParametersBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    values: dict[str, bool | int | float | str] = Field(min_length=1, max_length=500)
-
-
 class InvitationBody(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
@@ -54,9 +48,3 @@ class FollowBody(BaseModel):
 
     view: str = Field(min_length=1, max_length=64)
     follow: bool
-
-
-class NotesBody(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-    notes: str = Field(max_length=10_000)

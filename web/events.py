@@ -19,7 +19,7 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from web.access.roles import Session
-from web.live import STALE, Live
+from web.live import CHARTED, STALE, Live
 
 RATE = 5.0  # Hz, of the summary
 KEPT = 200  # log lines a new page gets
@@ -121,7 +121,7 @@ async def serve(
 
 def summarize(live: Live) -> Message:
     """The bar's content: newest status messages and the age (s) of every topic."""
-    ages = {topic: live.age(topic) for topic in STALE}
+    ages = {topic: live.age(topic) for topic in STALE if topic not in CHARTED}
     return {
         "age": {t: round(a, 2) if math.isfinite(a) else None for t, a in ages.items()},
         "status": _fields(live.newest("status")),

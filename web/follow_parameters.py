@@ -16,7 +16,7 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError
 from web.live import Live
-from web.parameters import ParameterMirror
+from web.parameter_mirror import ParameterMirror
 from web.scene import Box, Scene
 from web.station import Station
 
@@ -56,7 +56,7 @@ class ParameterFollower:
             return
         with contextlib.suppress(ValueError, SyntaxError):  # not ours: the next read tells
             value = ast.literal_eval(text)
-            self._loop.call_soon_threadsafe(self._mirror.apply, {name: value}, requester, revision)
+            self._loop.call_soon_threadsafe(self._mirror.told, name, value, requester, revision)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -98,6 +98,7 @@ class ParameterFollower:
 
     async def _read(self, revision: int) -> None:
         """Vehicle and station; one that does not answer is asked again in the next period."""
+        since = None if self._is_first or self._is_lower else self._mirror.clock
         descriptions: list[Any] = []
         values: dict[str, Any] = {}
         for node in ("vehicle", STATION_NODE):
@@ -109,7 +110,7 @@ class ParameterFollower:
                 continue
             descriptions += described
             values |= read
-        self._mirror.load(descriptions, values, revision)
+        self._mirror.load(descriptions, values, revision, since)
         self._is_first = self._is_lower = False
 
 

@@ -20,6 +20,10 @@ STALE: dict[str, float] = {
     "actuators": 0.3,
     "estimator": 0.3,
     "truth": 0.3,
+    "imu": 0.3,
+    "tracker_pose": 0.3,
+    "joy": 0.3,
+    "pressure": 0.5,
     "status": 1.0,
     "battery": 3.0,
     "station_status": 1.5,
@@ -28,9 +32,14 @@ STALE: dict[str, float] = {
     "bearing_pose": 0.3,
     "comparison": 0.5,
     "experiment_status": 2.5,
+    "preflight": 2.0,
+    "control": 2.0,
 }
 """The topics of which the newest message is kept, with the age (s) above which its values are shown
 grey and charts show a gap."""
+
+CHARTED = ("imu", "tracker_pose", "joy", "pressure")
+"""Those among them that are for charts only."""
 
 
 @dataclass(slots=True)

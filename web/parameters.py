@@ -1,8 +1,8 @@
 """The gain path: check, coalesce, ask the vehicle, tell every page what was applied.
 
-The vehicle is the authority. `ParameterMirror` holds what it said last; `GainPath` carries
-changes to it: one call at a time for each parameter, at most 20 a second, and the last value
-is always sent, however fast the slider moved.
+The vehicle is the authority. `GainPath` carries changes to it: one call at a time for each
+parameter and hand, at most 20 a second, and the last value is always sent, however fast the
+slider moved. `web.parameter_walk` goes on where one step in flight is not enough.
 """
 
 from __future__ import annotations
@@ -11,18 +11,19 @@ import asyncio
 import math
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Protocol
 
-from quadrotor.errors import LinkError, QuadlabError, UnknownParameterError
-from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
+from quadrotor.errors import QuadlabError
+from quadrotor.parameters import ParameterValue
+from web.parameter_mirror import STATION_PREFIX, ParameterMirror
+from web.parameter_walk import step_towards, steps_between, walk
 
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
 
-STATION_PREFIX = "station."
-LAYOUT = "station.bearings.layout"
+MOST_SLOTS = 1000
 
-Message = dict[str, Any]
+Applied = tuple[dict[str, ParameterValue], int]
 
 
 class ParameterTarget(Protocol):
@@ -30,116 +31,73 @@ class ParameterTarget(Protocol):
 
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str
-    ) -> tuple[dict[str, ParameterValue], int]:
+    ) -> Applied:
         """Applied values and revision. Raises RefusedError or LinkError."""
         ...
 
 
-class ParameterMirror:
-    """What vehicle and station last said of their parameters; `revision` is the vehicle's."""
-
-    def __init__(self, publish: Callable[[Message], None]) -> None:
-        self._publish = publish
-        self._descriptions: dict[str, ParameterDescription] = {}
-        self._values: dict[str, ParameterValue] = {}
-        self.revision = -1
-
-    def load(
-        self,
-        descriptions: Iterable[ParameterDescription],
-        values: Mapping[str, ParameterValue],
-        revision: int,
-    ) -> None:
-        """Replaces everything; pages are told to read it again."""
-        self._descriptions = {d.name: d for d in descriptions}
-        self._values = dict(values)
-        self.revision = revision
-        self._publish({"type": "parameters", "revision": revision})
-
-    def apply(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
-        """Takes over confirmed values and tells every page of those that are news."""
-        news = {n: v for n, v in values.items() if self._values.get(n) != v}
-        self._values.update(news)
-        if not all(name.startswith(STATION_PREFIX) for name in values):  # it counts its own
-            self.revision = max(self.revision, revision)
-        for name, value in news.items():
-            self._publish({
-                "type": "parameter", "name": name, "value": value,
-                "requester": requester, "revision": revision,
-            })  # fmt: skip
-
-    def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """All of them as they may be sent: a slider ends at its bounds, a typed value is refused.
-
-        Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or LinkError.
-        """
-        if not self._descriptions:
-            raise LinkError(
-                "the vehicle's parameters have not been read yet; is the vehicle connected?"
-            )
-        for name in values:
-            if name not in self._descriptions:
-                raise UnknownParameterError(f"unknown parameter {name!r}; the Gains tab lists all")
-        return {name: coerce(self._descriptions[name], value) for name, value in values.items()}
-
-    def value(self, name: str) -> ParameterValue | None:
-        return self._values.get(name)
-
-    def description(self, name: str) -> ParameterDescription | None:
-        return self._descriptions.get(name)
-
-    def as_json(self) -> Message:
-        return {
-            "revision": self.revision,
-            "parameters": [
-                {**asdict(d), "value": self._values.get(name)}
-                for name, d in self._descriptions.items()
-            ],
-        }
-
-
 @dataclass(slots=True)
 class _Slot:
-    """The newest wish for one parameter and who waits for its answer."""
+    """The newest wish of one hand for one parameter, and who waits for its answer."""
 
     value: ParameterValue = 0.0
-    requester: str = ""
+    steps: int = 0  # that the walk there may still take
     waiting: list[asyncio.Future[tuple[ParameterValue, int]]] = field(default_factory=list)
     last_call: float = -math.inf
     task: asyncio.Task[None] | None = None
 
 
 class GainPath:
-    """Changes parameters through `target` and keeps `mirror` up to date."""
+    """Changes parameters through `target` and keeps `mirror` up to date.
 
-    def __init__(self, mirror: ParameterMirror, target: ParameterTarget) -> None:
+    Args:
+        airborne: whether the vehicle flies, so that steps are limited.
+    """
+
+    def __init__(
+        self,
+        mirror: ParameterMirror,
+        target: ParameterTarget,
+        airborne: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._mirror = mirror
         self._target = target
-        self._slots: dict[str, _Slot] = {}
+        self._airborne = airborne
+        self._slots: dict[tuple[str, str], _Slot] = {}
 
     async def change(
-        self, values: Mapping[str, object], requester: str
-    ) -> tuple[dict[str, ParameterValue], int]:
+        self, values: Mapping[str, object], requester: str, *, walks: bool = False
+    ) -> Applied:
         """Applied values and revision.
 
-        One parameter alone may be coalesced with newer values of it (the answer is then the
-        newer one's); several are one call, all or nothing.
+        One parameter alone may be coalesced with newer values of it from the same requester (the
+        answer is then the newer one's); several are one call, all or nothing.
+
+        Args:
+            walks: where a step is too large in flight, go there in several.
+
         Raises ParameterError, RefusedError or LinkError.
         """
         checked = self._mirror.check(values)
+        walks = walks and self._airborne()
         if len(checked) != 1:
+            if walks and steps_between(self._mirror, checked) > 1:
+                return await walk(self._mirror, self._call, checked, requester, SHORTEST_PERIOD)
             return await self._call(checked, requester)
         ((name, value),) = checked.items()
-        slot = self._slots.setdefault(name, _Slot())
+        if len(self._slots) > MOST_SLOTS:  # of people who have left
+            self._slots = {k: s for k, s in self._slots.items() if s.task and not s.task.done()}
+        slot = self._slots.setdefault((name, requester), _Slot())
         future = asyncio.get_running_loop().create_future()
-        slot.value, slot.requester = value, requester
+        slot.value = value
+        slot.steps = steps_between(self._mirror, checked) if walks else 1
         slot.waiting.append(future)
         if slot.task is None or slot.task.done():
-            slot.task = asyncio.create_task(self._drain(name, slot))
+            slot.task = asyncio.create_task(self._drain(name, requester, slot))
         applied, revision = await future
         return {name: applied}, revision
 
-    async def _drain(self, name: str, slot: _Slot) -> None:
+    async def _drain(self, name: str, requester: str, slot: _Slot) -> None:
         """Sends until nobody waits: values that came meanwhile count only by the newest."""
         while slot.waiting:
             pause = slot.last_call + SHORTEST_PERIOD - time.monotonic()
@@ -147,18 +105,26 @@ class GainPath:
                 await asyncio.sleep(pause)
             waiting, slot.waiting = slot.waiting, []
             slot.last_call = time.monotonic()
+            wanted, value = slot.value, slot.value
+            if slot.steps > 1:
+                value = step_towards(self._mirror, name, wanted)
+            slot.steps -= 1
             try:
-                applied, revision = await self._call({name: slot.value}, slot.requester)
+                applied, revision = await self._call({name: value}, requester)
             except QuadlabError as error:
                 _answer_all(waiting, error)
-            else:
+                continue
+            # Another hand may pull it elsewhere: no walk is longer than it was at its start.
+            if value == wanted or slot.waiting or slot.steps < 1:
                 _answer_all(waiting, (applied[name], revision))
+            else:
+                slot.waiting = waiting
 
-    async def _call(
-        self, values: Mapping[str, ParameterValue], requester: str
-    ) -> tuple[dict[str, ParameterValue], int]:
+    async def _call(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
         applied, revision = await self._target.change_parameters(values, requester)
-        self._mirror.apply(applied, requester, revision)
+        # Of a mixed call the revision is the vehicle's; the station tells of its own by itself.
+        mine = {n: v for n, v in applied.items() if not n.startswith(STATION_PREFIX)} or applied
+        self._mirror.apply(mine, requester, revision)
         return applied, revision
 
 

@@ -5,10 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from console.catalogue import Catalogue
+from console.parameter_history import ParameterHistory
+from console.parameter_presets import ParameterPresets
 from web.access.people import People
+from web.access.signed_links import SignedLinks
+from web.access.tls import Tls
+from web.control import Control
+from web.emergency import EmergencyDesk
 from web.events import EventHub
 from web.live import Live
-from web.parameters import GainPath, ParameterMirror
+from web.parameter_mirror import ParameterMirror
+from web.parameters import GainPath
+from web.runs.exports import ViserExports
 from web.scene import Scene
 from web.station import Station
 from web.sticks import StickOutput
@@ -31,5 +39,13 @@ class Parts:
     station: Station
     mirror: ParameterMirror
     gains: GainPath
+    history: ParameterHistory
+    presets: ParameterPresets
     catalogue: Catalogue
+    links: SignedLinks
+    exports: ViserExports
     stick: StickOutput
+    control: Control
+    emergency: EmergencyDesk
+    tls: Tls | None = None
+    """The page's certificate; None without TLS."""

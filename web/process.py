@@ -70,6 +70,7 @@ def run_web(
             show_link=show_link,
             view_server=ViewServer(),
             names=(*own_names(host), *(tls.names if tls else ())),
+            tls=tls,
         )
         # uvicorn stops in order at SIGTERM and SIGINT and then raises them once more.
         signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
@@ -96,6 +97,8 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
         ws=LiveWebSocket,
         ws_per_message_deflate=False,
         ws_max_size=64 * 1024,
+        ws_ping_interval=5,  # who vanished without a word must not keep control for long
+        ws_ping_timeout=10,
         log_level="warning",
         access_log=False,
         server_header=False,

@@ -11,14 +11,14 @@ import asyncio
 import threading
 import time
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
-from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.events import LEVELS, EventHub, event
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from vehicle_link.parameter_service import ParameterClient
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
-ATTEMPTS = {"emergency": 3}  # under the same request id, so that it is done once
+PATIENCE = {"checks": 8.0}  # s, for what takes its time
 RETRY = 1.0  # s
+JOY = "sensor_msgs/Joy"
 
 Described = tuple[list[ParameterDescription], dict[str, ParameterValue]]
 
@@ -58,8 +59,10 @@ class Station:
         self._live = live
         self._hub = hub
         self.on_change: Callable[[str, str, str, int], None] = lambda *_: None
+        self.on_stick_answer: Callable[[int, bool, str], None] = lambda *_: None
         self._node: Node | None = None
         self._stick: Publisher | None = None
+        self._presence: Publisher | None = None
         self._clients: dict[str, ServiceClient] = {}
         self._parameters: dict[str, ParameterClient] = {}
         self._making = threading.Lock()
@@ -123,12 +126,24 @@ class Station:
         client = self._parameters[remote]
         return client.describe(), client.values()
 
-    def publish_stick(self, axes: tuple[float, float, float, float], enabled: bool) -> None:
-        """Forward, left, up, yaw in -1..1; the station stamps, watches and forwards them."""
-        if self._stick is not None:
-            now = time.time_ns()
-            message = new("sensor_msgs/Joy", header=header(now), axes=axes, buttons=[int(enabled)])
-            self._stick.put(encode(message), now)
+    def publish_stick(
+        self, axes: tuple[float, float, float, float], enabled: bool, requester: str
+    ) -> int:
+        """Forward, left, up, yaw in -1..1; the station checks, watches and forwards them.
+
+        Returns the stamp (ns) the station's answer will have; 0 when there is no station.
+        """
+        if self._stick is None:
+            return 0
+        now = time.time_ns()
+        message = new(JOY, header=header(now, requester), axes=axes, buttons=[int(enabled)])
+        self._stick.put(encode(message), now)
+        return now
+
+    def publish_presence(self, labels: Iterable[str]) -> None:
+        """Who has a page open."""
+        if self._presence is not None:
+            self._presence.put(encode(new("quadlab_msgs/Presence", names=list(labels))))
 
     async def _call(self, service: str, requester: str, **fields: Any) -> Any:
         fields.setdefault("request_id", uuid.uuid4().hex)
@@ -146,12 +161,7 @@ class Station:
         with self._making:  # each client announces itself to ROS 2: one a service, not a call
             if service not in self._clients:
                 self._clients[service] = node.client(f"station/{service}", SERVICES[service])
-        for attempt in range(ATTEMPTS.get(service, 1), 0, -1):
-            try:
-                return self._clients[service].call(request, timeout=CALL_TIMEOUT)
-            except LinkError:
-                if attempt == 1:
-                    raise
+        return self._clients[service].call(request, timeout=PATIENCE.get(service, CALL_TIMEOUT))
 
     def _require_node(self) -> Node:
         if self._node is None:
@@ -181,9 +191,18 @@ class Station:
         for topic in STALE:
             # On Zenoh's own thread: it only puts the bytes away.
             node.subscribe(topic, TOPICS[topic].type_name, self._put(topic), direct=True)
-        for topic, react in (("events", self._on_event), ("parameter_changes", self._on_change)):
+        reactions = (
+            ("events", self._on_event),
+            ("parameter_changes", self._on_change),
+            ("marks", self._on_mark),
+        )
+        for topic, react in reactions:
             node.subscribe(topic, TOPICS[topic].type_name, react, qos=TOPICS[topic].qos)
+        encode(new(JOY))  # serialisers are written on first use, which takes up to 0.1 s
+        status = TOPICS["stick_status"]
+        node.subscribe(status.name, status.type_name, self._on_stick_status, qos=status.qos)
         self._stick = node.advertise(TOPICS["stick"])
+        self._presence = node.advertise(TOPICS["presence"])
         self._node = node
 
     def _put(self, topic: str) -> Callable[[Received], None]:
@@ -197,6 +216,15 @@ class Station:
         stamp = received.received_ns * 1e-9
         level = LEVELS.get(int(log.level), "info")
         self._hub.publish_from_thread(event(level, log.msg, log.name or self._vehicle, stamp))
+
+    def _on_stick_status(self, received: Received) -> None:
+        status = decode(received.payload, TOPICS["stick_status"].type_name)
+        self.on_stick_answer(stamp_of(status), bool(status.enabled), str(status.reason))
+
+    def _on_mark(self, received: Received) -> None:
+        mark = decode(received.payload, "quadlab_msgs/Mark")
+        fields = {name: getattr(mark, name) for name in ("id", "run_id", "text", "requester")}
+        self._hub.publish_from_thread({"type": "mark", **fields, "time": float(mark.time)})
 
     def _on_change(self, received: Received) -> None:
         change = decode(received.payload, "quadlab_msgs/ParameterChange")

@@ -1,99 +1,215 @@
 """`/ws/stick`: the sticks of one page, to the station as `stick` (sensor_msgs/Joy).
 
-A page sends 20 B at 50 Hz: four float32 axes (forward, left, up, yaw; -1 to 1) and float32 1.0
-while its dead-man button is held. The sticks have one hand at a time: the page that enabled them
-first keeps them until it lets go, falls silent for 250 ms or leaves. After a silence the button
-must be released before it counts again, so that a page that stood still does not wake up flying.
+A page sends 28 B at 50 Hz while its dead-man button is held: four float32 axes (forward, left,
+up, yaw; -1 to 1), float32 1.0 for the button, its own number of the frame, and with the last one
+the cause it stops for. Each frame is answered with `{"n": number, "by": "station" or "web",
+"on": …, "why": …}`: by the station for what came so far, by us for what did not.
+
+The button counts from a press with all sticks centred, until a cause drops it; then it must be
+released and pressed again, so that a page that stood still does not wake up flying.
 """
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import math
 import struct
 import time
+from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 
+import msgspec
 from fastapi import WebSocket
+from starlette.websockets import WebSocketDisconnect
 
 from web.access.roles import Role, Session
 
-_FRAME = struct.Struct("<5f")
+_FRAME = struct.Struct("<5f2I")
 SILENCE = 0.25  # s
+CENTRED = 0.05
+"""Largest deflection at which the button counts; a page sends exact zeros there."""
+CAUSES = (
+    "released",
+    "the window lost the focus",
+    "the tab is hidden",
+    "the pad was unplugged",
+    "the page stood still",
+    "the answers came late",
+    "the page was left",
+    "its sticks are being set up",
+)
+"""Why a page lets go, by the number in its frame."""
+RELEASED, CLOSED = CAUSES[0], "the page closed"
+REMEMBERED = 64  # frames whose answer may still come
+WAITING = 20  # answers a page may lag behind; older ones are dropped
 
 Axes = tuple[float, float, float, float]
+Answered = Callable[[bool, str], None]
+"""Told by the station whether a frame's sticks go to the vehicle, and why not."""
+_encode = msgspec.json.Encoder().encode
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    axes: Axes
+    held: bool
+    number: int
+    cause: str
+
+
+def read_frame(raw: bytes) -> Frame:
+    """Raises ValueError for what is no frame."""
+    if len(raw) != _FRAME.size:
+        raise ValueError(f"{len(raw)} bytes; a stick frame has {_FRAME.size}")
+    *axes, button, number, cause = _FRAME.unpack(raw)
+    if not all(math.isfinite(a) for a in (*axes, button)):
+        raise ValueError("a stick frame must be finite")
+    if cause >= len(CAUSES):
+        raise ValueError(f"a stick frame's cause is 0 to {len(CAUSES) - 1}, not {cause}")
+    forward, left, up, yaw = (max(-1.0, min(1.0, a)) for a in axes)
+    return Frame((forward, left, up, yaw), button > 0.5, number, CAUSES[cause])
 
 
 class Hand:
-    """One page's sticks: what it sent last, and whether its dead-man counts. Pure."""
+    """One page's button: on, or why it does not count. Pure."""
 
     def __init__(self) -> None:
-        self._latched = False  # must see the button released first
+        self.on = False
+        self.why = "release the button first"  # while held and not on; "" = released
         self._last = -math.inf
 
-    def take(self, frame: bytes, now: float) -> tuple[Axes, bool]:
-        """Axes and whether they are enabled. Raises ValueError for what is no frame."""
-        if len(frame) != _FRAME.size:
-            raise ValueError(f"{len(frame)} bytes; a stick frame has {_FRAME.size}")
-        *axes, button = _FRAME.unpack(frame)
-        if not all(math.isfinite(a) for a in (*axes, button)):
-            raise ValueError("a stick frame must be finite")
-        if now - self._last > SILENCE:
-            self._latched = True
-        self._last = now
-        held = button > 0.5
-        if not held:
-            self._latched = False
-        forward, left, up, yaw = (max(-1.0, min(1.0, a)) for a in axes)
-        return (forward, left, up, yaw), held and not self._latched
+    def take(self, frame: Frame, now: float) -> bool:
+        """Whether the sticks are on with this frame."""
+        silence, self._last = now - self._last, now
+        if not frame.held:
+            self.on, self.why = False, ""
+        elif self.on and silence > SILENCE:
+            self.refuse(f"the page was silent for {silence:.2f} s")
+        elif not self.on and not self.why:
+            if silence > SILENCE:
+                self.refuse("release the button first")
+            elif max(map(abs, frame.axes)) > CENTRED:
+                self.refuse("centre all sticks, then press again")
+            else:
+                self.on = True
+        return self.on
+
+    def refuse(self, why: str) -> None:
+        """Until the button is released."""
+        self.on, self.why = False, why
 
 
 class StickOutput:
-    """Lets one hand through. Args: `publish(axes, enabled)`."""
+    """Lets one hand through. Of the event loop's thread, but for `answer_from_thread`.
+
+    Args:
+        publish: (axes, enabled, requester) → stamp (ns) by which the station will answer, or 0
+            when there is no station.
+    """
 
     def __init__(
-        self, publish: Callable[[Axes, bool], None], clock: Callable[[], float] = time.monotonic
+        self,
+        publish: Callable[[Axes, bool, str], int],
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._publish = publish
         self._clock = clock
         self._owner: object | None = None
+        self._requester = ""
         self._until = -math.inf
+        self._asked: OrderedDict[int, Answered] = OrderedDict()
+        self._loop: asyncio.AbstractEventLoop | None = None
 
-    def send(self, hand: object, axes: Axes, enabled: bool) -> bool:
+    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+
+    def send(self, hand: object, axes: Axes, requester: str, answered: Answered) -> bool:
         """Whether this hand has the sticks now."""
         now = self._clock()
         if self._owner is not hand and self._owner is not None and now <= self._until:
             return False
-        if not enabled:
-            self.release(hand)
-            return True
-        self._owner, self._until = hand, now + SILENCE
-        self._publish(axes, True)
+        self._owner, self._requester, self._until = hand, requester, now + SILENCE
+        if stamp_ns := self._publish(axes, True, requester):
+            self._asked[stamp_ns] = answered
+            while len(self._asked) > REMEMBERED:
+                self._asked.popitem(last=False)
         return True
 
     def release(self, hand: object) -> None:
         """Zero and disabled, once, if this hand had the sticks."""
         if self._owner is hand:
             self._owner = None
-            self._publish((0.0, 0.0, 0.0, 0.0), False)
+            self._publish((0.0, 0.0, 0.0, 0.0), False, self._requester)
+
+    def answer(self, stamp_ns: int, on: bool, why: str) -> None:
+        """What the station says of a frame; of its last one again when silence dropped it."""
+        if (answered := self._asked.get(stamp_ns)) is not None:
+            answered(on, why)
+
+    def answer_from_thread(self, stamp_ns: int, on: bool, why: str) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self.answer, stamp_ns, on, why)
 
 
-async def serve(socket: WebSocket, output: StickOutput, session: Session) -> None:
-    """One page's sticks until it leaves; answers `{"held": …}` with whose they are."""
+async def serve(
+    socket: WebSocket,
+    output: StickOutput,
+    session: Session,
+    may: Callable[[str], bool],
+    say: Callable[[str, str], None],
+) -> None:
+    """One page's sticks until it leaves.
+
+    Args:
+        may: whether this requester has control, or may take it now; asked with each frame.
+        say: (level, line) for everybody's list of events.
+    """
     if not session.role.may(Role.OPERATOR):
         await socket.close(1008, "viewers have no sticks")
         return
     await socket.accept()
-    hand, told = Hand(), None
+    hand, label = Hand(), session.label
+    answers: asyncio.Queue[bytes] = asyncio.Queue()
+    sending = asyncio.create_task(_send(socket, answers))
+
+    def tell(number: int, by: str, on: bool, why: str) -> None:
+        while answers.qsize() >= WAITING:
+            answers.get_nowait()
+        answers.put_nowait(_encode({"n": number, "by": by, "on": on, "why": why}))
+
+    def take(frame: Frame) -> None:
+        was_on = hand.on
+        if hand.take(frame, time.monotonic()):
+            if not may(label):
+                hand.refuse("another has control")
+            elif not output.send(hand, frame.axes, label, partial(tell, frame.number, "station")):
+                hand.refuse("another page has the sticks")
+        if hand.on:
+            return
+        output.release(hand)
+        tell(frame.number, "web", False, hand.why)
+        cause = hand.why or frame.cause
+        if was_on and cause != RELEASED:
+            say("warn", f"sticks of {label} dropped: {cause}")
+
     try:
         while (event := await socket.receive())["type"] != "websocket.disconnect":
             try:
-                axes, enabled = hand.take(event.get("bytes") or b"", time.monotonic())
+                take(read_frame(event.get("bytes") or b""))
             except ValueError as error:
                 await socket.close(1008, str(error))
                 return
-            mine = output.send(hand, axes, enabled)
-            if (mine, enabled) != told:
-                told = (mine, enabled)
-                await socket.send_json({"mine": mine, "enabled": mine and enabled})
     finally:
+        sending.cancel()
         output.release(hand)
+        if hand.on:
+            say("warn", f"sticks of {label} dropped: {CLOSED}")
+
+
+async def _send(socket: WebSocket, answers: asyncio.Queue[bytes]) -> None:
+    with contextlib.suppress(WebSocketDisconnect, OSError, RuntimeError):  # it has gone
+        while True:
+            await socket.send_text((await answers.get()).decode())

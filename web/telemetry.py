@@ -2,9 +2,12 @@
 
 The page sends `{"id": 3, "signals": ["state.position.x", …]}` whenever its selection changes.
 A frame (little endian): uint16 id, uint16 count, float64 time (s, this computer's epoch),
-uint16 age in ms of each topic of `web.live.STALE` (65535: never or longer), float32 values.
-With 40 signals (state table, charts as they come, Beacons tab) a frame has 198 B and a page costs
-5.1 kB/s with the heads of the websocket; the most there may be, 64, cost 7.5 kB/s.
+uint16 age in ms (65535: never or longer) of each topic these signals are of, in the order of
+`web.live.STALE`, float32 values. With the 40 signals of state table, charts as they come and
+Beacons tab a frame has 186 B and a page costs 4.7 kB/s with the heads of the websocket; the most
+there may be, 96 signals, costs 10.6 kB/s. Only what some page asked for is computed.
+
+`{"ping": 12.5}` is answered at once by `{"pong": 12.5}`: the page's own link.
 """
 
 from __future__ import annotations
@@ -20,10 +23,10 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from web.live import STALE, Live
-from web.signals import INDEX, snapshot
+from web.signals import INDEX, SIGNALS, snapshot
 
 RATE = 25.0  # Hz
-MOST_SIGNALS = 64  # of state table, both charts and the Beacons tab together
+MOST_SIGNALS = 96  # of state table, four charts and the Beacons tab together
 NEVER = 65535
 
 
@@ -32,9 +35,15 @@ class Subscription(msgspec.Struct, forbid_unknown_fields=True):
     signals: list[str]
 
 
-def parse(text: str) -> Subscription:
+class Ping(msgspec.Struct, forbid_unknown_fields=True):
+    ping: float
+
+
+def parse(text: str) -> Subscription | Ping:
     """Unknown names are refused, so that a page of another version notices. Raises ValueError."""
     try:
+        if text.startswith('{"ping"'):
+            return msgspec.json.decode(text, type=Ping)
         wanted = msgspec.json.decode(text, type=Subscription)
     except msgspec.DecodeError as error:
         raise ValueError(f"a subscription is {{id, signals}}: {error}") from error
@@ -48,12 +57,28 @@ def parse(text: str) -> Subscription:
     return wanted
 
 
+def topics_of(signals: Sequence[str]) -> list[str]:
+    """The topics whose ages a frame of these signals has, in its order."""
+    found = {SIGNALS[INDEX[name]].topic for name in signals}
+    return [topic for topic in STALE if topic in found]
+
+
 def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[float]) -> bytes:
     """One frame; `stamp` and `ages` in s."""
     milliseconds = [min(NEVER, round(1e3 * age)) if math.isfinite(age) else NEVER for age in ages]
     return struct.pack(
         f"<HHd{len(ages)}H{len(values)}f", identity, len(values), stamp, *milliseconds, *values
     )
+
+
+class _Page:
+    """What one page asked for, with its places in the snapshot."""
+
+    def __init__(self, wanted: Subscription) -> None:
+        self.identity = wanted.id
+        self.names = frozenset(wanted.signals)
+        self.places = [INDEX[name] for name in wanted.signals]
+        self.topics = topics_of(wanted.signals)
 
 
 class TelemetryFeed:
@@ -64,9 +89,9 @@ class TelemetryFeed:
         self._clock = clock
         self._tick = asyncio.Condition()
         self._values: list[float] = []
-        self._ages: list[float] = []
+        self._ages: dict[str, float] = {}
         self._stamp = 0.0
-        self._pages = 0
+        self._pages: dict[WebSocket, _Page] = {}
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -74,45 +99,51 @@ class TelemetryFeed:
         while True:
             deadline = max(deadline + 1.0 / RATE, loop.time())
             await asyncio.sleep(deadline - loop.time())
-            if self._pages == 0:
+            if not self._pages:
                 continue
-            self._values = snapshot(self._live)
-            self._ages = [self._live.age(topic) for topic in STALE]
+            wanted = frozenset().union(*(page.names for page in self._pages.values()))
+            self._values = snapshot(self._live, wanted)
+            self._ages = {topic: self._live.age(topic) for topic in STALE}
             self._stamp = self._clock()
             async with self._tick:
                 self._tick.notify_all()
 
     async def serve(self, socket: WebSocket) -> None:
         await socket.accept()
-        wanted = Subscription(0, [])
-        self._pages += 1
+        self._pages[socket] = _Page(Subscription(0, []))
 
         async def listen() -> None:
-            nonlocal wanted
             while (event := await socket.receive())["type"] != "websocket.disconnect":
-                wanted = parse(event.get("text") or "")
+                asked = parse(event.get("text") or "")
+                if isinstance(asked, Ping):
+                    await socket.send_text(f'{{"pong":{asked.ping!r}}}')
+                else:
+                    self._pages[socket] = _Page(asked)
 
         async def talk() -> None:
             while True:
+                page = self._pages[socket]  # what is asked for now is in the next snapshot
                 async with self._tick:
                     await self._tick.wait()
-                chosen = [self._values[INDEX[name]] for name in wanted.signals]
-                await socket.send_bytes(frame(wanted.id, self._stamp, self._ages, chosen))
+                ages = [self._ages[topic] for topic in page.topics]
+                values = [self._values[place] for place in page.places]
+                await socket.send_bytes(frame(page.identity, self._stamp, ages, values))
 
         listening, talking = asyncio.create_task(listen()), asyncio.create_task(talk())
         try:
             await asyncio.wait({listening, talking}, return_when=asyncio.FIRST_COMPLETED)
             if listening.done() and (error := listening.exception()):
-                if not isinstance(error, ValueError):
+                if isinstance(error, ValueError):
+                    await socket.close(1008, str(error)[:120])
+                elif not isinstance(error, WebSocketDisconnect | OSError):
                     raise error
-                await socket.close(1008, str(error)[:120])
             elif talking.done() and not isinstance(
                 error := talking.exception(), WebSocketDisconnect | OSError
             ):
                 assert error is not None
                 raise error
         finally:
-            self._pages -= 1
+            del self._pages[socket]
             for task in (listening, talking):
                 task.cancel()
             await asyncio.gather(listening, talking, return_exceptions=True)

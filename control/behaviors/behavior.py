@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
+from control.parameters import ControlParameters
 from control.trajectories.polynomial import Polynomial
 from control.trajectories.trajectory import Trajectory
 from quadrotor.errors import RefusedError, UnknownParameterError
@@ -41,6 +42,8 @@ class Context:
     hover_thrust: float  # N, the weight
     model: Record = field(default_factory=lambda: VehicleModel().record())  # MODEL, shape (1,)
     trajectories: Mapping[str, Polynomial] = field(default_factory=dict)  # loaded from files
+    control: ControlParameters = field(default_factory=ControlParameters)  # the gains in force
+    state: Record | None = None  # of the vehicle, where it is known
 
     @property
     def point(self) -> Point:

@@ -16,6 +16,7 @@ from control.behaviors.behavior import (
     argument_descriptions,
 )
 from control.behaviors.brake import Brake
+from control.behaviors.excite import Excite
 from control.behaviors.fly_to import FlyTo
 from control.behaviors.follow_trajectory import FollowTrajectory
 from control.behaviors.ground import Ground, stand
@@ -25,6 +26,7 @@ from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName, behavior_of, check_transition
 from control.behaviors.take_off import TakeOff
 from control.behaviors.velocity import Velocity
+from control.parameters import ControlParameters
 from control.trajectories.feasibility import examine
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.limits import Limits
@@ -43,6 +45,7 @@ BEHAVIORS: dict[BehaviorName, type[Startable]] = {
     BehaviorName.VELOCITY: Velocity,
     BehaviorName.LAND: Land,
     BehaviorName.BRAKE: Brake,
+    BehaviorName.EXCITE: Excite,
 }
 """Those that can be requested: all but GROUND."""
 
@@ -63,6 +66,10 @@ class BehaviorMachine:
         model: MODEL, shape (1,), by which trajectories are checked; set it anew as the weight.
             The paper's vehicle if left out.
         trajectories: those loaded from files before the flight, by name.
+
+    Attributes:
+        control: the gains in force, by which steps are checked; set it as the model.
+        aborted: why a behavior ended itself early; whoever tells it empties it.
     """
 
     def __init__(
@@ -77,7 +84,9 @@ class BehaviorMachine:
         self.hover_thrust = hover_thrust
         self.model = VehicleModel().record() if model is None else model
         self.trajectories: Mapping[str, Polynomial] = trajectories or {}
+        self.control = ControlParameters()
         self.landed = False
+        self.aborted = ""
         self._behavior: Behavior = Ground()
         self._reference = new_reference()
         self._floats = self._reference.view("f8")
@@ -120,7 +129,7 @@ class BehaviorMachine:
                     "check the tracker and wait for a pose"
                 )
             stand(state, self._reference)
-        context = self._context()
+        context = self._context(state)
         if wanted is BehaviorName.HOVER and self._moving():
             wanted = BehaviorName.BRAKE
         self._behavior = BEHAVIORS[wanted].start(context, arguments)
@@ -154,16 +163,23 @@ class BehaviorMachine:
     def _finish(self) -> None:
         if self.name is BehaviorName.LAND:
             self._behavior, self.landed = Ground(), True
+            return
+        context = self._context()
+        if isinstance(self._behavior, Excite) and self._behavior.aborted:
+            self.aborted = self._behavior.aborted
+            self._behavior = Brake.start(context, {})
         else:
-            self._behavior = Hover.start(self._context(), {})
+            self._behavior = Hover.start(context, {})
 
-    def _context(self) -> Context:
+    def _context(self, state: Record | None = None) -> Context:
         return Context(
             self._reference.copy(),
             self.parameters,
             self.hover_thrust,
             self.model,
             self.trajectories,
+            self.control,
+            state,
         )
 
     def _moving(self) -> bool:

@@ -105,6 +105,25 @@ class BehaviorParameters(Parameters):
     brake_deceleration: float = parameter(
         2.5, unit="m/s²", ge=0.2, le=6.0, step=0.1, description="deceleration of brake"
     )
+    excite_position_max: float = parameter(
+        0.6, unit="m", ge=0.05, le=2.0, step=0.05, description="largest step of excite on x, y, z"
+    )
+    excite_yaw_max: float = parameter(
+        0.8,
+        unit="rad",
+        ge=0.05,
+        le=3.0,
+        step=0.05,
+        description="largest step of excite on yaw; it brakes when the yaw is further off its path",
+    )
+    excite_error_max: float = parameter(
+        0.5,
+        unit="m",
+        ge=0.05,
+        le=2.0,
+        step=0.05,
+        description="excite brakes when the vehicle is further off the path on any axis",
+    )
     landing_thrust_share: float = parameter(
         0.6,
         ge=0.35,

@@ -19,9 +19,10 @@ class BehaviorName(IntEnum):
     VELOCITY = 5  # sticks
     LAND = 6
     BRAKE = 7  # to a stop, then hover
+    EXCITE = 8  # steps of the reference, for tuning
 
 
-_GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE = BehaviorName
+_GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE, _EXCITE = BehaviorName
 
 _ON_GROUND = "the vehicle is on the ground: request take_off first"
 _STANDING = "the vehicle is on the ground already"
@@ -29,7 +30,15 @@ _FLYING = "the vehicle is flying already: use fly_to to change the height"
 _REACHED_BY_LANDING = "ground is reached by landing: request land"
 _CLIMBING = "take_off is still climbing: wait for hover, or request brake to stop here"
 _MOVING = "a trajectory starts from rest: request brake and wait for hover"
+_NOT_AT_REST = "a test of the gains starts from hover: request brake and wait for hover"
 _DESCENDING = "the vehicle is landing: request hover first to abort the landing"
+
+_IN_MOTION = {
+    _GROUND: _REACHED_BY_LANDING,
+    _TAKE_OFF: _FLYING,
+    _FOLLOW: _MOVING,
+    _EXCITE: _NOT_AT_REST,
+}
 
 REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
     _GROUND: {
@@ -40,6 +49,7 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _VELOCITY: _ON_GROUND,
         _LAND: _STANDING,
         _BRAKE: _ON_GROUND,
+        _EXCITE: _ON_GROUND,
     },
     _TAKE_OFF: {
         _GROUND: _REACHED_BY_LANDING,
@@ -47,19 +57,22 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _FLY_TO: _CLIMBING,
         _FOLLOW: _CLIMBING,
         _VELOCITY: _CLIMBING,
+        _EXCITE: _CLIMBING,
     },
     _HOVER: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING},
-    _FLY_TO: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
-    _FOLLOW: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
-    _VELOCITY: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
+    _FLY_TO: dict(_IN_MOTION),
+    _FOLLOW: dict(_IN_MOTION),
+    _VELOCITY: dict(_IN_MOTION),
     _LAND: {
         _GROUND: "land is under way already",
         _TAKE_OFF: _DESCENDING,
         _FLY_TO: _DESCENDING,
         _FOLLOW: _DESCENDING,
         _VELOCITY: _DESCENDING,
+        _EXCITE: _DESCENDING,
     },
-    _BRAKE: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING, _FOLLOW: _MOVING},
+    _BRAKE: dict(_IN_MOTION),
+    _EXCITE: _IN_MOTION | {_EXCITE: "excite is under way already"},
 }
 """REFUSALS[present][wanted] is the reason of a refusal; every other move is allowed.
 
@@ -92,7 +105,8 @@ def check_transition(
     reason = REFUSALS[present].get(wanted)
     if reason is not None:
         raise RefusedError(f"{name} refused: {reason}")
-    if present in (_TAKE_OFF, _LAND) and wanted in NEEDS_LIFT and not airborne:
+    needs_lift = wanted is _EXCITE or (present in (_TAKE_OFF, _LAND) and wanted in NEEDS_LIFT)
+    if needs_lift and not airborne:
         raise RefusedError(
             f"{name} refused: the vehicle has not left the ground; request land to stop"
         )

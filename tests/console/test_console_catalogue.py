@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from console.catalogue import Catalogue, RunEntry, run_name
+from console.catalogue_notes import write_notes
 from console.run_files import tidy_runs
 from quadrotor.errors import StorageError
 from vehicle_link.log import LogWriter, is_closed, read_log
@@ -54,7 +55,7 @@ def test_search_looks_in_id_operator_and_notes_and_takes_percent_literally(
 ) -> None:
     catalogue.add(entry("alpha", operator="Grace"))
     catalogue.add(entry("beta"))
-    catalogue.set_notes("beta", "payload 100% ok")
+    write_notes(catalogue, "beta", "payload 100% ok")
     assert [e.id for e in catalogue.runs(search="ALPHA")] == ["alpha"]
     assert [e.id for e in catalogue.runs(search="grace")] == ["alpha"]
     assert [e.id for e in catalogue.runs(search="100%")] == ["beta"]
@@ -64,7 +65,7 @@ def test_search_looks_in_id_operator_and_notes_and_takes_percent_literally(
 
 def test_new_facts_about_a_run_keep_its_notes(catalogue: Catalogue) -> None:
     catalogue.add(entry("r1", complete=False))
-    catalogue.set_notes("r1", "gusty")
+    write_notes(catalogue, "r1", "gusty")
     catalogue.add(entry("r1", duration=9.0))
     assert catalogue.get("r1").notes == "gusty"
     assert catalogue.get("r1").duration == 9.0
@@ -79,7 +80,7 @@ def test_an_unknown_run_is_one_clear_line(catalogue: Catalogue) -> None:
 def test_a_second_process_sees_what_the_first_wrote(tmp_path: Path, catalogue: Catalogue) -> None:
     other = Catalogue(tmp_path)
     catalogue.add(entry("r1"))
-    other.set_notes("r1", "from the page")
+    write_notes(other, "r1", "from the page")
     assert catalogue.get("r1").notes == "from the page"
     other.close()
 
@@ -134,7 +135,7 @@ def test_torn_files_are_recovered_and_marked(tmp_path: Path, catalogue: Catalogu
     path = tmp_path / "runs" / "torn.mcap"
     write_log(path, torn=True)
     catalogue.add(entry("torn", complete=False, operator="ada", messages=0))
-    catalogue.set_notes("torn", "crashed")
+    write_notes(catalogue, "torn", "crashed")
     [line] = tidy_runs(catalogue)
     assert "recovered" in line
     after = catalogue.get("torn")

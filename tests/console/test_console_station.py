@@ -174,7 +174,11 @@ class Bench:
             self.sessions[1],
             self.catalogue,
             operator="the lab",
-            settings={"station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0},
+            settings={
+                "station.recorder.after_disarm": 0.0,
+                "station.recorder.keep_free": 10.0,
+                "station.preflight.blocks": False,
+            },
         )
         self.sessions.append(loopback_session(loopback))
         self.page = Node(self.sessions[2], "/quad1", "page")

@@ -46,5 +46,28 @@ def test_silence_of_released_sticks_is_no_drop() -> None:
     sticks = StickWatchdog()
     sticks.feed(PUSHED, True, 0.0, TIMEOUT)
     sticks.feed(PUSHED, False, 0.1, TIMEOUT)
+    orders = [sticks.tick(0.1 + 0.05 * i, TIMEOUT) for i in range(REPEATS + 1)]
+    assert orders == [DROPPED] * (REPEATS - 1) + [None, None], "a lost order must not go on"
+    assert not sticks.dropped
     assert sticks.tick(10.0, TIMEOUT) is None
     assert sticks.feed(PUSHED, True, 10.0, TIMEOUT).enabled
+
+
+def test_a_drop_is_due_when_the_silence_is_over_and_nothing_is_due_without_sticks() -> None:
+    sticks = StickWatchdog()
+    assert sticks.due(0.0, TIMEOUT) is None
+    sticks.feed(PUSHED, True, 0.0, TIMEOUT)
+    wait = sticks.due(0.1, TIMEOUT)
+    assert wait is not None
+    assert sticks.tick(0.1 + wait - 1e-3, TIMEOUT) is None
+    assert sticks.tick(0.1 + wait, TIMEOUT) == DROPPED
+    assert sticks.due(1.0, TIMEOUT) is None
+
+
+def test_a_new_press_ends_the_repeats_of_the_drop_before() -> None:
+    sticks = StickWatchdog()
+    sticks.feed(PUSHED, True, 0.0, TIMEOUT)
+    assert sticks.tick(0.3, TIMEOUT) == DROPPED
+    sticks.feed(PUSHED, False, 0.31, TIMEOUT)
+    assert sticks.feed(PUSHED, True, 0.32, TIMEOUT).enabled
+    assert sticks.tick(0.33, TIMEOUT) is None, "it must not stop the sticks that are held now"

@@ -218,7 +218,11 @@ class Bench:
         self.vehicle = ScriptedVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
         self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
         self.catalogue = Catalogue(data)
-        settings = {"station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0}
+        settings = {
+            "station.recorder.after_disarm": 0.0,
+            "station.recorder.keep_free": 10.0,
+            "station.preflight.blocks": False,
+        }
         self.station = BaseStation(self.sessions[1], self.catalogue, settings=settings)
         self.sessions.append(loopback_session(loopback))
         self.page = Node(self.sessions[2], "/quad1", "page")

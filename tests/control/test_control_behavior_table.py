@@ -12,17 +12,19 @@ from control.behaviors.table import (
 )
 from quadrotor.errors import RefusedError
 
-# Rows: present. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake.
+# Rows: present. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake,
+# excite.
 # "+" allowed, "a" allowed only when airborne, "-" refused.
 EXPECTED = {
-    BehaviorName.GROUND: "-+------",
-    BehaviorName.TAKE_OFF: "--a---+a",
-    BehaviorName.HOVER: "--++++++",
-    BehaviorName.FLY_TO: "--++-+++",
-    BehaviorName.FOLLOW_TRAJECTORY: "--++-+++",
-    BehaviorName.VELOCITY: "--++-+++",
-    BehaviorName.LAND: "--a---+a",
-    BehaviorName.BRAKE: "--++-+++",
+    BehaviorName.GROUND: "-+-------",
+    BehaviorName.TAKE_OFF: "--a---+a-",
+    BehaviorName.HOVER: "--++++++a",
+    BehaviorName.FLY_TO: "--++-+++-",
+    BehaviorName.FOLLOW_TRAJECTORY: "--++-+++-",
+    BehaviorName.VELOCITY: "--++-+++-",
+    BehaviorName.LAND: "--a---+a-",
+    BehaviorName.BRAKE: "--++-+++-",
+    BehaviorName.EXCITE: "--++-+++-",
 }
 CELLS = [
     (present, wanted, EXPECTED[present][wanted])
@@ -79,6 +81,7 @@ def test_names_are_lower_case_and_a_slip_is_answered_with_a_guess():
 
 
 def test_the_numbers_of_the_status_record_do_not_move():
-    assert [b.value for b in BehaviorName] == list(range(8))
+    assert [b.value for b in BehaviorName] == list(range(9))
     assert BehaviorName.GROUND == 0
     assert BehaviorName.BRAKE == 7
+    assert BehaviorName.EXCITE == 8

@@ -123,9 +123,22 @@ class Laboratory:
         except AssertionError as error:
             raise AssertionError(f"{error}; status {self.status()}\n{self.output}") from None
 
+    def ready(self) -> None:
+        """Wait until the pre-flight checks let the vehicle be armed."""
+
+        def listed() -> dict[str, Any]:
+            found: dict[str, Any] = self.summary().get("preflight") or {}
+            return found
+
+        self.reach(mode="ready")
+        try:
+            until("the pre-flight checks", lambda: listed().get("ready"))
+        except AssertionError as error:
+            raise AssertionError(f"{error}: {listed()}\n{self.output}") from None
+
     def hover(self, height: float = 1.0) -> None:
         """Arm and take off."""
-        self.reach(mode="ready")
+        self.ready()
         until("arming", lambda: self.command("arm").status_code == 200, 20)
         self.reach(mode="armed")
         until("take-off", lambda: self.command(

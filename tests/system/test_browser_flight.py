@@ -76,6 +76,8 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     page.reload()
     shows("#mode", "^ready$")
 
+    shows("#preflight summary", "Ready to arm")
+
     # Hold Arm, take off, fly the 8.
     arm = page.locator("#arm")
     arm.dispatch_event("pointerdown", {"button": 0})
@@ -108,17 +110,30 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     expect(confirmed).to_have_value(re.compile(rf"^{wanted:g}$"), timeout=BOUND)
     assert lab.get("/api/parameters")["revision"] >= 1
 
-    # The 8 ends in hover by itself; land and disarm.
-    page.locator("[data-tab=fly]").click()
+    # The 8 ends in hover by itself. A step on x is judged from the vehicle's own log.
+    page.locator("[data-tab=tune]").click()
     shows("#behavior", "^hover$")
+    step = {"axis": "x", "amplitude": 0.2, "duration": 1.0}
+    begun = lambda: lab.browser.post("/api/tuning/run", json=step).status_code == 200  # noqa: E731
+    until("rest, and a step test", begun, 20)
+    shows(".tests .what", r"^x step 0\.20 m$")
+    [test] = lab.get("/api/tuning")["runs"]
+    assert test["gains"][GAIN] == pytest.approx(wanted)
+    assert test["rate"] == pytest.approx(500.0, rel=0.02)
+    assert [edge["swing"] for edge in test["edges"]] == pytest.approx([0.2, -0.2], abs=1e-5)
+    shows(".figures-of-tests tbody tr >> nth=0", r"^delay to 50 %0\.\d\ds$")
+
+    # Land and disarm.
+    page.locator("[data-tab=fly]").click()
     page.locator("#land").click()
     shows("#mode", "^ready$")
 
     # Take the log home.
     until("the end of the recording", lambda: not lab.summary()["station"]["recording"], 20)
-    page.locator("[data-tab=runs]").click()
+    page.locator(".pages a", has_text="Runs").click()
+    expect(page.locator("#list tr[data-index] .state")).to_have_text("complete", timeout=BOUND)
     with page.expect_download(timeout=BOUND) as download:
-        page.locator("#runs a").first.click()
+        page.locator("#detail a", has_text="Download").click()
     log = tmp_path / "home.mcap"
     download.value.save_as(log)
     check_log(log, wanted)

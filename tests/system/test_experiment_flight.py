@@ -17,7 +17,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     start_laboratory: Callable[[], Any], until: Callable[..., Any]
 ) -> None:
     lab = start_laboratory().sign_in()
-    lab.reach(mode="ready")
+    lab.ready()
 
     def status() -> dict[str, Any]:
         return lab.summary().get("experiment") or {}

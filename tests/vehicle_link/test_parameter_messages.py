@@ -29,6 +29,7 @@ DESCRIPTIONS = [
     ParameterDescription("x", "float", 0.1, "one-sided", "m/s²", 0.0, None, None, False, ()),
     ParameterDescription("n", "float", -1.5, "free", "", None, None, 1e-7, True, ()),
     ParameterDescription("s", "str", "eight", "shape", "", None, None, None, False, ("eight", "o")),
+    ParameterDescription("g", "float", 4.0, "", "", 0.0, 20.0, 0.1, False, (), 4.0),
     ParameterDescription("f", "bool", False, "switch", "", None, None, None, True, ()),
 ]
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import math
 import ssl
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -66,6 +68,8 @@ class ScriptedStation(Station):
         self.store = ParameterStore(_Root().model_copy(deep=True))
         self.requests: list[tuple[str, Any]] = []
         self.sticks: list[tuple[tuple[float, ...], bool]] = []
+        self.answers_sticks = True
+        self.present: set[str] = set()
         self.refusal = ""
         self.away = False
         self.compared = False
@@ -79,8 +83,26 @@ class ScriptedStation(Station):
         for executor in super_callers:
             executor.shutdown(wait=False, cancel_futures=True)
 
-    def publish_stick(self, axes: tuple[float, float, float, float], enabled: bool) -> None:
+    def publish_stick(
+        self, axes: tuple[float, float, float, float], enabled: bool, requester: str
+    ) -> int:
+        """Answered at once, as a station does in whose hands nobody else's sticks are."""
         self.sticks.append((axes, enabled))
+        stamp_ns = time.time_ns()
+        if self.answers_sticks:
+            self.on_stick_answer(stamp_ns, enabled, "")
+        return stamp_ns
+
+    def publish_presence(self, labels: Any) -> None:
+        self.present = set(labels)
+
+    def control(self, holder: str, asking: str = "", answer_within: float = 0.0) -> None:
+        """Who commands, as the station tells it."""
+        self.put(
+            "control",
+            new("quadlab_msgs/ControlStatus", header=header(time.time_ns()), holder=holder,
+                asking=asking, answer_within=answer_within),
+        )  # fmt: skip
 
     def put(self, topic: str, message: Any) -> None:
         self._live.put(topic, encode(message))
@@ -180,6 +202,7 @@ class Site:
     links: list[str] = field(default_factory=list)
     clock: list[float] = field(default_factory=list)
     tls: Tls | None = None
+    vehicle: Any = None
 
     @property
     def verify(self) -> Any:
@@ -282,6 +305,32 @@ def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def tune_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A site whose vehicle flies step tests: `site.vehicle`, see step_vehicle.py beside this."""
+    spec = importlib.util.spec_from_file_location(
+        "step_vehicle", Path(__file__).with_name("step_vehicle.py")
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # where pydantic looks names up
+    spec.loader.exec_module(module)
+    data, ended = tmp_path_factory.mktemp("tune"), threading.Event()
+    with serving(data, Catalogue(data)) as running:
+        running.vehicle = module.StepVehicle(running.station)
+
+        def fly() -> None:
+            while not ended.wait(0.02):
+                running.station.fly()
+
+        thread = threading.Thread(target=fly, daemon=True)
+        thread.start()
+        yield running
+        ended.set()
+        thread.join()
+
+
 class serving:  # noqa: N801 - used as `with serving(...)`
     """Runs the whole process in a thread; `stop` and start again keep the data folder."""
 
@@ -292,14 +341,16 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         token: str | None = None,
         port: int = 0,
         tls: Tls | None = None,
+        kind: Callable[..., Station] = ScriptedStation,
+        open_session: Callable[[], Any] = lambda: None,
     ) -> None:
         self._listener = listen("127.0.0.1", port)
         base = url_of("127.0.0.1", self._listener.getsockname()[1], has_tls=tls is not None)
-        made: list[ScriptedStation] = []
+        made: list[Any] = []
         links: list[str] = []
 
-        def connect(live: Any, hub: Any) -> ScriptedStation:
-            made.append(ScriptedStation(lambda: None, "quad1", live, hub))
+        def connect(live: Any, hub: Any) -> Station:
+            made.append(kind(open_session, "quad1", live, hub))
             return made[0]
 
         def show(url: str, signed_in: str | None = None) -> None:
@@ -343,7 +394,7 @@ def until() -> Callable[..., None]:
     return wait_until
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def serve() -> type[serving]:
     return serving
 

@@ -12,7 +12,7 @@ from bearing_sim.beacons import PRESETS, Beacons
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from web.follow_parameters import BEARINGS, ParameterFollower
-from web.parameters import ParameterMirror
+from web.parameter_mirror import ParameterMirror
 
 
 class Shown:

@@ -18,7 +18,8 @@ from quadrotor.errors import (
     WrongTypeError,
 )
 from quadrotor.parameters import ParameterDescription, ParameterValue
-from web.parameters import GainPath, ParameterMirror
+from web.parameter_mirror import ParameterMirror
+from web.parameters import GainPath
 
 
 def description(
@@ -191,7 +192,7 @@ def test_pages_hear_only_news() -> None:
     assert [m["type"] for m in told] == ["parameters", "parameter"]
     assert told[1] == {
         "type": "parameter", "name": "gains.kp", "value": 5.0, "requester": "operator 1",
-        "revision": 4,
+        "revision": 4, "generation": mirror.generation,
     }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -64,8 +65,103 @@ def test_no_name_leads_out_of_the_runs_folder(site: Any, operator: httpx.Client,
     assert "\n" not in answer.json()["error"]
 
 
-def test_notes_are_kept(operator: httpx.Client) -> None:
-    answer = operator.put(f"/api/runs/{RUN}/notes", json={"notes": "kp_xy 5, windy"})
-    assert answer.status_code == 200
-    assert operator.get("/api/runs").json()[0]["notes"] == "kp_xy 5, windy"
+def test_notes_are_kept_with_their_author_and_nobodys_are_lost(
+    operator: httpx.Client, admin: httpx.Client
+) -> None:
+    path = f"/api/runs/{RUN}/notes"
+    first = operator.put(path, json={"notes": "kp_xy 5, windy"})
+    assert first.status_code == 200
+    run = operator.get("/api/runs").json()[0]
+    me = operator.get("/api/session").json()["label"]
+    assert (run["notes"], run["notes_by"]["author"]) == ("kp_xy 5, windy", me)
+    seen = run["notes_by"]["version"] - 1
+    other = admin.put(path, json={"notes": "calm", "seen": seen}).json()
+    assert (other["replaced"]["notes"], other["replaced"]["author"]) == ("kp_xy 5, windy", me)
+    texts = [one["notes"] for one in operator.get(path).json()]
+    assert texts[:2] == ["calm", "kp_xy 5, windy"]
     assert operator.put("/api/runs/unknown/notes", json={"notes": ""}).status_code == 404
+    operator.put(path, json={"notes": ""})
+
+
+def test_tags_come_and_go_for_several_runs_at_once(operator: httpx.Client) -> None:
+    runs = [RUN, "elsewhere"]
+    answer = operator.post("/api/tags", json={"runs": runs, "add": ["wind", "to show"]})
+    assert answer.json() == {run: ["to show", "wind"] for run in runs}
+    assert {"tag": "wind", "runs": 2} in operator.get("/api/tags").json()
+    page = operator.get("/api/runs/search", params={"tag": "wind", "limit": 1}).json()
+    assert (page["total"], [run["id"] for run in page["runs"]]) == (2, [RUN])
+    assert page["runs"][0]["tags"] == ["to show", "wind"]
+    operator.post("/api/tags", json={"runs": runs, "remove": ["wind", "to show"]})
+    assert operator.get("/api/tags").json() == []
+    assert operator.post("/api/tags", json={"runs": ["nope"], "add": ["x"]}).status_code == 404
+    refused = operator.post("/api/tags", json={"runs": runs, "add": ["a,b"]})
+    assert refused.status_code == 422
+    assert "without a comma" in refused.json()["error"]
+
+
+def test_a_page_of_the_list_says_how_many_there_are(operator: httpx.Client) -> None:
+    page = operator.get("/api/runs/search", params={"limit": 1, "offset": 1}).json()
+    assert (page["total"], [run["id"] for run in page["runs"]]) == (2, ["elsewhere"])
+    since = 1_769_851_842_000_000_000
+    assert operator.get("/api/runs/search", params={"since_ns": since}).json()["total"] == 1
+    assert operator.get("/api/runs/search", params={"until_ns": since}).json()["total"] == 1
+    assert operator.get("/api/runs/search", params={"limit": 5000}).status_code == 422
+
+
+def test_several_runs_are_deleted_and_brought_back_with_reasons_for_the_others(
+    operator: httpx.Client, viewer: httpx.Client
+) -> None:
+    answer = operator.post("/api/trash", json={"runs": [RUN, "nope", "elsewhere"]}).json()
+    assert answer["done"] == [RUN]
+    assert "no run 'nope'" in answer["refused"]["nope"]
+    assert "does not lie in" in answer["refused"]["elsewhere"]
+    assert operator.get(DOWNLOAD).status_code == 404
+    [deleted] = viewer.get("/api/trash").json()
+    assert deleted["id"] == RUN
+    assert deleted["requester"] == operator.get("/api/session").json()["label"]
+    assert operator.post("/api/trash/empty").status_code == 403
+    assert operator.post("/api/trash/restore", json={"runs": [RUN]}).json()["done"] == [RUN]
+    assert operator.get(DOWNLOAD).content == LOG
+
+
+def test_the_gauge_knows_sizes_and_the_configured_limits(operator: httpx.Client) -> None:
+    found = operator.get("/api/storage").json()
+    assert found["run_bytes"] == len(LOG) + 1
+    assert (found["keep_free"], found["warn_free"], found["trash_days"]) == (5e8, 5e9, 7.0)
+    assert found["free"] > 0
+
+
+def test_a_mark_goes_to_the_station_with_the_time_of_the_key_press(
+    operator: httpx.Client, station: Any
+) -> None:
+    now_ns = time.time_ns()
+    answer = operator.post("/api/marks", json={"id": "mark-0001", "ago": 2.0})
+    assert answer.status_code == 200
+    [(service, request)] = station.requests
+    assert (service, request.id, request.text) == ("mark", "mark-0001", "")
+    assert request.requester == operator.get("/api/session").json()["label"]
+    assert 0 <= request.pressed_ns - now_ns + 2_000_000_000 < 5_000_000_000
+    operator.post("/api/marks", json={"id": "mark-0001", "text": "gust"})
+    assert (station.requests[1][1].pressed_ns, station.requests[1][1].text) == (0, "gust")
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"id": "short", "ago": 1.0}, {"id": "mark-0001", "ago": -1.0},
+        {"id": "mark-0001", "ago": 11.0}, {"id": "mark-0001", "text": "x" * 501},
+        {"id": "mark/0001"}, {"id": "mark-0001", "run": "other"},
+    ],
+)  # fmt: skip
+def test_a_mark_that_makes_no_sense_never_reaches_the_station(
+    operator: httpx.Client, station: Any, body: dict[str, Any]
+) -> None:
+    assert operator.post("/api/marks", json=body).status_code == 422
+    assert station.requests == []
+
+
+def test_a_refused_mark_says_why(operator: httpx.Client, station: Any) -> None:
+    station.refusal = "nothing is being recorded, so there is no log to mark"
+    answer = operator.post("/api/marks", json={"id": "mark-0001", "ago": 0.0})
+    assert answer.status_code == 409
+    assert "nothing is being recorded" in answer.json()["error"]

@@ -13,11 +13,12 @@ import pytest
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.authority import ensure_certificates
-from vehicle_link.messages import decode, encode, new
+from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.session import loopback_session, station_session
+from vehicle_link.topics import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.events import EventHub
 from web.live import Live
@@ -196,6 +197,35 @@ def test_an_absent_station_is_one_line_and_its_return_is_noticed(
 
     until(back)
     client.run(client.station.command("arm", "operator 1"))
+
+
+def test_sticks_carry_their_owner_and_the_stations_answer_finds_back(
+    router: Router, client: Client, until: Any
+) -> None:
+    came: list[Any] = []
+    answers: list[tuple[int, bool, str]] = []
+    client.station.on_stick_answer = lambda *answer: answers.append(answer)
+    stick, status = TOPICS["stick"], TOPICS["stick_status"]
+    router.node.subscribe(stick.name, stick.type_name, came.append)
+    answering = router.node.advertise(status)
+    stamps: list[int] = []
+
+    def arrived() -> bool:
+        stamps.append(client.station.publish_stick((0.5, 0, 0, 0), True, "operator 1"))
+        return bool(came)
+
+    until(arrived)
+    sticks = decode_joy(came[-1].payload)
+    assert (sticks.requester, sticks.enabled, sticks.axes[0]) == ("operator 1", True, 0.5)
+    assert sticks.stamp_ns in stamps
+
+    def answered() -> bool:
+        message = new(status.type_name, header=header(sticks.stamp_ns), reason="silent")
+        answering.put(encode(message))
+        return bool(answers)
+
+    until(answered)
+    assert answers[0] == (sticks.stamp_ns, False, "silent")
 
 
 def test_before_the_first_session_commands_say_so() -> None:

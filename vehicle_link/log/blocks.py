@@ -97,7 +97,7 @@ class BlockReader:
                 opcode, length = _RECORD.unpack(head)
                 if opcode == Opcode.DATA_END:
                     return
-                if 0 < opcode and begin + _RECORD.size + length <= size:
+                if opcode > 0 and begin + _RECORD.size + length <= size:
                     yield opcode, stream.read(length)
                     continue
             self.tear = f"ends within a record after byte {begin} of {size}"

@@ -55,7 +55,7 @@ class SchemaLayouts:
     def __init__(self, schema: Schema) -> None:
         if schema.encoding != "ros2msg":
             raise LogFormatError(
-                f"{schema.name} is described in {schema.encoding or 'no'} form; only ros2msg is read"
+                f"{schema.name} is described in {schema.encoding!r}; only ros2msg is read"
             )
         try:
             self._name = stored_name(schema.name)

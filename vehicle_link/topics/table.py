@@ -78,9 +78,11 @@ _ROWS = (
     Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 5),
     Topic("preflight", "quadlab_msgs/Preflight", "station", 2),
     Topic("control", "quadlab_msgs/ControlStatus", "station", 2),
+    Topic("marks", "quadlab_msgs/Mark", "station", 0, RELIABLE, drop=False),
     Topic("presence", "quadlab_msgs/Presence", "web", 1),
     Topic("truth", "nav_msgs/Odometry", "simulator", 100),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
+    Topic("stick_status", "quadlab_msgs/StickStatus", "station", 50),
 )
 
 TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
@@ -95,10 +97,12 @@ SERVICES: dict[str, str] = {
     "time_sync": "quadlab_msgs/srv/TimeSync",
     "whoami": "quadlab_msgs/srv/WhoAmI",
     "record": "quadlab_msgs/srv/Record",
+    "mark": "quadlab_msgs/srv/Mark",
     "experiment": "quadlab_msgs/srv/Experiment",
+    "onboard_log": "quadlab_msgs/srv/OnboardLog",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
-`/quad1/station/<name>` (which alone has `record` and `experiment`, and neither `time_sync` nor
-`whoami`)."""
+`/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment` and `control`, the
+vehicle alone `time_sync` and `whoami`."""

@@ -20,6 +20,7 @@ from web.access.open_sockets import OpenSockets
 from web.access.pages import sign_in_page, signed_in_page
 from web.access.roles import Session
 from web.access.sign_in import Refusal, SignIn, address_of, read_form
+from web.access.signed_links import SignedLinks, with_sharing
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 PAGE_POLICY = (
@@ -35,6 +36,7 @@ class Gate:
         base_url: where we are, with its scheme: pages of another scheme are foreign too.
         hosts: allowed values of the Host header (`127.0.0.1:8080`, `localhost:8080`, …).
         accounts: while there are none, the sign-in page asks for no password.
+        links: to single files, which need no session.
     """
 
     def __init__(
@@ -47,6 +49,7 @@ class Gate:
         accounts: Accounts,
         sign_in: SignIn,
         sockets: OpenSockets,
+        links: SignedLinks,
     ) -> None:
         self._app = app
         self._base_url = base_url
@@ -57,6 +60,7 @@ class Gate:
         self._accounts = accounts
         self._sign_in = sign_in
         self._sockets = sockets
+        self._links = links
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -67,6 +71,11 @@ class Gate:
         try:
             if refusal := self._foreign(scope, headers):
                 await answer.error(403, refusal)
+            elif self._links.opens(scope):
+                sending = with_sharing(headers, _with_policy(send))
+                await self._app(scope, receive, sending)
+            elif (allowed := self._links.preflight(scope, headers)) is not None:
+                await answer.fields(200, {}, allowed)
             elif not await self._entrance(scope, headers, receive, answer):
                 await self._let_in(scope, headers, receive, send, answer)
         except StorageError as error:  # of the accounts: nobody is let in

@@ -24,6 +24,11 @@ class OpenSockets:
         self._sessions = sessions
         self._guards: set[_Guard] = set()
 
+    @property
+    def labels(self) -> set[str]:
+        """Of the people who have a page open."""
+        return {guard.session.label for guard in self._guards if not guard.is_over}
+
     async def serve(
         self, app: ASGIApp, session: Session, scope: Scope, receive: Receive, send: Send
     ) -> None:

@@ -22,7 +22,7 @@ from web.asking import Operator
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
 from web.live import Live
-from web.parameters import LAYOUT, ParameterMirror
+from web.parameter_mirror import LAYOUT, ParameterMirror
 
 if TYPE_CHECKING:
     from web.parts import Parts

@@ -1,19 +1,28 @@
 // The page: opens the sockets and hands them to the parts.
 
+import { followAddress } from "./address.js";
 import { get } from "./api.js";
+import { Ages } from "./ages.js";
 import { Bar } from "./bar.js";
 import { Beacons } from "./beacons.js";
-import { Chart } from "./chart.js";
+import { ControlStrip } from "./control.js";
+import { Charts } from "./charts.js";
+import { addEmergency } from "./emergency.js";
 import { ExperimentSection } from "./experiment.js";
 import { Fly } from "./fly.js";
 import { Gains } from "./gains.js";
 import { element } from "./format.js";
+import { Help } from "./help.js";
+import { onKey } from "./keys.js";
+import { LinkPanel } from "./link.js";
 import { EventList } from "./log.js";
+import { Marks } from "./marks.js";
 import { People } from "./people.js";
-import { Runs } from "./runs.js";
+import { Preflight } from "./preflight.js";
 import { Events, Telemetry } from "./sockets.js";
-import { Sticks } from "./sticks.js";
+import { addSticks } from "./stick_panel.js";
 import { StateTable } from "./table.js";
+import { Tune } from "./tune.js";
 import { View } from "./view.js";
 
 const $ = (id) => document.getElementById(id);
@@ -21,39 +30,58 @@ const $ = (id) => document.getElementById(id);
 async function start() {
   const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/static/behaviors.json")]);
   const events = new Events();
+  const emergency = addEmergency($("emergency"), events, session); // first, whatever fails below
   const telemetry = new Telemetry(description);
   const isOperator = session.role !== "viewer"; // admins may do all that operators may
   $("vehicle").textContent = session.vehicle;
   document.title = `${session.vehicle} · quadlab`;
 
   const fly = new Fly(events, behaviors, isOperator);
-  new Bar(events, fly, isOperator);
+  new Preflight($("preflight"), $("arm"), events);
+  const ages = new Ages(events, telemetry, description.stale);
+  new Bar(events, fly, isOperator, ages);
   new EventList($("events"), events);
-  new ExperimentSection($("experiment"), events, fly, isOperator);
+  new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
+  new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
-  new Runs(events, isOperator);
   new View(events);
-  new Sticks($("sticks"), events, isOperator);
-  new StateTable($("table"), telemetry, description);
-  for (const index of [0, 1]) new Chart($(`chart-${index}`), index, telemetry, description);
-  new Beacons({ events, telemetry, description, gains, isOperator });
+  addSticks($("sticks"), { events, isOperator, fly, emergency, gains });
+  new StateTable($("table"), telemetry, description, ages);
+  const charts = new Charts($("charts"), telemetry, description);
+  new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
+  new Tune($("tab-tune"), { events, session, isOperator });
+  new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
 
   tabs();
+  followAddress();
   new People(session, fly);
+  new ControlStrip($("control"), events, session, fly);
   connection(events);
+  new Help($("help"), isOperator); // last: it lists the keys of all
 }
 
+// Arrow keys go from tab to tab, as in every tab list; only the open one is on the tab key's way.
 function tabs() {
   const buttons = [...document.querySelectorAll("[role=tab]")];
-  for (const button of buttons) {
-    button.addEventListener("click", () => {
-      for (const other of buttons) {
-        other.setAttribute("aria-selected", String(other === button));
-        $(`tab-${other.dataset.tab}`).hidden = other !== button;
-      }
-      document.dispatchEvent(new CustomEvent("tab", { detail: button.dataset.tab }));
+  const open = (wanted) => {
+    for (const button of buttons) {
+      button.setAttribute("aria-selected", String(button === wanted));
+      button.tabIndex = button === wanted ? 0 : -1;
+      $(`tab-${button.dataset.tab}`).hidden = button !== wanted;
+    }
+    document.dispatchEvent(new CustomEvent("tab", { detail: wanted.dataset.tab }));
+  };
+  buttons.forEach((button, i) => {
+    onKey(String(i + 1), `open ${button.textContent}`, () => button.click());
+    button.addEventListener("click", () => open(button));
+    button.addEventListener("keydown", (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (!step) return;
+      const next = buttons[(i + step + buttons.length) % buttons.length];
+      next.focus();
+      open(next);
     });
-  }
+  });
 }
 
 // A strip across the top while quadlab web is away; everything grows old below it.

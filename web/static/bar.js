@@ -3,23 +3,22 @@
 import { command } from "./api.js";
 import { bytes, duration, fixed, NONE, seconds, words } from "./format.js";
 import { onHold } from "./hold.js";
+import { armNote } from "./preflight.js";
 
 const $ = (id) => document.getElementById(id);
-const STALE = { status: 1, link_status: 1.5, station_status: 1.5, battery: 3 }; // s
 
 const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
 
 export class Bar {
-  constructor(events, fly, isOperator) {
+  constructor(events, fly, isOperator, ages) {
     this.events = events;
-    this.controls = ["arm", "take-off", "land", "emergency-land", "cut"].map($);
+    this.ages = ages; // greys what is old, too
+    this.controls = ["arm", "take-off", "land"].map($);
     this.isOperator = isOperator;
     // What the label said at the press, whatever has been heard since.
     onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted), () => this.nextArm);
     $("take-off").addEventListener("click", () => fly.start("take_off"));
     $("land").addEventListener("click", () => fly.start("land"));
-    $("emergency-land").addEventListener("click", () => fly.attempt(() => command("emergency", { action: "land" }), "emergency landing"));
-    onHold($("cut"), 500, () => fly.attempt(() => command("emergency", { action: "cut" }), "cut"));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
   }
@@ -29,7 +28,7 @@ export class Bar {
     const { status } = this.events.summary;
     return status && (status.armed || status.mode?.toLowerCase() === "cut") ? "disarm" : "arm";
   }
-  fresh(topic) { return this.events.age(topic) < STALE[topic]; }
+  fresh(topic) { return !this.ages.isOld(topic); }
 
   draw() {
     const { status, link, battery, station } = this.events.summary;
@@ -44,21 +43,17 @@ export class Bar {
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";
     if (this.isOperator) $("arm").disabled = !this.fresh("status"); // not by what was true once
-    if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : "hold for 0.8 s to start the motors";
+    if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
   }
 
   // The station's own figure while it speaks; longer once it is silent.
-  linkAge(link) { return Math.max(link.age ?? 0, this.fresh("link_status") ? 0 : this.events.age("link_status")); }
+  linkAge(link) { return Math.max(link.age ?? 0, this.fresh("link_status") ? 0 : this.ages.age("link_status")); }
 
   lateness(value) { return value === null || value === undefined ? NONE : value < 1e-3 ? `${fixed(1e6 * value, 0)} µs` : `${fixed(1e3 * value, 1)} ms`; }
 
   set(id, text, warn = false) {
-    const output = $(id), topic = output.dataset.topic, old = !this.fresh(topic);
-    const shown = text || NONE;
+    const output = $(id), shown = text || NONE;
     if (output.textContent !== shown) output.textContent = shown;
-    output.classList.toggle("stale", old);
-    output.classList.toggle("warn", Boolean(warn) && !old);
-    const age = this.events.age(topic);
-    output.title = !old ? "" : Number.isFinite(age) ? `last heard ${seconds(age)} ago` : "never heard";
+    output.classList.toggle("warn", Boolean(warn) && this.fresh(output.dataset.topic));
   }
 }

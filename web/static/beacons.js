@@ -13,21 +13,20 @@ import { Socket } from "./sockets.js";
 
 const $ = (id) => document.getElementById(id);
 const LAYOUT = "station.bearings.layout";
-const STALE = 800; // ms without a comparison; they come five times a second
 const PERIOD = 200; // ms
 
 export class Beacons {
-  constructor({ events, telemetry, description, gains, isOperator }) {
-    const shared = { events, gains, isOperator };
+  constructor({ events, history, description, gains, isOperator, ages }) {
+    const shared = { events, gains, isOperator, ages };
+    this.ages = ages;
     this.gains = gains;
     this.isOperator = isOperator;
     this.presets = {};
     this.chosen = "vehicle"; // whose residuals are shown
-    this.received = -Infinity;
     this.session = new Session($("beacons-session"), shared);
     this.residuals = new Residuals($("beacons-residuals"));
     this.errors = new Errors($("beacons-errors"), { ...shared, choose: (name) => this.choose(name) });
-    this.chart = new ErrorChart($("beacons-chart"), telemetry, description);
+    this.chart = new ErrorChart($("beacons-chart"), history, description);
     this.view = new BeaconView($("beacons-view"), { isOperator, chosen: (name) => this.follow(name) });
     this.layout = new Layout($("beacons-layout"), isOperator);
     this.sensor = new Sensor($("beacons-sensor"), shared);
@@ -42,7 +41,7 @@ export class Beacons {
     if (this.isOpen) return;
     this.isOpen = true;
     this.socket = new Socket("/ws/comparison");
-    this.socket.addEventListener("message", ({ data }) => { this.comparison = JSON.parse(data); this.received = performance.now(); this.draw(); });
+    this.socket.addEventListener("message", ({ data }) => { this.comparison = JSON.parse(data); this.draw(); });
     this.timer = setInterval(() => this.draw(), PERIOD);
     this.load();
   }
@@ -103,7 +102,7 @@ export class Beacons {
 
   draw() {
     if (document.hidden) return;
-    const isStale = performance.now() - this.received > STALE, { comparison } = this;
+    const isStale = this.ages.isOld("comparison"), { comparison } = this;
     this.session.draw();
     if (!comparison) return;
     const names = comparison.estimators.map(({ name }) => name);
@@ -113,7 +112,7 @@ export class Beacons {
       this.view.estimates(names);
     }
     const chosen = names.includes(this.chosen) ? this.chosen : "vehicle";
-    this.errors.show(comparison, chosen, isStale);
+    this.errors.show(comparison, chosen);
     this.residuals.show(comparison.estimators.find(({ name }) => name === chosen), comparison.sigma, isStale);
   }
 }

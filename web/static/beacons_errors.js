@@ -25,16 +25,16 @@ export class Errors {
     this.empty = element("p", { className: "empty" }, "No comparison comes yet: it needs telemetry and a truth, the simulator's or the tracker's.");
     place.append(element("h2", {}, "Errors", this.note), this.table, this.empty, this.boxes, this.reason);
     this.table.hidden = true;
+    this.note.dataset.topic = this.table.dataset.topic = "comparison";
   }
 
-  show(comparison, chosen, isStale) {
+  show(comparison, chosen) {
     if (!comparison) return;
     this.table.hidden = false;
     this.empty.hidden = true;
     set(this.note, `against ${TRUTHS[comparison.truth] ?? "nothing"}, session ${duration(comparison.duration)}`);
     const names = comparison.estimators.map(({ name }) => name);
     if (names.join() !== [...this.rows.keys()].join()) this.build(names);
-    this.table.classList.toggle("stale", isStale);
     for (const one of comparison.estimators) {
       const { cells, button, state } = this.rows.get(one.name);
       DIGITS.forEach((digits, i) => set(cells[i], figure(one.figures[i], digits)));

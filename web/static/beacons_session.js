@@ -8,12 +8,14 @@ const SOURCES = { poses: "the tracker's poses", bearings: "bearings to the beaco
 const CALM = ["hover", "brake", "velocity"]; // what a hand-over is accepted in
 
 export class Session {
-  constructor(place, { events, gains, isOperator }) {
+  constructor(place, { events, gains, isOperator, ages }) {
     this.events = events;
+    this.ages = ages;
     this.gains = gains;
     this.isOperator = isOperator;
     this.presets = {};
     this.line = element("output", { className: "flies" });
+    this.line.dataset.topic = "status";
     this.detail = element("span", { className: "detail" });
     this.estimator = element("select", { ariaLabel: "estimator on bearings", disabled: !isOperator, onchange: () => this.draw() });
     this.preset = element("select", { ariaLabel: "gains of the complementary filter", disabled: !isOperator, onchange: () => this.draw(),
@@ -84,14 +86,13 @@ export class Session {
 
   draw() {
     const value = (name) => this.gains.value(P[name]);
-    const { status } = this.events.summary, isStale = !(this.events.age("status") < 1);
+    const { status } = this.events.summary, isStale = this.ages.isOld("status");
     const flags = status?.flags ?? [], source = value("source");
     const onBearings = flags.includes("on_bearings") || source === "bearings";
     const filter = value("estimator"), gains = filter === "complementary" && this.presetInUse;
     set(this.line, source === undefined ? "The vehicle's parameters have not been read yet" : `${status?.airborne === false ? "Estimate from" : "Flies on"} ${SOURCES[onBearings ? "bearings" : source]}`);
     set(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back by itself, the events say why"].filter(Boolean).join(" · "));
     this.detail.classList.toggle("amber", flags.includes("fell_back") && !isStale);
-    this.line.classList.toggle("stale", isStale);
     this.way.hidden = source !== "poses";
     this.back.hidden = source === undefined || source === "poses";
     this.drawSteps(status, isStale, value);
@@ -113,6 +114,7 @@ export class Session {
     this.beside.hidden = runs && isSet;
     set(this.beside, runs ? "Set gains" : "Run beside");
     this.stop.hidden = !runs;
+    this.beside.parentElement.classList.toggle("two", runs && !isSet);
     mark(over, "Hand over, once it has converged", false);
   }
 }

@@ -7,12 +7,12 @@ import { onHold } from "./hold.js";
 const RUNNING = ["flying", "finishing", "evaluating"];
 const HELP = "Any command of a person, or a deflected stick, takes over and ends it.";
 const BY_HAND = "Flown by hand: hold Shift, or a shoulder button of the pad.";
-const STALE = 2.5; // s
 const RETRY = 3000; // ms, while the station does not tell its experiments
 
 export class ExperimentSection {
-  constructor(place, events, fly, isOperator) {
+  constructor(place, events, fly, isOperator, ages) {
     this.events = events;
+    this.ages = ages;
     this.fly = fly;
     this.isOperator = isOperator;
     this.place = place;
@@ -28,6 +28,7 @@ export class ExperimentSection {
     this.bar = element("i");
     this.step = element("p", { className: "step" });
     this.result = element("div", { className: "result" });
+    this.state.dataset.topic = this.step.dataset.topic = "experiment_status";
     place.append(
       element("summary", {}, "Experiment", this.state), this.select, this.options,
       element("div", { className: "act" }, this.start, this.finish, this.stop),
@@ -98,7 +99,7 @@ export class ExperimentSection {
 
   draw() {
     const { status, place } = this;
-    const old = !(this.events.age("experiment_status") < STALE);
+    const old = this.ages.isOld("experiment_status");
     const runs = Boolean(status) && RUNNING.includes(status.phase);
     if (runs && !this.ran) place.open = true;
     this.ran = runs;

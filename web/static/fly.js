@@ -38,7 +38,7 @@ export class Fly {
       title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`, onkeydown,
     })]);
     this.forms.set(behavior, inputs);
-    const shown = inputs.map(([field, input]) => element("label", { className: "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
+    const shown = inputs.map(([field, input]) => element("label", { className: field.type === "text" ? "argument text" : "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
     return element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
   }
 

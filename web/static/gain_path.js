@@ -5,7 +5,8 @@ const PERIOD = 50; // ms
 const LATE = 300; // ms
 
 export class GainPath {
-  // send(value) → Promise of the applied value; changed() whenever `state`, `confirmed` changed.
+  // send(value, walks) → Promise; changed() whenever `state` or `reason` changed. A reason stays
+  // until something is accepted: a hand that goes on pulling must see why nothing moves.
   constructor(send, changed) {
     this.send = send;
     this.changed = changed;
@@ -14,14 +15,18 @@ export class GainPath {
     this.wish = undefined;
     this.busy = false;
     this.last = -Infinity;
+    this.timer = null;
   }
 
-  set(value) {
-    this.wish = value;
-    this.reason = "";
+  // walks: in flight, where the vehicle takes only a smaller step at once, go there in several.
+  set(value, walks = false) {
+    this.wish = { value, walks };
     this.to(this.state === "late" ? "late" : "waiting");
     this.pump();
   }
+
+  // The vehicle has confirmed something of this parameter: a walk is under way, nothing is late.
+  heard() { if (this.timer !== null) this.wait(); }
 
   async pump() {
     if (this.busy || this.wish === undefined) return;
@@ -29,22 +34,29 @@ export class GainPath {
     while (this.wish !== undefined) {
       const pause = this.last + PERIOD - performance.now();
       if (pause > 0) await new Promise((resolve) => setTimeout(resolve, pause));
-      const value = this.wish;
+      const { value, walks } = this.wish;
       this.wish = undefined;
       this.last = performance.now();
-      const timer = setTimeout(() => this.to("late"), LATE);
+      this.wait();
       try {
-        await this.send(value);
+        await this.send(value, walks);
         this.reason = "";
         if (this.wish === undefined) this.to("idle");
       } catch (error) {
         this.reason = error.message;
+        this.refused = value;
         if (this.wish === undefined) this.to("refused");
       } finally {
-        clearTimeout(timer);
+        clearTimeout(this.timer);
+        this.timer = null;
       }
     }
     this.busy = false;
+  }
+
+  wait() {
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.to("late"), LATE);
   }
 
   to(state) {

@@ -3,130 +3,121 @@
 import { get, request } from "./api.js";
 import { element, exact } from "./format.js";
 import { GainRow } from "./gain_row.js";
+import { unfold } from "./parameter_detail.js";
+import { ParameterPanel } from "./parameter_panel.js";
+import { ParameterTree } from "./parameter_tree.js";
 
 const $ = (id) => document.getElementById(id);
-const OPEN = ["control.position", "control.attitude"];
+const GESTURE = 1500; // ms between two values of one motion of the hand
 
-// Fires `read` when the parameters have been read anew.
+// Fires `read` when the parameters have been read anew, `confirmed` (detail: name) for each news.
 export class Gains extends EventTarget {
   constructor(events, isOperator) {
     super();
     this.isOperator = isOperator;
     this.rows = new Map();
-    this.groups = [];
-    this.history = [];
-    this.place = $("gains");
+    this.mine = []; // this page's own changes, for Undo
+    this.tree = new ParameterTree($("gains"));
+    this.panel = new ParameterPanel(this, $("parameter-panel"), [$("gains"), $("gains-search")]);
     events.on("hello", () => this.load());
     events.on("parameters", () => this.load());
-    events.on("parameter", ({ name, value }) => this.rows.get(name)?.confirm(value));
+    events.on("parameter", (news) => this.news(news));
+    events.on("summary", ({ status }) => this.status(status));
     $("search").addEventListener("input", () => this.filter());
-    $("modified").addEventListener("click", () => {
-      $("modified").setAttribute("aria-pressed", String($("modified").getAttribute("aria-pressed") !== "true"));
-      this.filter();
-    });
+    $("modified").addEventListener("change", () => this.filter());
     $("undo").addEventListener("click", () => this.undo());
   }
 
   async load() {
-    const { parameters } = await get("/api/parameters").catch(() => ({ parameters: null }));
-    if (parameters === null) return; // web is away; the hello of its return loads again
+    const read = await get("/api/parameters").catch(() => null);
+    if (read === null) return; // web is away; the hello of its return loads again
+    const { parameters, generation } = read;
     if (parameters.length === 0) {
-      this.place.replaceChildren(element("p", { className: "empty" }, "The vehicle's parameters have not been read yet. They appear here when it is connected."));
+      $("gains").replaceChildren(element("p", { className: "empty" }, "The vehicle's parameters have not been read yet. They appear here when it is connected."));
+      this.rows.clear();
       return;
     }
     const known = parameters.length === this.rows.size && parameters.every(({ name }) => this.rows.has(name));
-    if (known) for (const { name, value } of parameters) this.rows.get(name).confirm(value);
-    else this.build(parameters);
+    if (!known) this.build(parameters);
+    for (const { name, value, revision } of parameters) this.rows.get(name).confirm(value, [generation, revision]);
     this.filter();
     this.dispatchEvent(new Event("read"));
+    this.readFlight();
+  }
+
+  build(parameters) {
+    this.rows = new Map(parameters.map((description) => [description.name, new GainRow(
+      description, this.isOperator, (value, walks) => this.change(description.name, value, walks),
+      (row) => this.tree.changed(row), (row, place) => unfold(this, row, place),
+    )]));
+    this.tree.build([...this.rows.values()]);
+  }
+
+  // What was changed in this flight so far.
+  async readFlight() {
+    const flight = await get("/api/parameters/flight").catch(() => null);
+    if (flight === null || flight.is_over) return;
+    for (const [name, value] of Object.entries(flight.values)) {
+      const row = this.rows.get(name);
+      if (row?.flightValue === undefined) row?.flightBegan(value);
+    }
+  }
+
+  status(status) {
+    if (!status) return;
+    if (this.isArmed === false && status.armed) for (const row of this.rows.values()) row.flightBegan(undefined);
+    this.isArmed = status.armed;
+  }
+
+  news({ name, value, generation, revision }) {
+    const row = this.rows.get(name), before = row?.confirmed;
+    if (!row?.confirm(value, [generation, revision])) return;
+    if (this.isArmed && row.flightValue === undefined && before !== value) row.flightBegan(before);
+    this.dispatchEvent(new CustomEvent("confirmed", { detail: name }));
   }
 
   // The confirmed value, undefined when there is no such parameter.
   value(name) { return this.rows.get(name)?.confirmed; }
 
-  // Several at once, all or nothing.
-  async set(values) {
-    const { applied } = await request("PUT", "/api/parameters", { values });
-    for (const [name, value] of Object.entries(applied)) this.rows.get(name)?.confirm(value);
+  // Several at once, all or nothing; in flight in steps where one is too large, if `walks`.
+  async set(values, walks = false) {
+    const { applied, revisions, generation } = await request("PUT", "/api/parameters", { values, walks });
+    for (const [name, value] of Object.entries(applied)) this.news({ name, value, generation, revision: revisions[name] });
+    return applied;
   }
 
-  build(parameters) {
-    this.rows.clear();
-    const groups = Map.groupBy ? Map.groupBy(parameters, groupOf) : groupBy(parameters, groupOf);
-    this.groups = [...groups].map(([name, members]) => {
-      const count = element("span", { className: "count" });
-      const details = element("details", { open: OPEN.includes(name) }, element("summary", {}, element("b", {}, name), count));
-      const rows = members.map((description) => {
-        const row = new GainRow(description, this.isOperator, (value) => this.change(description.name, value), () => this.count());
-        this.rows.set(description.name, row);
-        details.append(row.place);
-        return row;
-      });
-      return { details, rows, count };
-    });
-    this.place.replaceChildren(...this.groups.map(({ details }) => details));
-  }
-
-  async change(name, value) {
-    const row = this.rows.get(name), before = row.confirmed;
-    const { applied } = await request("PUT", "/api/parameters", { values: { [name]: value } });
-    row.confirm(applied[name]);
+  async change(name, value, walks = false) {
+    const before = this.value(name);
+    const applied = await this.set({ [name]: value }, walks);
     this.remember(name, before);
     return applied[name];
   }
 
   // One step of undo for each gesture, not for each of its 20 values a second.
   remember(name, before) {
-    const now = performance.now(), last = this.history.at(-1);
-    if (last?.name === name && now - last.time < 1500) last.time = now;
-    else if (before !== this.rows.get(name).confirmed) this.history.push({ name, value: before, time: now });
+    const now = performance.now(), last = this.mine.at(-1);
+    if (last?.name === name && now - last.time < GESTURE) last.time = now;
+    else if (before !== this.value(name)) this.mine = [...this.mine.slice(-99), { name, value: before, time: now }];
     this.showUndo();
   }
 
   async undo() {
-    const step = this.history.pop();
+    const step = this.mine.pop();
     this.showUndo();
     if (!step) return;
-    const row = this.rows.get(step.name);
-    try {
-      const { applied } = await request("PUT", "/api/parameters", { values: { [step.name]: step.value } });
-      row.confirm(applied[step.name]);
-    } catch (error) { row.fail(error.message); }
+    try { await this.set({ [step.name]: step.value }, true); } catch (error) { this.rows.get(step.name).fail(error.message); }
   }
 
   showUndo() {
-    const last = this.history.at(-1);
+    const last = this.mine.at(-1);
     $("undo").disabled = !last || !this.isOperator;
-    $("undo").title = last ? `${last.name} back to ${exact(last.value)}` : "take back the last change";
+    $("undo").title = last ? `${last.name} back to ${exact(last.value)}` : "take back this page's last change";
   }
 
   filter() {
-    const text = $("search").value.trim().toLowerCase(), only = $("modified").getAttribute("aria-pressed") === "true";
-    for (const { details, rows } of this.groups) {
-      let shown = 0;
-      for (const row of rows) {
-        const hit = (!text || row.text.includes(text)) && (!only || row.isModified);
-        row.place.hidden = !hit;
-        shown += hit;
-      }
-      details.hidden = shown === 0;
-      if (text || only) details.open = true;
-    }
-    this.count();
+    const text = $("search").value.trim().toLowerCase(), which = $("modified").value;
+    const only = { modified: (row) => row.isModified, flight: (row) => row.isChangedInFlight }[which] ?? null;
+    const found = this.tree.filter(text, only);
+    $("nothing-found").hidden = !this.tree.isSearching || found > 0 || this.rows.size === 0;
   }
-
-  count() {
-    for (const { rows, count } of this.groups) {
-      const modified = rows.filter((row) => row.isModified).length;
-      count.textContent = modified ? `${modified} modified` : "";
-    }
-  }
-}
-
-const groupOf = ({ name }) => name.split(".").slice(0, -1).join(".");
-
-function groupBy(items, key) {
-  const groups = new Map();
-  for (const item of items) groups.set(key(item), [...(groups.get(key(item)) ?? []), item]);
-  return groups;
 }

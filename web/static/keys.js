@@ -1,7 +1,8 @@
 // Keys of the page, each with what it does, so that the help can list them.
 
 const ACTIONS = new Map(); // by key
-const TYPING = "input, select, textarea, [contenteditable]";
+const TYPING = "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
+const PRESSED = "button, a, summary, input"; // what the space bar presses
 
 // act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.
 // `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough.
@@ -12,15 +13,19 @@ export function onKey(key, meaning, act, { hold = 0 } = {}) {
 
 export const keys = () => [...ACTIONS.values()];
 
+// With Shift or caps lock a letter comes as its capital.
+const actionOf = ({ key }) => ACTIONS.get(key) ?? ACTIONS.get(key.toLowerCase());
+
 function stop(action) { clearTimeout(action.timer); action.timer = null; }
 
 document.addEventListener("keydown", (event) => {
-  const action = ACTIONS.get(event.key);
+  const action = actionOf(event);
   if (!action || event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.(TYPING)) return;
+  if (event.key === " " && event.target.closest?.(PRESSED)) return;
   event.preventDefault();
   if (event.repeat || action.timer !== null) return;
   if (!action.hold) action.act(event);
   else action.timer = setTimeout(() => { action.timer = null; action.act(event); }, action.hold);
 });
-document.addEventListener("keyup", (event) => { if (ACTIONS.has(event.key)) stop(ACTIONS.get(event.key)); });
+document.addEventListener("keyup", (event) => { const action = actionOf(event); if (action) stop(action); });
 window.addEventListener("blur", () => { for (const action of ACTIONS.values()) stop(action); });

@@ -1,29 +1,42 @@
-// The emergency page: two buttons, no 3D, nothing that could be slow. One press is enough here.
+// The emergency page: two buttons, no 3D, nothing that could be slow. Who opens it means it: one
+// press is enough here, for cut too.
 
-import { command } from "./api.js";
+import { get } from "./api.js";
+import { EmergencyPress } from "./emergency_press.js";
 import { words } from "./format.js";
+import { onKey } from "./keys.js";
 import { Events } from "./sockets.js";
 
 const $ = (id) => document.getElementById(id);
 const events = new Events();
+const sent = new EmergencyPress(events, "");
 
-async function act(action, label) {
-  $("answer").textContent = `${label} …`;
-  try {
-    await command("emergency", { action });
-    $("answer").textContent = `${label}: accepted`;
-  } catch (error) {
-    $("answer").textContent = `${label}: ${error.message}`;
-  }
+function arm(button, action) {
+  button.addEventListener("pointerdown", (event) => { if (event.button === 0) sent.press(action); });
+  button.addEventListener("click", (event) => event.detail === 0 && sent.press(action)); // keyboard
 }
 
-$("cut").addEventListener("pointerdown", () => act("cut", "Cut motors"));
-$("emergency-land").addEventListener("pointerdown", () => act("land", "Emergency land"));
-$("cut").addEventListener("click", (event) => event.detail === 0 && act("cut", "Cut motors")); // keyboard
-$("emergency-land").addEventListener("click", (event) => event.detail === 0 && act("land", "Emergency land"));
+arm($("cut"), "cut");
+arm($("emergency-land"), "land");
+onKey("e", "emergency land", () => sent.press("land"));
+onKey("x", "cut the motors", () => sent.press("cut"), { hold: 500 });
+
+// The buttons work before this is known, and when it never is.
+get("/api/session").then(({ label, role }) => {
+  sent.label = label;
+  if (role !== "viewer") return;
+  $("cut").disabled = true;
+  $("cut").lastElementChild.textContent = "viewers may land the vehicle, but not cut its motors";
+}).catch(() => {});
 
 setInterval(() => {
   const { status } = events.summary, age = events.age("status");
-  const text = !events.connected ? "no connection to quadlab web; reconnecting" : age > 1 ? "the vehicle is not heard; commands are tried all the same" : `${words(status.mode)}, ${words(status.behavior)}`;
-  $("state").textContent = text;
-}, 200);
+  const text = !events.connected ? "no connection to quadlab web; reconnecting. Presses are sent all the same" : age > 1 ? "the vehicle is not heard; commands are tried all the same" : `${words(status.mode)}, ${words(status.behavior)}`;
+  show($("state"), text);
+  const { tone, said, running } = sent.state;
+  show($("said"), said);
+  show($("running"), running);
+  $("answer").className = tone;
+}, 100);
+
+function show(place, text) { if (place.textContent !== text) place.textContent = text; }

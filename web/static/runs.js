@@ -1,42 +1,124 @@
-// The Runs tab: recorded flights, newest first.
+// The page of runs: recorded flights, what people say about them, and what can be done with them.
 
 import { get, request } from "./api.js";
-import { bytes, duration, element } from "./format.js";
+import { element } from "./format.js";
+import { onKey } from "./keys.js";
+import { head } from "./page.js";
+import { RunDetail } from "./runs_detail.js";
+import { RunList } from "./runs_list.js";
+import { Gauge } from "./runs_storage.js";
+import { Trash } from "./runs_trash.js";
+import { query } from "./runs_words.js";
+import { Events } from "./sockets.js";
 
 const $ = (id) => document.getElementById(id);
+const TYPING_PAUSE = 200; // ms
 
-export class Runs {
-  constructor(events, isOperator) {
-    this.isOperator = isOperator;
-    this.open = false;
-    document.addEventListener("tab", ({ detail }) => { this.open = detail === "runs"; if (this.open) this.load(); });
-    $("run-search").addEventListener("input", () => this.load());
+class RunsPage {
+  constructor(session, events) {
+    this.isOperator = session.role !== "viewer";
+    this.gauge = new Gauge($("gauge"));
+    this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${query($("search").value, $("tag").value)}&offset=${offset}&limit=${limit}`));
+    this.trash = new Trash($("trash"), $("open-trash"), session, (text, undo) => this.say(text, undo));
+    this.detail = new RunDetail($("detail"), this, events);
+    this.list.addEventListener("choice", () => this.detail.show(this.list.current, this.list.chosen));
+    this.list.addEventListener("loaded", () => this.loaded());
+    this.list.addEventListener("open", () => { if (this.list.current) location.assign(`/replay/${encodeURIComponent(this.list.current.id)}`); });
+    this.list.addEventListener("remove", () => this.remove());
+    this.list.addEventListener("edit", ({ detail }) => this.detail.edit(detail));
+    let typing = null;
+    $("search").addEventListener("input", () => { clearTimeout(typing); typing = setTimeout(() => this.list.reset(), TYPING_PAUSE); });
+    $("tag").addEventListener("change", () => this.list.reset());
+    onKey("/", "search runs", () => $("search").focus());
+    this.follow(events);
+    this.list.reset();
+    this.changed();
+  }
+
+  // What others do, and what is being recorded.
+  follow(events) {
+    events.on("runs", () => this.changed(true));
     events.on("summary", ({ station }) => {
-      if (station && station.recording !== this.recording) { this.recording = station.recording; setTimeout(() => this.open && this.load(), 500); }
+      if (!station || station.recording === this.recording) return;
+      const isFirst = this.recording === undefined;
+      this.recording = station.recording;
+      if (!isFirst) setTimeout(() => this.changed(true), 500); // the catalogue is a little behind
+    });
+    events.addEventListener("open", () => this.changed(true));
+  }
+
+  // One round at a time, so that an old answer never follows a newer one.
+  async changed(lists = false) {
+    if (lists) this.list.refresh();
+    if (this.asking) { this.askAgain = true; return; }
+    this.asking = true;
+    do {
+      this.askAgain = false;
+      try {
+        const [tags] = await Promise.all([get("/api/tags"), this.gauge.refresh(), this.trash.refresh()]);
+        this.showTags(tags);
+      } catch (error) { this.say(error.message); }
+    } while (this.askAgain);
+    this.asking = false;
+  }
+
+  showTags(tags) {
+    const chosen = $("tag").value, names = tags.map(({ tag }) => tag);
+    this.tags = names;
+    const options = tags.map(({ tag, runs }) => element("option", { value: tag }, `${tag} (${runs})`));
+    $("tag").replaceChildren(element("option", { value: "" }, "all"), ...options);
+    $("tag").value = names.includes(chosen) ? chosen : "";
+    this.detail.suggest(names);
+    if ($("tag").value !== chosen) this.list.reset();
+  }
+
+  loaded() {
+    const { total, problem } = this.list;
+    $("count").textContent = problem || `${total} ${total === 1 ? "run" : "runs"}`;
+    this.detail.show(this.list.current, this.list.chosen);
+  }
+
+  // To the trash, with undo; the chosen ones, else the one under the cursor.
+  async remove() {
+    const runs = this.list.picked;
+    if (!this.isOperator || !runs.length) return;
+    await this.attempt(async () => {
+      const { done, refused } = await request("POST", "/api/trash", { runs });
+      const reasons = Object.values(refused);
+      this.list.unchoose(done);
+      const what = done.length === 1 ? `Deleted ${done[0]}` : `Deleted ${done.length} runs`;
+      const kept = `kept in the trash for ${this.gauge.days} days`;
+      const parts = [...(done.length ? [`${what}; ${kept}.`] : []), ...reasons];
+      this.say(parts.join(" "), done.length ? () => this.restore(done) : null);
     });
   }
 
-  async load() {
-    const search = encodeURIComponent($("run-search").value.trim());
-    try {
-      const runs = await get(`/api/runs?search=${search}`);
-      $("runs").replaceChildren(...(runs.length ? runs.map((run) => this.row(run)) : [element("p", { className: "empty" }, search ? "No run matches." : "No runs yet. Recording starts by itself on arming.")]));
-    } catch (error) {
-      $("runs").replaceChildren(element("p", { className: "empty" }, error.message));
-    }
+  async restore(runs) {
+    await this.attempt(async () => {
+      const { done, refused } = await request("POST", "/api/trash/restore", { runs });
+      this.say([`Brought back ${done.length === 1 ? done[0] : `${done.length} runs`}.`, ...Object.values(refused)].join(" "));
+    });
   }
 
-  row(run) {
-    const start = new Date(run.start_ns / 1e6), day = start.toLocaleDateString(undefined, { day: "numeric", month: "short" });
-    const facts = [run.complete ? duration(run.duration) : "not closed", bytes(run.bytes), run.vehicle, run.operator].filter(Boolean).join(" · ");
-    const problem = run.problem ? element("span", { className: "warn" }, ` · ${run.problem}`) : "";
-    const notes = element("input", { value: run.notes, placeholder: "notes", ariaLabel: `notes of ${run.id}`, disabled: !this.isOperator });
-    notes.addEventListener("change", () => request("PUT", `/api/runs/${encodeURIComponent(run.id)}/notes`, { notes: notes.value }).catch((error) => notes.setCustomValidity(error.message)));
-    return element("div", { className: "run" },
-      element("div", { title: run.id }, `${day}, ${start.toTimeString().slice(0, 8)}`),
-      element("span", { className: "links" },
-        ...(run.report ? [element("a", { href: `/report/${encodeURIComponent(run.id)}`, target: "_blank", title: "verdict and plots" }, "Report")] : []),
-        element("a", { href: `/api/runs/${encodeURIComponent(run.id)}/download`, download: "", title: `${run.id}.mcap` }, "Download")),
-      element("div", { className: "facts" }, facts, problem), notes);
+  async attempt(act) {
+    try { await act(); } catch (error) { this.say(error.message); }
+    this.changed(true);
+  }
+
+  // undo: asked for by a button beside the text.
+  say(text, undo = null) {
+    const close = element("button", { className: "link", ariaLabel: "dismiss", onclick: () => { $("notice").hidden = true; } }, "Dismiss");
+    const button = undo ? [element("button", { onclick: undo }, "Undo")] : [];
+    $("notice").replaceChildren(element("span", {}, text), ...button, close);
+    $("notice").hidden = false;
   }
 }
+
+async function start() {
+  const session = await get("/api/session");
+  const events = new Events();
+  head(session, "/runs", events);
+  new RunsPage(session, events);
+}
+
+start().catch((error) => { $("notice").hidden = false; $("notice").textContent = `The page could not start: ${error.message}`; });

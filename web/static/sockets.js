@@ -1,6 +1,8 @@
 // Websockets that come back by themselves.
 
 const PAUSES = [250, 500, 1000, 2000]; // ms
+const PING = 1000; // ms
+const FRAME = 120; // ms without a frame that add nothing to an age: three frames
 
 export class Socket extends EventTarget {
   constructor(path, { binary = false } = {}) {
@@ -66,12 +68,19 @@ export class Events extends Socket {
 export class Telemetry extends Socket {
   constructor(description) {
     super("/ws/telemetry", { binary: true });
-    this.topics = description.topics;
+    this.order = description.topics;
+    this.topicOf = new Map(description.signals.map(({ name, topic }) => [name, topic]));
     this.wants = new Map(); // who wants which signals
     this.names = [];
+    this.topics = []; // of these, in the frame's order
     this.id = 0;
+    this.ages = {}; // s by topic, when the newest frame came
+    this.received = -Infinity;
+    this.roundTrip = null; // s, between this page and web
     this.addEventListener("open", () => this.subscribe());
-    this.addEventListener("message", ({ data }) => this.read(data));
+    this.addEventListener("close", () => { this.roundTrip = null; });
+    this.addEventListener("message", ({ data }) => (typeof data === "string" ? this.pong(JSON.parse(data)) : this.read(data)));
+    setInterval(() => this.send(`{"ping":${performance.now()}}`), PING);
   }
 
   want(who, names) {
@@ -81,6 +90,8 @@ export class Telemetry extends Socket {
 
   subscribe() {
     this.names = [...new Set([...this.wants.values()].flat())];
+    const topics = new Set(this.names.map((name) => this.topicOf.get(name)));
+    this.topics = this.order.filter((topic) => topics.has(topic));
     this.id = (this.id + 1) % 65536;
     this.send(JSON.stringify({ id: this.id, signals: this.names }));
   }
@@ -95,7 +106,20 @@ export class Telemetry extends Socket {
     });
     const start = 12 + 2 * this.topics.length;
     for (let i = 0; i < count; i++) value[this.names[i]] = view.getFloat32(start + 4 * i, true);
+    this.ages = age;
+    this.received = performance.now();
     const detail = { time: view.getFloat64(4, true), age, value };
     this.dispatchEvent(new CustomEvent("frame", { detail }));
+  }
+
+  // Age in seconds of a topic's newest message, running on while nothing arrives.
+  age(topic) {
+    const waited = performance.now() - this.received;
+    return (this.ages[topic] ?? Infinity) + (waited > FRAME ? waited / 1e3 : 0);
+  }
+
+  pong({ pong }) {
+    this.roundTrip = (performance.now() - pong) / 1e3;
+    this.dispatchEvent(new CustomEvent("pong", { detail: this.roundTrip }));
   }
 }

@@ -1,93 +1,148 @@
-// Gamepad or keyboard → /ws/stick at 50 Hz while the dead-man button is held.
-// The button must be released and pressed again after any interruption: blur, hidden page,
-// unplugged pad, lost connection. The server and the station have watchdogs of their own.
+// Gamepad or keyboard → /ws/stick at 50 Hz while the dead-man button is held. It counts from a
+// press with all sticks centred, and after any drop (blur, hidden tab, page left or stalled, pad
+// unplugged, answers late, refused) only when it was released and pressed again. Quadlab web,
+// the station and the vehicle have watchdogs of their own.
 
-import { element } from "./format.js";
-import { Socket } from "./sockets.js";
+import { StickKeys } from "./stick_keys.js";
+import { CAUSES, StickLink } from "./stick_link.js";
+import { mappingOf, readPad } from "./stick_mapping.js";
 
-const KEYS = { w: [0, 1], s: [0, -1], a: [1, 1], d: [1, -1], arrowup: [2, 1], arrowdown: [2, -1], arrowleft: [3, 1], arrowright: [3, -1] };
-const DEAD_MAN_KEY = "shift", DEAD_MAN_BUTTONS = [4, 5]; // shoulder buttons
-const DEAD_ZONE = 0.08;
-const HINT = "Hold Shift: W A S D, arrows. Pad: hold a shoulder button.";
+const STALLED = 250; // ms between two ticks
+const LATE = 500; // ms a frame may wait for its answer
+const CUT_HOLD = 500; // ms
+const CENTRE = [0, 0, 0, 0];
+const DROPS = {
+  blur: "the window lost the focus", hidden: "the tab was hidden", unplugged: "the pad was unplugged",
+  stalled: "this page stood still", late: "no answer from the station", left: "the page was left", editing: "the pad is being set up",
+};
 
 export class Sticks {
-  constructor(place, events, isOperator) {
-    this.place = place;
-    this.events = events;
-    this.pressed = new Set();
-    this.latched = true; // until the button was seen released
-    this.dots = [element("i"), element("i")];
-    this.note = element("span", {}, isOperator ? HINT : "Viewers have no sticks.");
-    place.append(element("span", { className: "pads" }, ...this.dots.map((dot) => element("span", { className: "pad" }, dot))), this.note);
-    if (!isOperator) return;
-    this.listen();
+  // emergency: {press(action)}
+  constructor(emergency) {
+    this.emergency = emergency;
+    this.keys = new StickKeys();
+    this.link = null; // made at the first sign of use
+    this.on = false;
+    this.why = "release the button first"; // while held and not on; "" once it was released
+    this.dropped = ""; // why they were dropped last, until they are on again
+    this.note = ""; // what keeps them from moving the vehicle while they are on
+    this.editing = false;
+    this.mapping = null;
+    this.pad = null;
+    this.raw = CENTRE;
+    this.sent = CENTRE;
+    this.ticked = performance.now();
+    this.cutSince = null;
+    this.landSeen = true; // until seen released
+    for (const [type, cause] of [["blur", "blur"], ["pagehide", "left"], ["gamepaddisconnected", "unplugged"]]) addEventListener(type, () => this.drop(cause));
+    document.addEventListener("visibilitychange", () => document.hidden && this.drop("hidden"));
+    document.addEventListener("freeze", () => this.drop("hidden"));
     this.clock = new Worker("/static/stick_clock.js");
     this.clock.onmessage = () => this.tick();
   }
 
-  listen() {
-    const isTyping = (event) => /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName ?? "");
-    addEventListener("keydown", (event) => {
-      const key = event.key.toLowerCase();
-      if (isTyping(event) || !(key in KEYS || key === DEAD_MAN_KEY) || event.ctrlKey || event.metaKey) return;
-      if (key in KEYS && this.pressed.has(DEAD_MAN_KEY)) event.preventDefault();
-      this.pressed.add(key);
-    });
-    addEventListener("keyup", (event) => this.pressed.delete(event.key.toLowerCase()));
-    for (const type of ["blur", "pagehide", "gamepaddisconnected"]) addEventListener(type, () => this.drop());
-    document.addEventListener("visibilitychange", () => document.hidden && this.drop());
-  }
+  // Anew from storage: it was set up.
+  remap() { this.pad = null; }
 
-  drop() {
-    this.pressed.clear();
-    this.latched = true;
-    this.tick();
-  }
-
-  // axes: forward, left, up, yaw
-  read() {
-    const axes = [0, 0, 0, 0];
-    let held = this.pressed.has(DEAD_MAN_KEY);
-    for (const key of this.pressed) if (key in KEYS) axes[KEYS[key][0]] += KEYS[key][1];
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected);
-    if (pad) {
-      held ||= DEAD_MAN_BUTTONS.some((button) => pad.buttons[button]?.pressed);
-      const zone = (value) => (Math.abs(value ?? 0) < DEAD_ZONE ? 0 : -value);
-      [3, 2, 1, 0].forEach((source, i) => { axes[i] += zone(pad.axes[source]); });
+  drop(cause) {
+    this.keys.clear();
+    this.cutSince = null;
+    if (this.on) {
+      this.link.send(CENTRE, false, CAUSES[cause]);
+      this.dropped = DROPS[cause];
     }
-    return { axes: axes.map((value) => Math.max(-1, Math.min(1, value))), held };
+    this.refuse(DROPS[cause]);
+  }
+
+  refuse(why) {
+    this.on = false;
+    this.why = why;
+    this.sent = CENTRE;
+    this.link?.forget();
+  }
+
+  // {raw, axes, held, centred} of pad and keys together.
+  read(dt) {
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected) ?? null;
+    if (this.pad !== null && pad?.id !== this.pad.id) this.drop("unplugged");
+    if (pad !== null && (this.pad === null || pad.id !== this.pad.id)) {
+      this.mapping = mappingOf(pad);
+      this.landSeen = true;
+      this.cutSince = null;
+      if (!this.on) this.why = "release the button first"; // one held while it is plugged in
+    }
+    this.pad = pad; // a new object each time in some browsers
+    const keys = this.keys.step(dt), read = pad && this.mapping ? readPad(pad, this.mapping) : null;
+    if (read && !this.editing) this.watchEmergency(read);
+    const sum = (a, b) => Math.max(-1, Math.min(1, a + b));
+    return {
+      raw: keys.map((value, i) => sum(value, read?.raw[i] ?? 0)),
+      axes: keys.map((value, i) => sum(value, read?.axes[i] ?? 0)),
+      held: this.keys.deadMan || Boolean(read?.deadMan),
+      centred: !this.keys.moving && keys.every((value) => value === 0) && (read?.axes ?? CENTRE).every((value) => value === 0),
+    };
+  }
+
+  // The pad's own buttons: land at a press, cut when held; neither by one held since before.
+  watchEmergency({ land, cut }) {
+    if (land && !this.landSeen) this.emergency.press("land");
+    this.landSeen = land;
+    if (!cut) this.cutSince = 0;
+    else if (this.cutSince === 0) this.cutSince = performance.now();
+    else if (this.cutSince !== null && performance.now() - this.cutSince >= CUT_HOLD) {
+      this.cutSince = null; // once a press
+      this.emergency.press("cut");
+    }
   }
 
   tick() {
-    const { axes, held } = this.read();
-    if (!held) this.latched = false;
-    const enabled = held && !this.latched && !document.hidden && document.hasFocus();
-    if (enabled) this.connect();
-    if (this.socket?.connected && (enabled || this.sent)) {
-      // The server wants to see a release after each silence. We saw one (or would be latched);
-      // a page that stood still with the button held did not, and so stays without sticks.
-      if (!this.sent) this.socket.send(new Float32Array(5));
-      this.socket.send(new Float32Array([...(enabled ? axes : [0, 0, 0, 0]), enabled ? 1 : 0]));
-      this.sent = enabled;
+    const now = performance.now(), gap = now - this.ticked;
+    this.ticked = now;
+    if (gap > STALLED && this.on) this.drop("stalled");
+    const { raw, axes, held, centred } = this.read(Math.min(gap, 100) / 1e3);
+    this.raw = raw;
+    this.held = held;
+    if (!this.link && (held || this.pad)) this.connect();
+    if (!held) {
+      if (this.on) this.link.send(CENTRE, false, CAUSES.released);
+      if (this.on || this.why) this.refuse("");
+    } else if (this.on) {
+      if (this.link.overdue > LATE) this.drop("late");
+    } else if (!this.why && this.link?.connected) {
+      this.begin(centred);
     }
-    this.draw(enabled ? axes : [0, 0, 0, 0], enabled);
+    if (this.on) {
+      this.sent = axes;
+      this.link.send(axes, true);
+    }
+  }
+
+  // A press of the button: whether it counts.
+  begin(centred) {
+    const why = this.editing ? "close the set-up of the pad first"
+      : document.hidden || !document.hasFocus() ? "this page has not the focus: click into it first"
+      : !centred ? "centre all sticks and keys, then press again" : "";
+    if (why) { this.refuse(why); return; }
+    this.on = true;
+    this.dropped = "";
+    // The other side wants to see a release after each silence. We saw one; a page that stood
+    // still with the button held did not, and so stays without sticks.
+    this.since = this.link.send(CENTRE, false);
   }
 
   connect() {
-    if (this.socket) return;
-    this.socket = new Socket("/ws/stick");
-    this.socket.addEventListener("message", ({ data }) => { this.answer = JSON.parse(data); });
-    this.socket.addEventListener("close", () => { this.latched = true; this.sent = false; this.answer = undefined; });
-  }
-
-  draw(axes, enabled) {
-    const mine = enabled && this.answer?.enabled;
-    this.place.classList.toggle("on", Boolean(mine));
-    this.place.firstElementChild.classList.toggle("on", Boolean(mine));
-    const at = (dot, x, y) => { dot.style.transform = `translate(${10 * x}px, ${10 * y}px)`; };
-    at(this.dots[0], -axes[3], -axes[2]);
-    at(this.dots[1], -axes[1], -axes[0]);
-    const text = enabled && this.answer && !this.answer.mine ? "Someone else has the sticks." : mine && this.events.summary.status?.behavior?.toLowerCase() !== "velocity" ? "Sticks on; start Velocity to use them." : HINT;
-    if (this.note.textContent !== text) this.note.textContent = text;
+    this.link = new StickLink();
+    this.link.addEventListener("answer", ({ detail }) => {
+      if (!this.on || detail.n <= this.since) return;
+      this.note = detail.why;
+      if (detail.on) return;
+      this.link.send(CENTRE, false, CAUSES.released);
+      this.dropped = detail.why;
+      this.refuse(detail.why);
+    });
+    this.link.addEventListener("lost", () => {
+      if (this.on) this.dropped = "the connection was lost";
+      this.refuse("no connection to quadlab web; release and press again");
+    });
   }
 }

@@ -1,4 +1,4 @@
-// The state table: vectors in x, y, z columns, each row grey when its topic is old.
+// The state table: vectors in x, y, z columns, each row with its age (static/ages.js greys it).
 
 import { element, fixed, seconds } from "./format.js";
 
@@ -20,42 +20,46 @@ const SCALARS = [
 ];
 
 export class StateTable {
-  constructor(place, telemetry, description) {
+  constructor(place, telemetry, description, ages) {
     const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
-    this.stale = description.stale;
+    this.ages = ages;
     this.rows = [];
     const body = element("tbody");
     const row = (label, names, digits, unit) => {
       const cells = names.map(() => element("td"));
       const age = element("td", { className: "age" });
       const line = element("tr", { className: "stale" }, element("td", {}, label), ...cells, element("td", { className: "unit" }, unit), age);
+      const { topic } = signals.get(names[0]);
+      line.dataset.topic = topic;
       body.append(line);
-      this.rows.push({ names, digits, cells, age, line, topic: signals.get(names[0]).topic });
+      this.rows.push({ names, digits, cells, age, topic });
     };
     for (const [label, names, digits] of VECTORS) row(label, names, [digits, digits, digits], signals.get(names[0]).unit);
     for (const [label, names, digits, unit] of SCALARS) row(label, names, digits, unit);
     const head = element("tr", {}, element("th"), ...["x", "y", "z"].map((axis) => element("th", { className: `axis-${axis}` }, axis)), element("th"), element("th", {}, "age"));
     place.append(element("table", {}, element("thead", {}, head), body));
     telemetry.want("table", this.rows.flatMap((entry) => entry.names).filter(Boolean));
-    telemetry.addEventListener("frame", ({ detail }) => { this.frame = detail; this.received = performance.now(); });
+    telemetry.addEventListener("frame", ({ detail }) => { this.frame = detail; });
     setInterval(() => this.draw(), 125);
   }
 
   draw() {
     if (!this.frame || document.hidden) return;
-    const waited = (performance.now() - this.received) / 1e3;
-    for (const { names, digits, cells, age, line, topic } of this.rows) {
-      const old = this.frame.age[topic] + (waited > 0.3 ? waited : 0);
-      const isStale = !(old < this.stale[topic]);
-      line.classList.toggle("stale", isStale);
+    for (const { names, digits, cells, age, topic } of this.rows) {
+      const old = this.ages.age(topic);
       names.forEach((name, i) => {
-        const value = name && this.frame.value[name];
-        if (name && Number.isFinite(value)) set(cells[i], fixed(value, digits[i])); // else the last one stays, grey
-        else if (name && cells[i].textContent === "") set(cells[i], "–");
+        if (!name) return;
+        const value = this.frame.value[name], isKnown = Number.isFinite(value);
+        if (isKnown) set(cells[i], fixed(value, digits[i])); // else the last one stays, grey
+        else if (cells[i].textContent === "") set(cells[i], "–");
+        cells[i].classList.toggle("stale", !isKnown); // also where another message is missing
       });
-      set(age, Number.isFinite(old) ? (isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`) : "–");
+      set(age, Number.isFinite(old) ? (this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`) : "–");
     }
   }
 }
+
+// Calm: in tenths below ten seconds.
+const coarse = (age) => (age < 10 ? `${age.toFixed(1)} s` : seconds(Math.floor(age)).replace(".0", ""));
 
 function set(cell, text) { if (cell.textContent !== text) cell.textContent = text; }

@@ -82,59 +82,16 @@ def test_land_and_cut_are_two_emergencies(page: Any, station: Any, until: Any) -
     assert [request.action for _, request in station.requests] == ["land", "cut"]
 
 
-def test_runs_can_be_downloaded(page: Any, look: Any) -> None:
-    page.click("[data-tab=runs]")
-    page.wait_for_selector(".run a")
-    with page.expect_download() as download:
-        page.click(".run a >> nth=0")
-    assert download.value.suggested_filename.endswith(".mcap")
-
-
 def test_charts_draw_the_signals_that_were_chosen(page: Any, look: Any, until: Any) -> None:
     page.click("#chart-1 button")
-    page.click("#chart-1 .menu label:has-text('mass') input")
+    page.fill("#chart-1 .menu input[type=search]", "kg")
+    page.click("#chart-1 .menu label:text-is('mass') input")
     page.keyboard.press("Escape")
     look.text("#chart-1 .legend", "mass")
     look.text("#chart-1 .legend span:has-text('mass') output", r"^1\.310$")
     drawn = """() => { const c = document.querySelector('#chart-0 canvas');
       return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); }"""
     until(lambda: page.evaluate(drawn))
-
-
-PAD = """() => { window.pad = { connected: true, axes: [0, 0, 0, -1], buttons:
-  Array.from({ length: 16 }, () => ({ pressed: false })) };
-  navigator.getGamepads = () => [window.pad];
-  document.hasFocus = () => true; }"""
-
-
-def test_sticks_work_while_the_button_is_held_and_need_a_release_after_a_blur(
-    page: Any, look: Any, station: Any, until: Any
-) -> None:
-    station.sticks.clear()
-
-    def hold(on: bool) -> None:
-        page.evaluate(f"window.pad.buttons[4].pressed = {str(on).lower()}")
-
-    def enabled() -> bool:
-        page.wait_for_timeout(20)
-        return bool(station.sticks) and station.sticks[-1][1]
-
-    page.evaluate(PAD)
-    hold(False)
-    page.wait_for_timeout(100)
-    hold(True)
-    until(enabled)
-    assert station.sticks[-1][0][0] == 1.0
-    page.evaluate("dispatchEvent(new Event('blur'))")
-    until(lambda: not enabled())
-    page.wait_for_timeout(200)
-    assert not enabled(), "still held: it must not come back by itself"
-    hold(False)
-    page.wait_for_timeout(100)
-    hold(True)
-    until(enabled)
-    hold(False)
-    until(lambda: not enabled())
 
 
 def test_the_page_comes_back_by_itself_after_a_restart_of_web(
@@ -162,5 +119,5 @@ def test_the_emergency_page_has_no_webgl_and_two_buttons(
     look.text("#state", "armed, hover")
     assert page.locator("iframe, canvas").count() == 0
     page.click("#cut")
-    look.text("#answer", "Cut motors: accepted")
+    look.text("#answer", "accepted, not yet shown by the vehicle")
     assert [request.action for _, request in station.requests] == ["cut"]

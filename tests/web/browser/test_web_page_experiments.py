@@ -125,7 +125,7 @@ def test_while_it_flies_it_can_be_finished_and_stopped(
 
 
 def test_the_verdict_has_its_figures_and_leads_to_the_report(
-    section: Any, look: Any, station: Any, report: Path, context: Any
+    section: Any, look: Any, station: Any, report: Path, context: Any, site: Any
 ) -> None:
     tell(
         station, name="bearings", phase="failed", verdict="failed", run_id=RUN,
@@ -142,8 +142,9 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
     assert shown.inner_text("h1") == "bearings: failed"
     assert "hover" in shown.inner_text("main")
     shown.close()
-    section.click("[data-tab=runs]")
-    section.wait_for_selector(".run a:has-text('Report')")
+    section.goto(f"{site.base}/runs")
+    section.wait_for_selector("#list td.failed:has-text('bearings: failed')")
+    section.wait_for_selector("#detail a:has-text('Report')")
 
 
 def test_what_ended_it_is_shown_and_an_old_status_is_grey(

@@ -71,6 +71,8 @@ class ColumnReader:
                 reader = self._reader(channel)
                 if reader is not None and len(places):
                     columns.append(reader.read(block, places))
+                    if reader.problem:
+                        self.problems.setdefault(columns[-1].topic, reader.problem)
             yield Batch(columns, block.share)
 
     def _reader(self, channel_id: int) -> _TopicReader | None:
@@ -82,7 +84,7 @@ class ColumnReader:
         if channel is not None and schema is not None:
             try:
                 if channel.message_encoding != "cdr":
-                    raise LogFormatError(f"messages in {channel.message_encoding}; only cdr is read")
+                    raise LogFormatError(f"messages in {channel.message_encoding!r}; only cdr")
                 layouts = SchemaLayouts(schema)
                 reader = _TopicReader(
                     channel.topic, schema.name, layouts, channel.topic.endswith(self._whole)
@@ -101,6 +103,7 @@ class _TopicReader:
         self._whole = whole
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
         self._last: dict[str, str] = {}
+        self.problem = ""  # the first message that could not be read
 
     def read(self, block: Block, places: Places) -> Columns:
         data = block.data

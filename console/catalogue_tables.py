@@ -1,0 +1,80 @@
+"""The tables of the catalogue.
+
+What people say about a run stands in tables of its own, so that a catalogue made by an older
+version only lacks tables, which are added, and never columns.
+"""
+
+from __future__ import annotations
+
+from sqlalchemy import BigInteger, String, Text
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+ID = 120
+LABEL = 120
+
+
+class Base(DeclarativeBase):
+    """Of the tables here."""
+
+
+class RunRow(Base):
+    """One run; the log itself is a file in the runs folder."""
+
+    __tablename__ = "runs"
+
+    id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    vehicle: Mapped[str] = mapped_column(String(60), index=True)
+    start_ns: Mapped[int] = mapped_column(BigInteger, index=True)
+    duration: Mapped[float] = mapped_column(default=0.0)
+    file: Mapped[str] = mapped_column(String(200))
+    bytes: Mapped[int] = mapped_column(BigInteger, default=0)
+    messages: Mapped[int] = mapped_column(BigInteger, default=0)
+    operator: Mapped[str] = mapped_column(String(LABEL), default="")
+    complete: Mapped[bool] = mapped_column(default=False)
+    recovered: Mapped[bool] = mapped_column(default=False)
+    problem: Mapped[str] = mapped_column(Text, default="")
+    notes: Mapped[str] = mapped_column(Text, default="")
+
+
+class NoteRow(Base):
+    """A text that once stood as a run's notes; the newest is the one in `runs`."""
+
+    __tablename__ = "run_notes"
+
+    version: Mapped[int] = mapped_column(primary_key=True, autoincrement=True)
+    run_id: Mapped[str] = mapped_column(String(ID), index=True)
+    text: Mapped[str] = mapped_column(Text)
+    author: Mapped[str] = mapped_column(String(LABEL))
+    stamp_ns: Mapped[int] = mapped_column(BigInteger)
+
+
+class TagRow(Base):
+    """A run has a tag."""
+
+    __tablename__ = "run_tags"
+
+    run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    tag: Mapped[str] = mapped_column(String(40), primary_key=True, index=True)
+
+
+class MarkRow(Base):
+    """A moment somebody marked; its messages stand in the log too."""
+
+    __tablename__ = "run_marks"
+
+    run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    id: Mapped[str] = mapped_column(String(64), primary_key=True)
+    stamp_ns: Mapped[int] = mapped_column(BigInteger)  # the vehicle's clock
+    time: Mapped[float]  # s since the start of the run
+    text: Mapped[str] = mapped_column(Text, default="")
+    requester: Mapped[str] = mapped_column(String(LABEL), default="")
+
+
+class TrashRow(Base):
+    """A deleted run whose files wait in the trash."""
+
+    __tablename__ = "run_trash"
+
+    run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    deleted_ns: Mapped[int] = mapped_column(BigInteger)
+    requester: Mapped[str] = mapped_column(String(LABEL), default="")

@@ -1,0 +1,1 @@
+"""What the station looks at: before each arming (`preflight`), and at its start."""

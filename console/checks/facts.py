@@ -1,0 +1,48 @@
+"""What the station knows of vehicle, link and itself at one instant: what the checks judge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from vehicle_link.heartbeat import LinkState
+
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+"""(least, largest) of x, y and z, m, world axes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """None is what is not known, or too old to be believed."""
+
+    link: LinkState
+    clock_known: bool
+    telemetry_rate: float  # packets a second
+    loss: float  # share of them lost, 0..1
+    mode: str | None
+    armed: bool = False
+    airborne: bool = False
+    flags: frozenset[str] = frozenset()
+    tick_rate: float = 0.0  # Hz, of the flight loop
+    missed_share: float = 0.0  # of the flight loop's periods
+    position_innovation: float | None = None  # m
+    attitude_innovation: float | None = None  # rad
+    pose_age: float | None = None  # s
+    tracker_rate: float = 0.0  # Hz
+    bearings_rate: float = 0.0  # Hz
+    tracker_nominal: float = 100.0  # Hz, what its parameters let expect
+    voltage: float | None = None  # V
+    battery_warning: float | None = None  # V, the vehicle's own limit
+    position_w: tuple[float, float, float] | None = None  # m
+    tilt: float | None = None  # rad
+    speed: float | None = None  # m/s, mean over the last half second
+    body_rate: float | None = None  # rad/s, the same
+    volume: Box | None = None
+    parameters_behind: float | None = None  # s since ours were the vehicle's; None: never
+    free_bytes: float = 0.0
+    keep_free: float = 0.0  # bytes
+    writable: bool = True
+    alarms: tuple[str, ...] = ()
+    notices: tuple[str, ...] = field(default=())
+    """Alarms that are no reason to stay on the ground."""
+    deflection: float = 0.0  # of the stick that is deflected most; 0 without sticks
+    sticks_dropped: bool = False

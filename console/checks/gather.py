@@ -1,0 +1,118 @@
+"""From the parts of the station to the facts that the checks judge."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+from console.alarms import AlarmBoard
+from console.checks.facts import Box, Facts
+from console.checks.observed import Observed
+from console.link_monitor import LinkMonitor
+from console.parameters import StationParameters
+from console.recorder import Recorder
+from console.tracker_feed import TrackerFeed
+from console.vehicle_parameters import VehicleParameters
+
+JUDGED = ("sticks", "tracker")
+"""Alarms of what has a line of its own in the list."""
+NOTICES = ("catalogue", "beacons", "history", "disk", "trash")
+"""Alarms that are no reason to stay on the ground."""
+
+
+class Gatherer:
+    """Args: the station's parts; `folder` of its runs; `sticks_dropped` of its watchdog.
+
+    Attributes:
+        link_status: the newest quadlab_msgs/LinkStatus the station sent.
+    """
+
+    def __init__(
+        self,
+        link: LinkMonitor,
+        observed: Observed,
+        tracker: TrackerFeed,
+        vehicle: VehicleParameters,
+        station: StationParameters,
+        recorder: Recorder,
+        alarms: AlarmBoard,
+        folder: str | os.PathLike[str],
+        sticks_dropped: Callable[[], bool],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._link, self._observed, self._tracker = link, observed, tracker
+        self._vehicle, self._station = vehicle, station
+        self._recorder, self._alarms = recorder, alarms
+        self._folder, self._sticks_dropped, self._clock = folder, sticks_dropped, clock
+        self._in_step: float | None = None
+        self.link_status: Any = None
+
+    def facts(self) -> Facts:
+        """Of now; looks at the disk."""
+        status, observed = self._observed.newest_status(), self._observed
+        board, recorder = self._alarms.keyed(), self._recorder.status()
+        tracker = self._station.tracker
+        return Facts(
+            link=self._link.state(time.time_ns()),
+            clock_known=self._link.clock_known,
+            telemetry_rate=self.link_status.telemetry_rate if self.link_status else 0.0,
+            loss=self.link_status.loss if self.link_status else 0.0,
+            mode=None if status is None else str(status.mode).lower(),
+            armed=status is not None and bool(status.armed),
+            airborne=status is not None and bool(status.airborne),
+            flags=frozenset(str(flag).lower() for flag in status.flags) if status else frozenset(),
+            tick_rate=0.0 if status is None else float(status.tick_rate),
+            missed_share=0.0 if status is None else float(status.missed_share),
+            tracker_rate=self._tracker.rate,
+            bearings_rate=self._tracker.bearings_rate,
+            tracker_nominal=tracker.rate * (1.0 - tracker.drop_out),
+            battery_warning=_number(self._vehicle.newest("safety.battery_warning")),
+            volume=self._volume(),
+            parameters_behind=self._behind(),
+            free_bytes=recorder.free_bytes,
+            keep_free=1e6 * self._station.recorder.keep_free,
+            writable=os.access(self._folder, os.W_OK | os.X_OK),
+            alarms=tuple(x for k, x in board.items() if k not in (*JUDGED, *NOTICES)),
+            notices=(*(x for k, x in board.items() if k in NOTICES), *recorder.alarms),
+            deflection=observed.deflection,
+            sticks_dropped=self._sticks_dropped(),
+            **self._estimate(),
+            **observed.motion(),
+        )
+
+    def _estimate(self) -> dict[str, float]:
+        """Of estimator and battery, as the fields of `Facts`."""
+        found: dict[str, float] = {}
+        if (estimator := self._observed.newest("estimator")) is not None:
+            p, a = estimator.position_innovation, estimator.attitude_innovation
+            found["position_innovation"] = math.hypot(p.x, p.y, p.z)
+            found["attitude_innovation"] = math.hypot(a.x, a.y, a.z)
+            found["pose_age"] = float(estimator.measurement_age)
+        if (battery := self._observed.newest("battery")) is not None:
+            found["voltage"] = float(battery.voltage)
+        return found
+
+    def _volume(self) -> Box | None:
+        walls = [
+            _number(self._vehicle.newest(f"behavior.volume_{axis}_{end}"))
+            for axis in "xyz"
+            for end in ("min", "max")
+        ]
+        if any(wall is None for wall in walls):
+            return None
+        x_min, x_max, y_min, y_max, z_min, z_max = (float(wall or 0.0) for wall in walls)
+        return ((x_min, x_max), (y_min, y_max), (z_min, z_max))
+
+    def _behind(self) -> float | None:
+        """s since our copy of the vehicle's parameters was seen to be the vehicle's."""
+        now = self._clock()
+        if self._vehicle.in_step:
+            self._in_step = now
+        return None if self._in_step is None else now - self._in_step
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) else None

@@ -1,0 +1,98 @@
+"""What the station heard of the vehicle last, kept for its checks; nothing is decoded unasked."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from quadrotor.errors import LinkError
+from quadrotor.records import Record
+from vehicle_link.messages import decode
+from vehicle_link.topics import TOPICS
+
+STALE = {"estimator": 0.5, "battery": 3.0, "status": 1.0, "telemetry": 0.5, "stick": 1.0}
+"""s after which what was heard is no longer believed."""
+KEPT = ("estimator", "battery", "stick")
+STILL_WINDOW = 0.5
+"""s over which the vehicle must stand still."""
+
+Sample = tuple[float, Any, Any, Any, Any]
+"""Heard at (s); position (3,), velocity (3,), quaternion (4,), angular velocity (3,)."""
+
+
+class Observed:
+    """Fed by the station's subscriptions, read by its beat. Args: `clock`, s, steady."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._status: tuple[float, Any] | None = None
+        self._payloads: dict[str, tuple[float, bytes]] = {}
+        self._samples: deque[Sample] = deque(maxlen=100)
+
+    # ------------------------------------------------------------------ fed
+    def status(self, status: Any) -> None:
+        """quadlab_msgs/VehicleStatus."""
+        self._status = (self._clock(), status)
+
+    def message(self, name: str, payload: bytes) -> None:
+        """As received; kept of `estimator`, `battery` and `stick` (whoever's it is)."""
+        if name in KEPT:
+            self._payloads[name] = (self._clock(), payload)
+
+    def telemetry(self, state: Record) -> None:
+        """The newest STATE of a packet."""
+        names = ("position_w", "velocity_w", "quaternion_wb", "angular_velocity_b")
+        with self._lock:
+            self._samples.append((self._clock(), *(state[name] for name in names)))
+
+    # ------------------------------------------------------------------ read
+    def newest_status(self) -> Any | None:
+        return self._fresh("status", self._status)
+
+    def newest(self, name: str) -> Any | None:
+        """The message, decoded; None when there is none, an old one, or one that is no message."""
+        payload = self._fresh(name, self._payloads.get(name))
+        if payload is None:
+            return None
+        try:
+            return decode(payload, TOPICS[name].type_name)
+        except LinkError:
+            return None
+
+    @property
+    def deflection(self) -> float:
+        """Of the stick deflected most, 0..1; 0 when no sticks are sent."""
+        sticks = self.newest("stick")
+        return 0.0 if sticks is None else max((abs(float(x)) for x in sticks.axes), default=0.0)
+
+    def motion(self) -> dict[str, Any]:
+        """As the fields of `Facts`; empty when there is no fresh telemetry."""
+        with self._lock:
+            samples = list(self._samples)
+        now = self._clock()
+        if not samples or now - samples[-1][0] > STALE["telemetry"]:
+            return {}
+        recent = [one for one in samples if now - one[0] <= STILL_WINDOW]
+        _, position, _, quaternion, _ = samples[-1]
+        return {
+            "position_w": tuple(float(x) for x in position),
+            "tilt": _tilt(quaternion),
+            "speed": sum(math.hypot(*one[2]) for one in recent) / len(recent),
+            "body_rate": sum(math.hypot(*one[4]) for one in recent) / len(recent),
+        }
+
+    def _fresh(self, name: str, kept: tuple[float, Any] | None) -> Any | None:
+        if kept is None or self._clock() - kept[0] > STALE[name]:
+            return None
+        return kept[1]
+
+
+def _tilt(quaternion_wb: Any) -> float:
+    """rad between z_B and z_W; quaternion (w, x, y, z)."""
+    _, x, y, _ = (float(part) for part in quaternion_wb)
+    return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

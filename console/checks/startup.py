@@ -1,0 +1,184 @@
+"""The station's start-up checks: what was found of clock, rates, disk, certificates, by whom.
+
+Looked at a little after the vehicle has connected, without one a little after the start, and again
+when asked. Nothing is looked at while the vehicle is armed: the disk is written to.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import time
+import uuid
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from console.checks import station_items
+from console.checks.gather import Gatherer
+from console.parameters import StationParameters
+from quadrotor.errors import LinkError, QuadlabError
+from vehicle_link.certificate_checks import certificate_check
+from vehicle_link.checks import Check, from_messages, to_messages
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.log.provenance import provenance
+from vehicle_link.machine_checks import ClockWatch, clock_check, disk_check, governor_check
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES
+
+log = logging.getLogger(__name__)
+
+LOOK = 1.0
+"""s between two looks at the clock."""
+SETTLE, ALONE = 4, 10
+"""Looks from the vehicle's connecting to the checks (rates need two seconds to count), and from
+the start where none connects."""
+TIMEOUT = 2.0
+"""s the vehicle has for its own."""
+INFO, WARN = 20, 30
+ANSWER = f"{SERVICES['checks']}_Response"
+
+
+class StartupChecks:
+    """Serves `/<vehicle>/station/checks`.
+
+    Args:
+        data: the station's data folder.
+        say: (level, line), an event.
+
+    Attributes:
+        endpoints: where the station listens and whom it dials, in words.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        data: Path,
+        gatherer: Gatherer,
+        parameters: StationParameters,
+        say: Callable[[int, str], None],
+    ) -> None:
+        self._data, self._gatherer, self._parameters, self._say = data, gatherer, parameters, say
+        self.endpoints = ""
+        self._watch = ClockWatch()
+        self._looking = threading.Lock()
+        self._vehicle_client = node.client("checks", SERVICES["checks"])
+        self._station: list[Check] = []
+        self._vehicle: list[Check] = []
+        self._checked = 0.0
+        self._closing = threading.Event()
+        node.serve("station/checks", SERVICES["checks"], self._answer)
+        self._thread = threading.Thread(target=self._run, name="checks", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(TIMEOUT)
+
+    @property
+    def found(self) -> list[Check]:
+        """What was found last, the station's first."""
+        return [*self._station, *self._vehicle]
+
+    @property
+    def _is_vehicle_unknown(self) -> bool:
+        return all(one.state == "unknown" for one in self._vehicle)
+
+    def look(self) -> None:
+        """At everything, now; may take some seconds. Raises LinkError for a defect of ours only."""
+        with self._looking:
+            self._station = self._look_here()
+            self._vehicle = self._look_at_vehicle()
+            self._checked = time.time()
+
+    def _answer(self, request: Any) -> Any:
+        if request.again and self._gatherer.facts().armed:
+            reason = "the vehicle is armed; checks are made on the ground"
+            return new(ANSWER, accepted=False, reason=reason)
+        if request.again:
+            self.look()
+        return new(ANSWER, accepted=True, checked=self._checked, checks=to_messages(self.found))
+
+    def _look_here(self) -> list[Check]:
+        facts, status = self._gatherer.facts(), self._gatherer.link_status
+        keep_free = facts.keep_free
+        runs = self._data / "runs"
+        return [
+            clock_check("station"),
+            self._watch.check("station"),
+            station_items.vehicle_clock(facts, status),
+            *station_items.rates(facts, self._parameters),
+            disk_check("station", "runs' disk", runs, keep_free),
+            station_items.disk_speed(runs, self._data),
+            governor_check("station"),
+            certificate_check("station", self._data / "certificates", "station"),
+            Check("ports", "ok" if self.endpoints else "unknown", self.endpoints or "not told"),
+            Check("version", "ok", _short(provenance()["git_revision"])),
+            Check("libraries", "ok", _libraries()),
+        ]
+
+    def _look_at_vehicle(self) -> list[Check]:
+        request = new(
+            f"{SERVICES['checks']}_Request", request_id=uuid.uuid4().hex, requester="station",
+            again=True,
+        )  # fmt: skip
+        try:
+            answer = self._vehicle_client.call(request, timeout=TIMEOUT)
+        except LinkError as error:
+            advice = "connect the vehicle, then check again"
+            found = "not asked: the vehicle does not answer"
+            log.debug("the vehicle's checks: %s", error)
+            return [Check("vehicle", "unknown", found, "connected", advice, "vehicle")]
+        ours = provenance()["git_revision"]
+        return [_compared(one, ours) for one in from_messages(answer.checks)]
+
+    def _run(self) -> None:
+        looks = heard = 0
+        due = False
+        while not self._closing.wait(LOOK):
+            self._watch.look()
+            looks += 1
+            try:
+                facts = self._gatherer.facts()
+                heard = heard + 1 if facts.link is LinkState.GOOD else 0
+                connected = heard == SETTLE and self._is_vehicle_unknown
+                due |= connected or (looks == ALONE and not self._checked)
+                if due and not facts.armed:
+                    due = False
+                    self.look()
+                    self._tell()
+            except QuadlabError:
+                if not self._closing.is_set():
+                    log.warning("start-up checks", exc_info=True)
+            except Exception:  # the clock must go on being watched
+                log.exception("start-up checks")
+
+    def _tell(self) -> None:
+        """One line when there is something to look at."""
+        bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
+        if bad:
+            failing = any(one.state == "fail" for one in self.found)
+            line = f"start-up checks: look at {', '.join(bad)}; see the Set-up page"
+            self._say(WARN if failing else INFO, line)
+
+
+def _compared(check: Check, ours: str) -> Check:
+    """The vehicle's version beside ours."""
+    if check.name != "version":
+        return check
+    state, theirs = ("ok" if check.found == ours else "warn"), _short(check.found)
+    advice = "bring the same version to both ends"
+    return Check("version", state, theirs, _short(ours), advice, "vehicle")
+
+
+def _short(revision: str) -> str:
+    return revision[:10]
+
+
+def _libraries() -> str:
+    versions: dict[str, str] = json.loads(provenance()["versions"])
+    return ", ".join(f"{name} {number}" for name, number in versions.items())

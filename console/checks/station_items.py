@@ -1,0 +1,97 @@
+"""Start-up checks of what only the station knows: the vehicle's clock, rates, the disk's speed."""
+
+from __future__ import annotations
+
+import os
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from console.checks.facts import Facts
+from console.parameters import StationParameters
+from vehicle_link.checks import Check, State
+from vehicle_link.telemetry import SAMPLES_A_PACKET
+from vehicle_link.topics import TOPICS
+
+ROUND_TRIP = 0.02
+"""s; a longer one is worth a word: every measurement is that much older at the vehicle."""
+NEARLY, HALF = 0.9, 0.5
+"""Shares of a nominal rate: below the first it is worth a word, below the second it fails."""
+PROBE = 4_000_000
+SLOWEST = 5.0
+"""MB/s; a run at full rate writes about a fifth of it."""
+
+
+def vehicle_clock(f: Facts, link_status: Any) -> Check:
+    name, wanted = "vehicle's clock", f"known, round trip below {1e3 * ROUND_TRIP:.0f} ms"
+    if not f.clock_known or link_status is None:
+        advice = "connect the vehicle, then check again"
+        return Check(name, "unknown", "not known yet", wanted, advice)
+    trip, offset = float(link_status.round_trip), float(link_status.clock_offset)
+    state: State = "ok" if trip <= ROUND_TRIP else "warn"
+    found = f"{1e3 * offset:+.1f} ms from ours, round trip {1e3 * trip:.1f} ms"
+    return Check(name, state, found, wanted, "look for what loads the network")
+
+
+def rates(f: Facts, p: StationParameters) -> list[Check]:
+    """What comes and goes, against what it is meant to be."""
+    packets = TOPICS["telemetry"].rate
+    heard = f.mode is not None
+    return [
+        _rate("telemetry", f.telemetry_rate if heard else None, packets, "look at the link"),
+        _rate(
+            "flight loop", f.tick_rate if heard else None, packets * SAMPLES_A_PACKET,
+            "look at the microcontroller's cables and the load of the vehicle's computer",
+        ),
+        _real_time(f),
+        _rate(
+            "tracker", f.tracker_rate, f.tracker_nominal,
+            "is the tracking system (or the simulator) running?",
+        ),
+        _rate(
+            "bearings", f.bearings_rate, p.bearings.rate,
+            "they come from the tracker's poses: look at the tracker and at the beacons in sight",
+        ),
+    ]  # fmt: skip
+
+
+def disk_speed(folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
+    """Writes a little, to the disk itself, and takes it away again."""
+    name, wanted = "disk's speed", f"at least {SLOWEST:.0f} MB/s"
+    path, block = folder / ".speed", os.urandom(round(1e6 * megabytes))
+    try:
+        began = time.perf_counter()
+        with path.open("wb") as file:
+            file.write(block)
+            file.flush()
+            os.fsync(file.fileno())
+        spent = time.perf_counter() - began
+    except OSError as error:
+        advice = f"mend the permissions of {folder}, or choose another folder with --data"
+        return Check(name, "fail", f"cannot write ({error.strerror})", wanted, advice)
+    finally:
+        with suppress(OSError):
+            path.unlink()
+    speed = megabytes / spent
+    advice = f"move {data} to a quicker disk; a slow one loses messages of a run"
+    return Check(name, "ok" if speed >= SLOWEST else "fail", f"{speed:.0f} MB/s", wanted, advice)
+
+
+def _rate(name: str, found: float | None, nominal: float, advice: str) -> Check:
+    wanted = f"{nominal:.0f} Hz"
+    if found is None:
+        return Check(name, "unknown", "nothing heard", wanted, "connect the vehicle")
+    share = found / nominal if nominal > 0.0 else 1.0
+    state: State = "ok" if share >= NEARLY else "warn" if share >= HALF else "fail"
+    return Check(name, state, f"{found:.0f} Hz", wanted, advice)
+
+
+def _real_time(f: Facts) -> Check:
+    name, wanted = "flight process", "real time"
+    if f.mode is None:
+        return Check(name, "unknown", "nothing heard", wanted, "connect the vehicle")
+    if "not_real_time" in f.flags:
+        advice = "see real-time rights and locked memory of the vehicle; then restart it"
+        return Check(name, "warn", "not real time: late under load", wanted, advice)
+    return Check(name, "ok", "real time", wanted)

@@ -1,0 +1,60 @@
+"""Silences of the vehicle's heartbeats: how many there were and how long they lasted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vehicle_link.heartbeat import DEGRADED_AFTER
+
+_SHORTEST_NS = round(DEGRADED_AFTER * 1e9)
+
+
+@dataclass(frozen=True, slots=True)
+class OutageFigures:
+    """Since the vehicle was first heard; an outage under way is among them. Lengths in s."""
+
+    count: int = 0
+    last: float = 0.0
+    longest: float = 0.0
+    total: float = 0.0
+
+    def with_one(self, length: float) -> OutageFigures:
+        longest = max(self.longest, length)
+        return OutageFigures(self.count + 1, length, longest, self.total + length)
+
+
+class Outages:
+    """An outage is a silence of DEGRADED_AFTER and more, from one heartbeat to the next.
+
+    One thread tells of heartbeats, any may ask: what is kept is replaced, never changed.
+    """
+
+    def __init__(self, started_ns: int) -> None:
+        self._heard_ns: int | None = None
+        self._good_since_ns = started_ns
+        self._ended = OutageFigures()
+
+    def heard(self, now_ns: int) -> None:
+        """A heartbeat came."""
+        length_ns = self._silence_ns(now_ns)
+        if self._heard_ns is None or length_ns >= _SHORTEST_NS:
+            self._good_since_ns = now_ns
+        if length_ns >= _SHORTEST_NS:
+            self._ended = self._ended.with_one(length_ns * 1e-9)
+        if self._heard_ns is None or now_ns > self._heard_ns:
+            self._heard_ns = now_ns
+
+    def figures(self, now_ns: int) -> OutageFigures:
+        length_ns = self._silence_ns(now_ns)
+        return self._ended.with_one(length_ns * 1e-9) if length_ns >= _SHORTEST_NS else self._ended
+
+    def state_duration(self, now_ns: int) -> float:
+        """s since the link became good; or, while it is not, since the last heartbeat, or since
+        the start when there was none."""
+        since_ns = self._good_since_ns
+        if self._heard_ns is not None and self._silence_ns(now_ns) >= _SHORTEST_NS:
+            since_ns = self._heard_ns
+        return max(0, now_ns - since_ns) * 1e-9
+
+    def _silence_ns(self, now_ns: int) -> int:
+        return 0 if self._heard_ns is None else now_ns - self._heard_ns

@@ -1,0 +1,151 @@
+"""Sets of parameter values under a name, kept in the data folder's database: who saved it, when."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from sqlalchemy import BigInteger, Engine, String, Text, select
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+
+from quadrotor.errors import RefusedError, StorageError
+from quadrotor.parameters import ParameterValue
+
+
+class Base(DeclarativeBase):
+    """Of the table here."""
+
+
+class PresetRow(Base):
+    """Saved once, never changed; one that was deleted can come back."""
+
+    __tablename__ = "parameter_presets"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    vehicle: Mapped[str] = mapped_column(String(60), index=True)
+    name: Mapped[str] = mapped_column(String(60))
+    requester: Mapped[str] = mapped_column(String(120))
+    stamp_ns: Mapped[int] = mapped_column(BigInteger)
+    content: Mapped[str] = mapped_column(Text)
+    deleted: Mapped[bool] = mapped_column(default=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A saved set."""
+
+    id: int
+    name: str
+    requester: str
+    stamp_ns: int  # epoch
+    values: dict[str, ParameterValue]
+
+
+class ParameterPresets:
+    """Safe to use from several threads and processes; every method may raise StorageError.
+
+    Args:
+        engine: of the catalogue's database.
+        vehicle: whose parameters these are.
+    """
+
+    def __init__(self, engine: Engine, vehicle: str) -> None:
+        self._vehicle = vehicle
+        self._sessions = sessionmaker(engine, expire_on_commit=False)
+        try:
+            try:
+                Base.metadata.create_all(engine)
+            except OperationalError:  # another process was making the same table
+                Base.metadata.create_all(engine)
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+    def all(self) -> list[Preset]:
+        """By name."""
+        with self._session() as session:
+            query = select(PresetRow).where(
+                PresetRow.vehicle == self._vehicle, PresetRow.deleted.is_(False)
+            )
+            return [_preset(row) for row in session.scalars(query.order_by(PresetRow.name))]
+
+    def get(self, preset_id: int) -> Preset:
+        """Raises RefusedError for one that is not there."""
+        with self._session() as session:
+            return _preset(self._row(session, preset_id, deleted=False))
+
+    def save(
+        self,
+        name: str,
+        values: Mapping[str, ParameterValue],
+        requester: str,
+        *,
+        replaces: bool = False,
+    ) -> Preset:
+        """Raises RefusedError when the name is taken and `replaces` is not said."""
+        with self._session() as session:
+            taken = self._named(session, name)
+            if taken is not None and not replaces:
+                raise RefusedError(
+                    f"there is a preset {name!r} of {taken.requester}; replace it, or choose "
+                    "another name"
+                )
+            if taken is not None:
+                taken.deleted = True
+            row = PresetRow(
+                vehicle=self._vehicle, name=name, requester=requester, stamp_ns=time.time_ns(),
+                content=json.dumps(dict(values)),
+            )  # fmt: skip
+            session.add(row)
+            session.flush()
+            return _preset(row)
+
+    def delete(self, preset_id: int) -> None:
+        """Raises RefusedError for one that is not there."""
+        with self._session() as session:
+            self._row(session, preset_id, deleted=False).deleted = True
+
+    def restore(self, preset_id: int) -> Preset:
+        """What was deleted comes back. Raises RefusedError when its name was given away."""
+        with self._session() as session:
+            row = self._row(session, preset_id, deleted=True)
+            if self._named(session, row.name) is not None:
+                raise RefusedError(f"there is another preset {row.name!r} now; delete that first")
+            row.deleted = False
+            return _preset(row)
+
+    def _named(self, session: Session, name: str) -> PresetRow | None:
+        query = select(PresetRow).where(
+            PresetRow.vehicle == self._vehicle,
+            PresetRow.name == name,
+            PresetRow.deleted.is_(False),
+        )
+        return session.scalars(query).first()
+
+    def _row(self, session: Session, preset_id: int, *, deleted: bool) -> PresetRow:
+        row = session.get(PresetRow, preset_id)
+        if row is None or row.vehicle != self._vehicle or row.deleted is not deleted:
+            what = "deleted preset" if deleted else "preset"
+            raise RefusedError(f"there is no {what} {preset_id}; the Gains tab lists all")
+        return row
+
+    @contextmanager
+    def _session(self) -> Iterator[Session]:
+        """One transaction; what the database cannot do is a StorageError."""
+        try:
+            with self._sessions.begin() as session:
+                yield session
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+
+def _preset(row: PresetRow) -> Preset:
+    return Preset(row.id, row.name, row.requester, row.stamp_ns, json.loads(row.content))
+
+
+def _storage_error(error: SQLAlchemyError) -> StorageError:
+    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
+    return StorageError(f"the presets cannot be used ({reason})")

@@ -1,0 +1,78 @@
+"""Beside the work: old files put in order, the trash emptied in time, a full disk told early."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from console.catalogue import Catalogue
+from console.parameters import RecorderParameters
+from console.run import RecorderStatus
+from console.run_files import tidy_runs
+from console.run_storage import storage
+from console.run_trash import purge
+from quadrotor.errors import StorageError
+
+PERIOD = 5.0
+"""s between looks at the disk."""
+PURGE_PERIOD = 3600.0
+DAY = 86_400.0
+
+
+class Housekeeping:
+    """Its methods are called from one thread, again and again.
+
+    Args:
+        recording: the recorder's status, now.
+        say: an event line.
+        alarm: sets (key, line) or clears (key, None) an alarm.
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        parameters: RecorderParameters,
+        recording: Callable[[], RecorderStatus],
+        say: Callable[[str], None],
+        alarm: Callable[[str, str | None], None],
+    ) -> None:
+        self._catalogue = catalogue
+        self._parameters = parameters
+        self._recording = recording
+        self._say = say
+        self._alarm = alarm
+        self._purged = -PURGE_PERIOD
+
+    def tidy(self) -> None:
+        """Once: a flight that is under way must not wait for old files."""
+        try:
+            for line in tidy_runs(self._catalogue, skip=(self._recording().run_id,)):
+                self._say(line)
+        except StorageError as error:
+            self._alarm("catalogue", str(error))
+
+    def look(self) -> None:
+        """Every PERIOD."""
+        try:
+            self._alarm("disk", self._warning())
+            if time.monotonic() - self._purged >= PURGE_PERIOD:
+                self._purged = time.monotonic()
+                self._purge()
+            self._alarm("trash", None)
+        except StorageError as error:
+            self._alarm("trash", str(error))
+
+    def _purge(self) -> None:
+        days = self._parameters.trash_keep
+        for run_id in purge(self._catalogue, days * DAY):
+            self._say(f"run {run_id}: removed for good, {days:g} days after it was deleted")
+
+    def _warning(self) -> str | None:
+        disk = storage(self._catalogue)
+        if disk.free >= self._parameters.warn_free * 1e6:
+            return None
+        status = self._recording()
+        rate = status.bytes / status.duration if status.duration > 1.0 else 0.0
+        left = disk.lasts(round(self._parameters.keep_free * 1e6), rate)
+        lasts = "" if left is None else f", recording lasts {left / 60.0:.0f} min more"
+        return f"disk: {disk.free / 1e9:.1f} GB free{lasts}; delete runs and empty the trash"

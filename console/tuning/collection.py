@@ -1,0 +1,162 @@
+"""Puts the answers about a stretch of the vehicle's log together, and checks that it is whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import StorageError
+
+Floats = npt.NDArray[np.float32]
+Stamps = npt.NDArray[np.int64]
+
+FRUITLESS_MAX = 8
+"""Answers in a row without anything new, after which it is given up."""
+GAP_PERIODS = 2.5
+"""Two ticks further apart than so many usual periods have a gap between them; where a single
+tick is missing, nothing of the response is hidden."""
+EDGE = 20_000_000
+"""ns that may be missing at either end of the stretch: a tick is at most so long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Nothing is known of the time between (s since the first tick)."""
+
+    start: float
+    end: float
+
+
+class Collection:
+    """Ask what `question` says, give each answer to `add`, until `done`.
+
+    Args:
+        columns: names, as vehicle_link.log.tick_columns has them.
+        start_ns, end_ns: of the vehicle's clock.
+    """
+
+    def __init__(self, columns: tuple[str, ...], start_ns: int, end_ns: int) -> None:
+        self.columns = columns
+        self._start_ns, self._end_ns = start_ns, end_ns
+        self._next_ns = start_ns
+        self._stamps: list[Stamps] = []
+        self._values: list[Floats] = []
+        self._fruitless = 0
+        self.done = False
+        self.file = ""
+        self.problem = ""
+
+    @property
+    def question(self) -> dict[str, Any]:
+        """Fields of the next request."""
+        return {
+            "columns": list(self.columns),
+            "start_ns": self._next_ns,
+            "end_ns": self._end_ns,
+            "rows": 0,
+        }
+
+    @property
+    def share(self) -> float:
+        """Of the stretch that has come, 0..1."""
+        if self.done:
+            return 1.0
+        return (self._next_ns - self._start_ns) / max(1, self._end_ns - self._start_ns)
+
+    def add(self, answer: Any) -> None:
+        """Raises StorageError when it does not fit what was asked."""
+        stamps = np.asarray(answer.stamps_ns, np.int64)
+        width = len(self.columns)
+        values = np.asarray(answer.values, np.float32)
+        rising = len(stamps) == 0 or bool(
+            stamps[0] >= self._next_ns
+            and stamps[-1] <= self._end_ns
+            and (np.diff(stamps) > 0).all()
+        )
+        if len(values) != len(stamps) * width or not rising:
+            raise StorageError(
+                f"{len(stamps)} ticks with {len(values)} numbers are no answer to {width} columns "
+                f"from {self._next_ns} to {self._end_ns} ns"
+            )
+        self.file = str(answer.file) or self.file
+        if answer.damaged:
+            self.problem = f"{answer.damaged} blocks of the vehicle's log are damaged"
+        if len(stamps):
+            self._stamps.append(stamps)
+            self._values.append(values.reshape(-1, width))
+            self._next_ns = int(stamps[-1]) + 1
+            self._fruitless = 0
+        else:
+            self._fruitless += 1
+        self.done = bool(answer.complete) or self._next_ns > self._end_ns
+        if not self.done and self._fruitless >= FRUITLESS_MAX:
+            self.done = True
+            self.problem = "the vehicle's log was not written to the end of the test"
+
+    def failed(self, why: str) -> bool:
+        """One question had no answer; whether to ask again."""
+        self._fruitless += 1
+        if self._fruitless < FRUITLESS_MAX:
+            return True
+        self.done, self.problem = True, why
+        return False
+
+    def result(self) -> Samples:
+        """All that came. Raises StorageError when that is nothing."""
+        if not self._stamps:
+            why = self.problem or "it has nothing of that time"
+            raise StorageError(f"the vehicle's log could not be read: {why}")
+        stamps, values = np.concatenate(self._stamps), np.concatenate(self._values)
+        time = (stamps - stamps[0]) * 1e-9
+        period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        holes = np.flatnonzero(np.diff(time) > GAP_PERIODS * period)
+        gaps = [Gap(float(time[i]), float(time[i + 1])) for i in holes]
+        missing_first = (int(stamps[0]) - self._start_ns) * 1e-9
+        missing_last = (self._end_ns - int(stamps[-1])) * 1e-9
+        if missing_first > EDGE * 1e-9:
+            gaps.insert(0, Gap(-missing_first, 0.0))
+        if missing_last > EDGE * 1e-9:
+            gaps.append(Gap(float(time[-1]), float(time[-1]) + missing_last))
+        return Samples(
+            stamps, {n: values[:, j] for j, n in enumerate(self.columns)}, tuple(gaps),
+            self.problem, self.file,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A stretch of the log.
+
+    Attributes:
+        stamps_ns: shape (N,), of the vehicle's clock.
+        values: by column, shape (N,).
+        gaps: in order; empty when every tick is there.
+        problem: what else is wrong, empty when nothing is.
+        file: on the vehicle.
+    """
+
+    stamps_ns: Stamps
+    values: dict[str, Floats]
+    gaps: tuple[Gap, ...]
+    problem: str
+    file: str
+
+    @property
+    def rate(self) -> float:
+        """Hz, by the median of the periods."""
+        return 1e9 / float(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else 0.0
+
+    @property
+    def single(self) -> int:
+        """Ticks that are missing one by one, without a gap."""
+        steps = np.diff(self.stamps_ns) / np.median(np.diff(self.stamps_ns))
+        return int(np.count_nonzero((steps > 1.6) & (steps <= GAP_PERIODS)))
+
+    @property
+    def time(self) -> npt.NDArray[np.float64]:
+        """s since the first tick, shape (N,)."""
+        time: npt.NDArray[np.float64] = (self.stamps_ns - self.stamps_ns[0]) * 1e-9
+        return time

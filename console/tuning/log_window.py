@@ -1,0 +1,43 @@
+"""Questions about the vehicle's log, passed on by the station at the lowest priority."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from quadrotor.errors import LinkError
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES
+
+TYPE = SERVICES["onboard_log"]
+TIMEOUT = 1.0
+"""s; who asks the station waits a little longer."""
+
+
+class LogWindow:
+    """Serves `/<vehicle>/station/onboard_log`.
+
+    What flies always goes first on the radio: questions and answers are of background priority.
+
+    Args:
+        link_state: of the link to the vehicle, now.
+    """
+
+    def __init__(self, node: Node, link_state: Callable[[], LinkState]) -> None:
+        self._link_state = link_state
+        self._client = node.client("onboard_log", TYPE, priority="background")
+        node.serve("station/onboard_log", TYPE, self._ask)
+
+    def _ask(self, request: Any) -> Any:
+        if self._link_state() is LinkState.LOST:
+            return _refused("the link to the vehicle is lost; its log cannot be read")
+        try:
+            return self._client.call(request, timeout=TIMEOUT)
+        except LinkError as error:
+            return _refused(f"the vehicle did not answer: {error}")
+
+
+def _refused(reason: str) -> Any:
+    return new(f"{TYPE}_Response", accepted=False, reason=reason)

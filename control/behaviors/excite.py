@@ -1,0 +1,208 @@
+"""A step or a doublet on one axis, from hover and back to it: what gains are tuned by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import numpy as np
+
+from control.behaviors.behavior import Context, Joy, check_inside, read_arguments
+from control.behaviors.table import BehaviorName
+from control.trajectories.limits import with_margin
+from control.trajectories.multistep import AXES, LEAD, POSITION, SHAPES, Multistep
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.records import Record
+from quadrotor.vehicle_model import GRAVITY
+
+LONGEST = 40.0
+"""s of a whole test."""
+AT_REST = (0.15, 0.15, 0.3)
+"""Largest position error (m), speed (m/s) and turn rate (rad/s) to start from."""
+
+
+class ExciteArguments(Parameters):
+    """Of excite."""
+
+    axis: str = parameter("x", choices=AXES, description="x, y or z of the world, or yaw")
+    shape: str = parameter(
+        "step", choices=SHAPES, description="out and back, or out, to the other side and back"
+    )
+    amplitude: float = parameter(
+        0.3, ge=-6.3, le=6.3, step=0.01, description="of the set-point, m or rad, of either sign"
+    )
+    duration: float = parameter(
+        2.0, unit="s", ge=0.2, le=10.0, step=0.1, description="how long each level is held"
+    )
+    repeats: int = parameter(1, ge=1, le=5, description="how often the shape is flown")
+
+
+class Excite:
+    """Jumps of the reference; brakes where the vehicle is when it leaves the path too far.
+
+    Attributes:
+        aborted: why it was ended early; empty while all is well.
+    """
+
+    name: ClassVar[BehaviorName] = BehaviorName.EXCITE
+    arguments: ClassVar[type[Parameters]] = ExciteArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, read_arguments(cls.name, ExciteArguments(), given))
+
+    def __init__(self, context: Context, arguments: ExciteArguments) -> None:
+        a, p = arguments, context.parameters
+        _check_amplitude(a, context)
+        self._path = path = Multistep(
+            context.point,
+            axis=a.axis, shape=a.shape, amplitude=a.amplitude, duration=a.duration,
+            repeats=a.repeats, lead=LEAD,
+        )  # fmt: skip
+        if path.duration > LONGEST:
+            raise RefusedError(
+                f"excite refused: it would take {path.duration:.0f} s; allowed {LONGEST:.0f} s, "
+                "try fewer repeats or a shorter duration"
+            )
+        check_inside(self.name, "the set-point's", np.array(path.ends()), p)
+        _check_demand(a, path.swing, context)
+        _check_rest(context)
+        self._elapsed = 0.0
+        self.aborted = ""
+        margin = p.excite_error_max
+        low, high = path.ends()
+        self._low, self._high = [x - margin for x in low], [x + margin for x in high]
+        self._margin = margin
+        span = max(map(abs, path.span)) if a.axis == "yaw" else 0.0
+        self._yaw, self._yaw_error = context.point[3], span + p.excite_yaw_max
+        self._tilt_cosine = math.cos(math.radians(context.control.limits.tilt_max))
+
+    @property
+    def progress(self) -> float:
+        return min(1.0, self._elapsed / self._path.duration)
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        self._elapsed += dt
+        self.aborted = self._breach(state)
+        if self.aborted:
+            _follow(state, reference)
+            return True
+        self._path.sample(self._elapsed, reference)
+        return self._elapsed >= self._path.duration
+
+    def _breach(self, state: Record) -> str:
+        """Which limit the vehicle has left, and by what."""
+        position = state["position_w"][0].tolist()
+        for i, axis in enumerate(POSITION):
+            # Written so that a NaN is outside.
+            if not self._low[i] <= position[i] <= self._high[i]:
+                return (
+                    f"{axis} = {position[i]:.2f} m is more than {self._margin:g} m off the path "
+                    "(behavior.excite_error_max)"
+                )
+        w, x, y, z = state["quaternion_wb"][0].tolist()
+        if not 1.0 - 2.0 * (x * x + y * y) >= self._tilt_cosine:
+            return "tilted beyond control.limits.tilt_max"
+        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        error = math.remainder(yaw - self._yaw, 2.0 * math.pi)
+        if abs(error) > self._yaw_error and self._yaw_error < math.pi:
+            return f"yaw is {error:.2f} rad off (behavior.excite_yaw_max)"
+        return ""
+
+
+def _check_amplitude(a: ExciteArguments, context: Context) -> None:
+    """Raises RefusedError when it is above the parameter's bound, or too small to be seen."""
+    p, size = context.parameters, abs(a.amplitude)
+    if a.axis == "yaw":
+        name, unit, most = "excite_yaw_max", "rad", p.excite_yaw_max
+    else:
+        name, unit, most = "excite_position_max", "m", p.excite_position_max
+    if size > most + 1e-9:
+        raise RefusedError(
+            f"excite refused: an amplitude of {size:.3g} {unit} on {a.axis}; allowed {most:.3g} "
+            f"{unit} (behavior.{name})"
+        )
+    if size < 0.01:
+        raise RefusedError(
+            f"excite refused: an amplitude of {size:.3g} {unit} on {a.axis} is within the noise; "
+            f"allowed 0.01 to {most:.3g} {unit}"
+        )
+
+
+def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
+    """Raises RefusedError when the jump alone, through these gains, asks for too much.
+
+    The law answers a jump e with the acceleration k_p e (eq. 4) within one tick.
+    """
+    p, gains = context.parameters, context.control.position
+    if a.axis in ("x", "y"):
+        tilt = math.degrees(math.atan(gains.kp_xy * swing / GRAVITY))
+        if tilt > p.trajectory_tilt_max:
+            most = GRAVITY * math.tan(math.radians(p.trajectory_tilt_max)) / gains.kp_xy
+            raise _too_much(f"a tilt of {tilt:.0f} deg",
+                            f"{p.trajectory_tilt_max:g} deg (behavior.trajectory_tilt_max)",
+                            most, swing, a)  # fmt: skip
+    elif a.axis == "z":
+        model = context.model
+        low, high = with_margin(
+            float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
+        )
+        rotor = 0.25 * context.hover_thrust  # N of each, hovering
+        room = min(high - rotor, rotor - low) / rotor * GRAVITY  # m/s^2, either way
+        if gains.kp_z * swing > room:
+            raise _too_much(
+                f"{gains.kp_z * swing:.1f} m/s²",
+                f"{room:.1f} m/s² (the rotors, less behavior.trajectory_thrust_margin)",
+                room / gains.kp_z, swing, a,
+            )  # fmt: skip
+
+
+def _too_much(
+    asked: str, allowed: str, most: float, swing: float, a: ExciteArguments
+) -> RefusedError:
+    """`most`: m of a jump that is allowed, where it would be `swing`."""
+    fits = math.floor(100.0 * most * abs(a.amplitude) / swing) / 100.0
+    return RefusedError(
+        f"excite refused: with these gains its edges ask for {asked}; allowed {allowed}: "
+        f"try an amplitude of {fits:g} m"
+    )
+
+
+def _check_rest(context: Context) -> None:
+    """Raises RefusedError when the vehicle is not at rest at its reference."""
+    state = context.state
+    if state is None:
+        return
+    error, speed, turn = (
+        float(np.linalg.norm(v))
+        for v in (
+            state["position_w"][0] - context.reference["position_w"][0],
+            state["velocity_w"][0],
+            state["angular_velocity_b"][0],
+        )
+    )
+    if not (error <= AT_REST[0] and speed <= AT_REST[1] and turn <= AT_REST[2]):
+        raise RefusedError(
+            f"excite refused: not at rest: {error:.2f} m off, {speed:.2f} m/s, {turn:.2f} rad/s; "
+            f"allowed {AT_REST[0]} m, {AT_REST[1]} m/s, {AT_REST[2]} rad/s; wait or lower the gains"
+        )
+
+
+def _follow(state: Record, reference: Record) -> None:
+    """The reference onto the vehicle, in its motion: brake takes over from there."""
+    reference.view("f8")[:] = 0.0
+    position, velocity = state["position_w"][0], state["velocity_w"][0]
+    if math.isfinite(float(position.sum() + velocity.sum())):
+        reference["position_w"], reference["velocity_w"] = position, velocity
+    w, x, y, z = state["quaternion_wb"][0].tolist()
+    reference["yaw"] = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))

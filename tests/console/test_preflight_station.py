@@ -1,0 +1,371 @@
+"""A real station refuses to arm for its own reasons, over real sessions, and looks at itself.
+
+The vehicle is a scripted stand-in that can be made unfit in each way the station judges.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.base_station import BaseStation
+from console.catalogue import Catalogue
+from quadrotor.parameters import ParameterDescription
+from quadrotor.records import TICK
+from vehicle_link import topics
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.checks import Check, from_messages, to_messages
+from vehicle_link.log import read_log
+from vehicle_link.messages import decode, encode, header, new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.parameter_service import serve_parameters
+from vehicle_link.session import loopback_session, station_session, vehicle_session
+from vehicle_link.telemetry import pack
+from vehicle_link.time_sync import serve_time_sync
+from vehicle_link.topics import SERVICES, TOPICS
+
+LIMIT = 15.0
+PREFLIGHT = TOPICS["preflight"].type_name
+
+
+def free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """Polls; returns what is true, or the last answer at the end of the bound."""
+    end = time.monotonic() + LIMIT
+    while not (answer := condition()) and time.monotonic() < end:
+        threading.Event().wait(0.01)
+    return answer
+
+
+class FitVehicle:
+    """Says what a vehicle says that stands ready, until a test changes `state`."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.armings: list[str] = []
+        self.looked_at = 0
+        self.gains = {
+            f"behavior.volume_{axis}_{end}": value
+            for axis in "xyz"
+            for end, value in (("min", -3.0), ("max", 3.0))
+        } | {"safety.battery_warning": 13.8}
+        self.reset()
+        self._out = {name: node.advertise(t) for name, t in TOPICS.items() if t.sender == "vehicle"}
+        for name in ("arm", "disarm"):
+            node.serve(name, SERVICES[name], partial(self._do, name))
+        node.serve("checks", SERVICES["checks"], self._checks)
+        serve_parameters(node, self)
+        serve_time_sync(node, time.time_ns)
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def reset(self) -> None:
+        self.armed = False
+        self.state: dict[str, Any] = {
+            "mode": "ready", "flags": [], "voltage": 16.0, "innovation": 0.002, "age": 0.004,
+            "x": 0.0, "tilt": 0.0, "revision": 1, "telemetry": True,
+        }  # fmt: skip
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return tuple(
+            ParameterDescription(n, "float", v, "", "", -100.0, 100.0, None, False, ())
+            for n, v in self.gains.items()
+        )
+
+    def values(self) -> dict[str, Any]:
+        if self.state["revision"] > 1:
+            threading.Event().wait(2.0)  # it does not answer in time
+        return dict(self.gains)
+
+    def change(self, values: Any, requester: str) -> Any:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(5)
+
+    def _checks(self, request: Any) -> Any:
+        self.looked_at += 1
+        found = [
+            Check("real-time rights", "fail", "refused", "SCHED_FIFO 50", "write it", "vehicle"),
+            Check("version", "ok", "0123456789abcdef", place="vehicle"),
+        ]
+        return new(
+            f"{SERVICES['checks']}_Response", accepted=True, checked=1.0, checks=to_messages(found)
+        )
+
+    def _do(self, name: str, request: Any) -> Any:
+        if name == "arm":
+            self.armings.append(request.requester)
+        self.armed = name == "arm"
+        self._status()
+        return new(f"{SERVICES[name]}_Response", accepted=True)
+
+    def _status(self) -> None:
+        status = new(
+            "quadlab_msgs/VehicleStatus", header=header(time.time_ns()),
+            mode="armed" if self.armed else self.state["mode"], behavior="ground",
+            armed=self.armed, flags=self.state["flags"], tick_rate=500.0,
+            parameter_revision=self.state["revision"],
+        )  # fmt: skip
+        self._out["status"].put(encode(status))
+
+    def _run(self) -> None:
+        count = 0
+        while not self._closing.wait(0.02):
+            count += 1
+            now_ns, state = time.time_ns(), dict(self.state)
+            ticks = np.zeros(5, TICK)
+            ticks["imu"]["stamp_ns"] = now_ns + 2_000_000 * np.arange(-4, 1)
+            half = state["tilt"] / 2.0
+            ticks["state"]["quaternion_wb"] = (math.cos(half), math.sin(half), 0.0, 0.0)
+            ticks["state"]["position_w"][:, 0] = state["x"]
+            if state["telemetry"]:
+                self._out["telemetry"].put(pack(ticks, count), now_ns)
+            self._out["vehicle_heartbeat"].put(topics.encode_heartbeat(count, now_ns), now_ns)
+            if count % 5 == 0:
+                estimator = new(
+                    "quadlab_msgs/EstimatorStatus", measurement_age=state["age"],
+                    position_innovation=(state["innovation"], 0.0, 0.0),
+                )  # fmt: skip
+                self._out["estimator"].put(encode(estimator))
+                battery = new("sensor_msgs/BatteryState", voltage=state["voltage"])
+                self._out["battery"].put(encode(battery))
+                self._status()
+
+
+class Bench:
+    """Vehicle, station, tracking system and page, connected."""
+
+    def __init__(self, data: Path) -> None:
+        port, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        files = ensure_certificates(data / "certificates")
+        self.sessions = [vehicle_session(port, files, "127.0.0.1")]
+        self.vehicle = FitVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
+        self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
+        self.catalogue = Catalogue(data)
+        settings = {
+            "station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0,
+            # Of what a busy computer sends in one thread.
+            "station.preflight.telemetry_rate_min": 5.0, "station.tracker.rate": 10.0,
+        }  # fmt: skip
+        self.station = BaseStation(self.sessions[1], self.catalogue, settings=settings)
+        self.sessions.append(loopback_session(loopback))
+        self.page = Node(self.sessions[2], "/quad1", "page")
+        self.stick = self.page.advertise(TOPICS["stick"])
+        self.lists: list[Any] = []
+        self.told: list[Any] = []
+        self.page.subscribe("preflight", PREFLIGHT, lambda r: self.lists.append(r.payload))
+        kind = TOPICS["experiment_status"].type_name
+        self.page.subscribe(
+            "experiment_status", kind, lambda r: self.told.append(decode(r.payload, kind))
+        )
+        self._clients: dict[str, Any] = {}
+        self._truth = self.page.advertise(TOPICS["truth"])
+        self.tracked, self._deflection = True, 0.0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def deflect(self, forward: float) -> None:
+        self._deflection = forward
+
+    def _run(self) -> None:
+        while not self._closing.wait(0.02):
+            now_ns = time.time_ns()
+            state = np.zeros(1, TICK)["state"]
+            state["quaternion_wb"] = (1, 0, 0, 0)
+            if self.tracked:
+                self._truth.put(topics.encode_odometries(np.array([now_ns]), state)[0], now_ns)
+            if self._deflection:
+                axes = (self._deflection, 0.0, 0.0, 0.0)
+                self.stick.put(topics.encode_joy(now_ns, axes, False), now_ns)
+
+    @property
+    def newest(self) -> Any:
+        return decode(self.lists[-1], PREFLIGHT) if self.lists else None
+
+    def state(self, name: str) -> str:
+        found = [one for one in self.newest.checks if one.name == name]
+        return found[0].state if found else ""
+
+    def ready(self) -> bool:
+        return bool(self.newest and self.newest.ready and not self.newest.armed)
+
+    def call(self, service: str, /, **fields: Any) -> Any:
+        if service not in self._clients:
+            self._clients[service] = self.page.client(f"station/{service}", SERVICES[service])
+        fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}
+        request = new(f"{SERVICES[service]}_Request", **fields)
+        return self._clients[service].call(request, timeout=8.0)
+
+    def fit(self) -> None:
+        """All well again, and seen to be."""
+        self.vehicle.reset()
+        self.tracked, self._deflection = True, 0.0
+        self.station._alarms.set("defect", None)
+        assert until(self.ready), self.newest
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(5)
+        self.vehicle.close()
+        self.page.close()
+        self.station.close()
+        self.vehicle.node.close()
+        for session in reversed(self.sessions):
+            session.close()
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    bench = Bench(tmp_path_factory.mktemp("data"))
+    assert until(bench.ready), bench.newest
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def bench(running: Bench) -> Iterator[Bench]:
+    yield running
+    running.fit()
+
+
+UNFIT: list[tuple[str, Callable[[Bench], Any]]] = [
+    ("telemetry", lambda b: b.vehicle.state.update(telemetry=False)),
+    ("mode", lambda b: b.vehicle.state.update(mode="cut")),
+    ("gyroscope", lambda b: b.vehicle.state.update(flags=["gyro_uncalibrated"])),
+    ("estimator", lambda b: b.vehicle.state.update(innovation=0.4)),
+    ("measurements", lambda b: b.vehicle.state.update(age=0.5)),
+    ("measurements", lambda b: setattr(b, "tracked", False)),
+    ("battery", lambda b: b.vehicle.state.update(voltage=13.0)),
+    ("level and still", lambda b: b.vehicle.state.update(tilt=0.4)),
+    ("flight volume", lambda b: b.vehicle.state.update(x=4.0)),
+    ("parameters", lambda b: b.vehicle.state.update(revision=2)),
+    ("alarms", lambda b: b.station._alarms.set("defect", "a defect of the station")),
+    ("sticks", lambda b: b.deflect(0.5)),
+]
+
+
+@pytest.mark.parametrize(("name", "spoil"), UNFIT)
+def test_the_station_refuses_to_arm_with_the_reason_and_the_vehicle_is_not_asked(
+    bench: Bench, name: str, spoil: Callable[[Bench], Any]
+) -> None:
+    spoil(bench)
+    assert until(lambda: bench.state(name) == "fail"), bench.newest
+    assert not bench.newest.ready
+    asked = len(bench.vehicle.armings)
+    answer = bench.call("arm")
+    assert not answer.accepted
+    assert answer.reason.startswith("not armed: ")
+    assert f"{name}: " in answer.reason
+    assert len(bench.vehicle.armings) == asked
+
+
+def test_all_reasons_are_said_in_one_line(bench: Bench) -> None:
+    bench.vehicle.state.update(voltage=13.0, mode="cut", x=4.0)
+    failing = ("battery", "mode", "flight volume")
+    assert until(lambda: all(bench.state(name) == "fail" for name in failing))
+    reason = bench.call("arm").reason
+    assert all(f"{name}: " in reason for name in failing)
+    assert "\n" not in reason
+
+
+def test_an_experiment_is_refused_as_a_person_is(bench: Bench) -> None:
+    bench.vehicle.state.update(voltage=13.0)
+    assert until(lambda: bench.state("battery") == "fail")
+    asked = len(bench.vehicle.armings)
+    assert bench.call("experiment", action="start", name="hover").accepted
+    assert until(lambda: bench.told and bench.told[-1].phase == "refused"), bench.told[-1]
+    assert "battery: 13.0 V" in bench.told[-1].reason
+    assert len(bench.vehicle.armings) == asked
+
+
+def test_of_a_ready_vehicle_the_list_at_arming_is_in_the_log_of_its_flight(bench: Bench) -> None:
+    bench.vehicle.state.update(flags=["not_real_time"])  # worth a word only
+    assert until(lambda: bench.state("flight loop") == "warn")
+    assert bench.newest.ready
+    assert bench.call("arm").accepted
+    assert bench.vehicle.armings[-1] == "ada"
+    run_id = until(lambda: bench.station.runs.recorder.run_id)
+    bench.vehicle.state.update(voltage=12.0)  # in flight: what it was at arming stays
+    count = len(bench.lists)
+    assert until(lambda: len(bench.lists) >= count + 3)
+    assert bench.newest.armed
+    assert bench.call("disarm").accepted
+    assert until(lambda: not bench.station.runs.recorder.run_id)
+    assert bench.station.runs.recorder.wait_idle(LIMIT)
+    logged = [
+        decode(one.payload, PREFLIGHT)
+        for one in read_log(bench.catalogue.resolve(run_id))
+        if one.topic == "/quad1/preflight"
+    ]
+    armed = [one for one in logged if one.armed]
+    assert armed
+    for one in armed:
+        assert one.ready
+        states = {check.name: check.state for check in one.checks}
+        assert states["flight loop"] == "warn"
+        assert states["battery"] == "ok"
+
+
+def test_an_armed_vehicle_answers_for_itself(bench: Bench) -> None:
+    """A command repeated because its answer was lost must not be refused for the flight's sake."""
+    assert bench.call("arm").accepted
+    assert until(lambda: bench.newest.armed)
+    bench.vehicle.state.update(voltage=12.0)
+    assert bench.call("arm").accepted
+    assert bench.call("disarm").accepted
+
+
+def test_that_it_blocks_is_decided_at_the_start(bench: Bench) -> None:
+    values = to_parameters({"station.preflight.blocks": False})
+    answer = bench.call("change_parameters", parameters=values)
+    assert not answer.accepted
+    assert bench.newest.blocks
+
+
+def test_the_station_has_looked_at_itself_and_the_vehicle_by_itself(bench: Bench) -> None:
+    assert until(lambda: bench.call("checks", again=False).checked > 0.0)
+    answer = bench.call("checks", again=False)
+    found = {(one.place, one.name): one for one in from_messages(answer.checks)}
+    assert {
+        "clock", "clock jumps", "vehicle's clock", "telemetry", "flight loop", "tracker",
+        "bearings", "runs' disk", "disk's speed", "processor", "link's certificate", "libraries",
+    } <= {name for place, name in found if place == "station"}  # fmt: skip
+    assert found["vehicle", "real-time rights"].state == "fail"
+    version = found["vehicle", "version"]
+    assert (version.state, version.found) == ("warn", "0123456789")
+    assert not list(bench.catalogue.folder.glob(".speed"))
+
+
+def test_checks_are_made_again_when_asked_and_never_in_flight(bench: Bench) -> None:
+    before = bench.vehicle.looked_at
+    answer = bench.call("checks", again=True)
+    assert answer.accepted
+    assert bench.vehicle.looked_at == before + 1
+    assert bench.call("arm").accepted
+    assert until(lambda: bench.newest.armed)
+    refused = bench.call("checks", again=True)
+    assert not refused.accepted
+    assert "on the ground" in refused.reason
+    assert bench.vehicle.looked_at == before + 1
+    assert bench.call("checks", again=False).checked == answer.checked
+    assert bench.call("disarm").accepted

@@ -1,0 +1,103 @@
+"""One person commands a real laboratory; others are told who, and may land it all the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+import websockets.sync.client
+
+pytestmark = pytest.mark.timeout(180)
+GAIN = "control.position.kp_xy"
+COMMANDS: list[tuple[str, str, Any]] = [
+    ("POST", "/api/commands/arm", {}),
+    ("POST", "/api/commands/disarm", {}),
+    ("POST", "/api/commands/start_behavior", {"name": "hover"}),
+    ("POST", "/api/commands/record", {"start": True}),
+    ("PUT", "/api/parameters", {"values": {GAIN: 5.0}}),
+    ("PUT", "/api/parameters", {"values": {"station.sticks.timeout": 0.3}}),
+    ("PUT", "/api/beacons", {"preset": "corners"}),
+    ("POST", "/api/experiments/start", {"name": "hover"}),
+    ("POST", "/api/experiments/stop", {}),
+]
+
+
+class Person:
+    """Somebody with a browser of their own at this laboratory."""
+
+    def __init__(self, lab: Any, url: str) -> None:
+        self.client = httpx.Client(base_url=lab.url, headers={"origin": lab.url}, timeout=10)
+        assert self.client.get(url, follow_redirects=True).status_code == 200
+        self.label = self.client.get("/api/session").json()["label"]
+        self._lab = lab
+
+    def ask(self, method: str, path: str, body: Any) -> tuple[int, str]:
+        answer = self.client.request(method, path, json=body)
+        return answer.status_code, str(answer.json().get("error", ""))
+
+    def control(self, action: str) -> int:
+        return self.ask("POST", "/api/control", {"action": action})[0]
+
+    def page(self) -> Any:
+        """An open page, as far as the server can tell."""
+        cookie = "; ".join(f"{k}={v}" for k, v in self.client.cookies.items())
+        return websockets.sync.client.connect(
+            f"{self._lab.url.replace('http', 'ws')}/ws/events",
+            additional_headers={"Cookie": cookie}, origin=self._lab.url, proxy=None,
+        )  # fmt: skip
+
+
+def test_one_commands_and_control_is_asked_for_given_and_lost_by_leaving(
+    start_laboratory: Callable[[], Any], until: Callable[..., Any]
+) -> None:
+    lab = start_laboratory().sign_in()
+    lab.reach(mode="ready")
+
+    def invited(role: str) -> Person:
+        answer = lab.browser.post("/api/invitations", json={"role": role})
+        return Person(lab, answer.json()["url"])
+
+    anna, ben, vera = invited("operator"), invited("operator"), invited("viewer")
+
+    def holder() -> str:
+        return (lab.summary().get("control") or {}).get("holder", "?")
+
+    before = lab.get("/api/parameters")
+    with anna.page():
+        assert anna.control("ask") == 200
+        until("anna to have control", lambda: holder() == anna.label, 5)
+        for method, path, body in COMMANDS:
+            status, line = ben.ask(method, path, body)
+            assert (status, line) == (409, line), (path, status)
+            assert line.startswith(f"{anna.label} has control"), (path, line)
+            assert vera.ask(method, path, body)[0] == 403, path
+        assert lab.get("/api/parameters") == before
+        assert lab.status()["mode"] == "ready"
+        assert ben.control("take") == 403
+
+        # Landing in an emergency is everybody's; on the ground the vehicle says it need not.
+        for person in (ben, vera):
+            status, line = person.ask("POST", "/api/commands/emergency", {"action": "land"})
+            assert status == 200 or "has control" not in line
+            assert status != 403
+        assert vera.ask("POST", "/api/commands/emergency", {"action": "cut"})[0] == 403
+        assert ben.ask("POST", "/api/commands/emergency", {"action": "cut"})[0] == 200
+        lab.reach(mode="cut")
+        assert anna.ask("POST", "/api/commands/disarm", {})[0] == 200  # acknowledges the cut
+        lab.reach(mode="ready")
+
+        assert ben.control("ask") == 200
+        until("the question", lambda: lab.summary()["control"]["asking"] == ben.label, 5)
+        assert anna.control("give") == 200
+        until("ben to have control", lambda: holder() == ben.label, 5)
+        assert anna.ask("POST", "/api/commands/arm", {})[0] == 409
+
+    with ben.page():
+        assert ben.ask("PUT", "/api/parameters", {"values": {GAIN: 4.5}})[0] == 200
+    until("control to be free after the last page has closed", lambda: holder() == "", 15)
+    assert anna.ask("PUT", "/api/parameters", {"values": {GAIN: 4.0}})[0] == 200
+    assert lab.browser.post("/api/control", json={"action": "take"}).status_code == 200
+    assert re.search(r"has control", lab.output)

@@ -1,0 +1,157 @@
+"""Two people on the same slider in two browsers: both end on what the vehicle has.
+
+`QUADLAB_HAMMER_SECONDS=60` hammers longer; `-s` shows the figures.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.timeout(300)
+CHROMIUM = Path("/usr/bin/chromium")
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--no-first-run",
+]  # fmt: skip
+SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "5"))
+BOUND = 60_000
+GAIN = "control.position.kp_xy"
+ROW = f".gain:has(input[aria-label='{GAIN}'])"
+SLIDER, CELL = f"{ROW} input[type=range]", f"{ROW} input.value"
+
+HAMMER = """([selector, offset]) => {
+  const slider = document.querySelector(selector);
+  const fire = (type) => slider.dispatchEvent(new Event(type));
+  let strokes = 0;
+  fire("pointerdown");
+  const timer = setInterval(() => {
+    slider.value = (offset + 0.4 * strokes++) % 20;
+    fire("input");
+  }, 16);
+  window.letGo = () => {
+    clearInterval(timer);
+    fire("pointerup");
+    fire("change");
+    return strokes;
+  };
+}"""
+
+
+@pytest.fixture
+def open_page() -> Iterator[Callable[[str], Any]]:
+    """`open_page(link)` → a page of another browser; its scripts may not fail."""
+    api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
+    problems: list[str] = []
+    with api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+
+        def open_at(link: str) -> Any:
+            context = browser.new_context(viewport={"width": 1024, "height": 700})
+            context.set_default_timeout(BOUND)
+            page = context.new_page()
+            page.on("pageerror", lambda error: problems.append(str(error)))
+            page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
+            page.goto(link)
+            page.wait_for_selector("#behaviors button")
+            page.click("[data-tab=gains]")
+            page.wait_for_selector(SLIDER, state="visible")
+            return page
+
+        yield open_at
+        browser.close()
+    assert problems == []
+
+
+def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
+    start_laboratory: Callable[[], Any], until: Callable[..., Any], open_page: Callable[[str], Any]
+) -> None:
+    lab = start_laboratory().sign_in()
+    lab.reach(mode="ready")
+    until("the parameters", lambda: lab.get("/api/parameters")["parameters"])
+    until("a new link", lambda: len([line for line in lab.lines if "token=" in line]) > 1)
+    anna = open_page(lab.sign_in_url())
+    answer = lab.browser.post("/api/invitations", json={"role": "operator"})
+    ben = open_page(answer.json()["url"])
+    before = lab.get("/api/parameters")["revision"]
+
+    # Nobody has control: the first stroke takes it. Half-way it is handed over.
+    for page, offset in ((anna, 0.1), (ben, 0.2)):
+        page.evaluate(HAMMER, [SLIDER, offset])
+    anna.wait_for_timeout(500 * SECONDS)
+    names = {label(anna): anna, label(ben): ben}
+    first = until("somebody with control", lambda: names.get(lab.summary()["control"]["holder"]))
+    second = ben if first is anna else anna
+
+    def handed_over() -> bool:
+        control(second, "ask")
+        control(first, "give")
+        return lab.summary()["control"]["holder"] == label(second)
+
+    until("the hand-over", handed_over)
+    second.wait_for_timeout(500 * SECONDS)
+    until("changes by both", lambda: len({row["who"] for row in history(lab)}) == 2)
+    holder = lab.summary()["control"]["holder"]
+    strokes = [page.evaluate("letGo()") for page in (anna, ben)]
+
+    def settled() -> bool:
+        idle = all(not page.locator(f"{ROW}.waiting, {ROW}.late").count() for page in (anna, ben))
+        status = lab.status().get("parameter_revision")
+        return bool(idle and status == lab.get("/api/parameters")["revision"])
+
+    until("calm", settled, 20)
+    last = lab.status()["parameter_revision"]
+    until("the last row", lambda: history(lab)[-1]["revision"] == last, 10)
+    rows = history(lab)
+    applied = Counter(row["who"] for row in rows)
+    print(f"\n{SECONDS:g} s: {strokes} strokes; {len(rows)} changes applied, {dict(applied)}")
+
+    # Everybody shows what the vehicle has.
+    value = float(f"{rows[-1]['new']:.7g}")
+    for page in (anna, ben):
+        assert float(page.locator(CELL).input_value()) == value
+        assert float(page.locator(SLIDER).input_value()) == pytest.approx(value, abs=0.05)
+    assert mirrored(lab) == rows[-1]["new"]
+
+    # The history has each applied revision once, in order, each from where the last one left off.
+    assert [row["revision"] for row in rows] == list(range(before + 1, before + len(rows) + 1))
+    assert all(a["new"] == b["old"] for a, b in itertools.pairwise(rows))
+    loser = ben if holder == label(anna) else anna
+    assert "has control" in loser.locator(f"{ROW} .reason").inner_text()
+
+
+def label(page: Any) -> str:
+    return str(page.evaluate("fetch('/api/session').then((r) => r.json()).then((s) => s.label)"))
+
+
+def control(page: Any, action: str) -> None:
+    """Refused when there is nothing to ask for or give."""
+    page.evaluate(
+        "(action) => fetch('/api/control', { method: 'POST', body: JSON.stringify({ action }),"
+        " headers: { 'Content-Type': 'application/json' } })",
+        action,
+    )
+
+
+def mirrored(lab: Any) -> Any:
+    return next(p["value"] for p in lab.get("/api/parameters")["parameters"] if p["name"] == GAIN)
+
+
+def history(lab: Any) -> list[dict[str, Any]]:
+    """Oldest first."""
+    rows: list[dict[str, Any]] = []
+    before = 0
+    while True:
+        page = lab.get(f"/api/parameters/history?name={GAIN}&limit=1000&before={before}")["changes"]
+        rows += page
+        if len(page) < 1000:
+            return rows[::-1]
+        before = page[-1]["id"]

@@ -1,0 +1,86 @@
+"""In flight a gain moves by its step at most; on the ground anywhere within its bounds."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import pytest
+
+from control.presets import PRESETS, preset
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, ParameterStore, parameter
+from vehicle.flight_steps import check_steps
+from vehicle.parameters import new_parameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+KP = "control.position.kp_xy"
+
+
+class Silent:
+    """A log that keeps nothing."""
+
+    def __getattr__(self, _: str) -> Any:
+        return lambda *_: None
+
+
+@pytest.fixture(scope="module")
+def hovering() -> SimulatedFlight:
+    parameters = FlightParameters().model_copy(deep=True)
+    flight = SimulatedFlight(parameters, SimulatedVehicle(parameters.simulator), Silent())  # type: ignore[arg-type]
+    flight.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+    flight.wait(0.2)
+    flight.change({KP: 12.0})
+    flight.change({KP: 4.0})  # any step on the ground
+    flight.arm()
+    flight.wait(0.5)
+    flight.start("take_off", height=1.0)
+    flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+    return flight
+
+
+def test_a_larger_step_in_flight_is_refused_with_what_is_allowed(
+    hovering: SimulatedFlight,
+) -> None:
+    before, revision = hovering.stack.store.values(), hovering.stack.store.revision
+    with pytest.raises(RefusedError, match=rf"{KP} = 12 .* 0 to 8 1/s² at once; .* 2 steps"):
+        hovering.change({KP: 12.0, "control.position.kp_z": 8.1})
+    assert hovering.stack.store.values() == before
+    assert hovering.stack.store.revision == revision
+
+
+def test_the_same_way_goes_in_steps(hovering: SimulatedFlight) -> None:
+    for value in (8.0, 12.0, 8.0, 4.0):
+        hovering.change({KP: value})
+        assert hovering.parameter(KP) == value
+
+
+def test_parameters_without_a_step_move_freely_in_flight(hovering: SimulatedFlight) -> None:
+    hovering.change({"behavior.fly_to_speed": 5.0})
+    assert hovering.parameter("behavior.fly_to_speed") == 5.0
+
+
+@pytest.mark.parametrize(("one", "other"), list(itertools.permutations(PRESETS, 2)))
+def test_any_named_gain_set_follows_any_other_at_once_in_flight(one: str, other: str) -> None:
+    parameters = new_parameters()
+    parameters.control = preset(one)
+    wanted = {f"control.{k}": v for k, v in ParameterStore(preset(other)).values().items()}
+    check_steps(ParameterStore(parameters), wanted)
+
+
+def test_what_acts_on_the_motors_at_once_has_a_step_within_its_range() -> None:
+    steps = {d.name: d for d in ParameterStore(new_parameters()).descriptions() if d.flight_step}
+    assert {"model.mass", "model.motor_slope", "imu.accelerometer_scale", KP} <= steps.keys()
+    for d in steps.values():
+        assert d.minimum is not None
+        assert d.maximum is not None
+        assert 0.0 < (d.flight_step or 0.0) <= (d.maximum - d.minimum) / 2.0, d.name
+
+
+def test_only_floats_can_be_limited() -> None:
+    class Counted(Parameters):
+        laps: int = parameter(3, description="whole laps", flight_step=1.0)
+
+    with pytest.raises(TypeError, match="laps: only a float"):
+        ParameterStore(Counted())

@@ -1,0 +1,185 @@
+"""Questions about the onboard log: every tick of a stretch, in bounded answers, while it grows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quadrotor.errors import StorageError
+from quadrotor.records import TICK, Record
+from vehicle import onboard_reader
+from vehicle.onboard_log import FREE_BYTES_MIN, Batch, OnboardLog
+from vehicle.onboard_reader import VALUES_MAX, OnboardReader
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.topics import SERVICES
+
+TYPE = SERVICES["onboard_log"]
+START_NS = 1_780_000_000_000_000_000
+STEP_NS = 2_000_000
+HEIGHT, YAW, SCALING = "state.pose.pose.position.2", "reference.yaw", "actuators.scaling"
+
+
+def ticks(first: int, count: int, *, armed: bool = True) -> Record:
+    """Ticks numbered from `first`, 2 ms apart; numbers count up in each column."""
+    made = np.zeros(count, TICK)
+    numbers = np.arange(first, first + count)
+    made["imu"]["stamp_ns"] = START_NS + STEP_NS * numbers
+    made["state"]["quaternion_wb"][:, 0] = 1.0
+    made["state"]["position_w"][:, 2] = numbers
+    made["reference"]["yaw"] = -numbers
+    made["actuators"]["scaling"] = 0.5
+    made["status"]["armed"] = armed
+    return made
+
+
+class Vehicle:
+    """A log, written at once and not by its thread, and its reader; over the wire's format."""
+
+    def __init__(self, folder: Path) -> None:
+        self.free = 2 * FREE_BYTES_MIN
+        self.log = OnboardLog(folder, "quad1", lambda: b"{}", lambda *_: None, lambda _: self.free)
+        self.waited = 0.0
+        self.while_waiting: list[Record] = []
+        self.reader = OnboardReader(self.log, "quad1", self._wait)
+
+    def _wait(self, seconds: float) -> None:
+        self.waited += seconds
+        if self.while_waiting:
+            self.feed(self.while_waiting.pop(0))
+
+    def feed(self, batch: Record) -> None:
+        for start in range(0, len(batch), 5):
+            part = batch[start : start + 5]
+            batch_ns = int(part["imu"]["stamp_ns"][-1]) + 1_000_000
+            try:
+                self.log._store(Batch(part, batch_ns))
+            except StorageError as error:  # as its thread does
+                self.log._stop(str(error))
+
+    def ask(self, first: int, last: int, *columns: str, rows: int = 0) -> Any:
+        request = new(
+            f"{TYPE}_Request", columns=columns or (HEIGHT,), rows=rows,
+            start_ns=START_NS + STEP_NS * first, end_ns=START_NS + STEP_NS * last,
+        )  # fmt: skip
+        answer = self.reader.answer(decode(encode(request), f"{TYPE}_Request"))
+        return decode(encode(answer), f"{TYPE}_Response")
+
+    def numbers(self, answer: Any) -> list[int]:
+        assert answer.accepted, answer.reason
+        return ((answer.stamps_ns - START_NS) // STEP_NS).tolist()
+
+
+@pytest.fixture
+def vehicle(tmp_path: Path) -> Iterator[Vehicle]:
+    made = Vehicle(tmp_path)
+    yield made
+    made.log.close()
+
+
+def test_a_stretch_of_a_closed_log_is_there_tick_by_tick(vehicle: Vehicle) -> None:
+    vehicle.feed(ticks(0, 5000))
+    vehicle.log.close()
+    answer = vehicle.ask(1234, 2233, HEIGHT, YAW, SCALING)
+    assert vehicle.numbers(answer) == list(range(1234, 2234))
+    assert answer.complete
+    assert answer.damaged == 0
+    values = answer.values.reshape(-1, 3)
+    np.testing.assert_array_equal(values[:, 0], np.arange(1234, 2234))
+    np.testing.assert_array_equal(values[:, 1], -np.arange(1234, 2234))
+    np.testing.assert_array_equal(values[:, 2], 0.5)
+
+
+def test_answers_are_bounded_and_follow_one_another_without_a_seam(vehicle: Vehicle) -> None:
+    vehicle.feed(ticks(0, 3000))
+    vehicle.log.close()
+    columns = [f"state.pose.pose.position.{i % 3}" for i in range(40)]
+    numbers: list[int] = []
+    while True:
+        answer = vehicle.ask(numbers[-1] + 1 if numbers else 100, 2600, *columns)
+        assert len(answer.values) <= VALUES_MAX
+        numbers += vehicle.numbers(answer)
+        if answer.complete:
+            break
+    assert numbers == list(range(100, 2601))
+    assert vehicle.numbers(vehicle.ask(0, 2000, rows=7)) == list(range(7))
+
+
+def test_a_log_that_is_being_written_is_waited_for_and_no_longer_than_allowed(
+    vehicle: Vehicle,
+) -> None:
+    vehicle.feed(ticks(0, 100))
+    vehicle.while_waiting = [ticks(100 + 50 * k, 50) for k in range(30)]
+    answer = vehicle.ask(40, 199)
+    assert answer.complete
+    assert vehicle.numbers(answer) == list(range(40, 200))
+    vehicle.while_waiting, before = [], vehicle.waited
+    beyond = vehicle.ask(150, 10_000)
+    assert not beyond.complete, "more may still be flown"
+    assert vehicle.numbers(beyond) == list(range(150, 150 + len(beyond.stamps_ns)))
+    assert vehicle.waited - before == pytest.approx(onboard_reader.PATIENCE_S, abs=0.03)
+
+
+def test_lost_ticks_are_a_gap_and_not_made_up(vehicle: Vehicle) -> None:
+    vehicle.feed(ticks(0, 500))
+    vehicle.feed(ticks(700, 500))
+    vehicle.log.close()
+    answer = vehicle.ask(400, 799)
+    assert vehicle.numbers(answer) == [*range(400, 500), *range(700, 800)]
+    assert answer.complete
+
+
+def test_a_damaged_chunk_is_said_and_the_rest_read(vehicle: Vehicle) -> None:
+    vehicle.feed(ticks(0, 3000))
+    vehicle.log.close()
+    [written] = vehicle.log.files()
+    content = bytearray(written.path.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 200] = bytes(200)
+    written.path.write_bytes(content)
+    answer = vehicle.ask(0, 2999)
+    assert answer.damaged == 1
+    assert 0 < 3000 - len(answer.stamps_ns) < 300
+
+
+def test_reading_begins_near_the_stretch_not_at_the_start_of_the_file(vehicle: Vehicle) -> None:
+    vehicle.feed(ticks(0, 6000))
+    vehicle.log.close()
+    [written] = vehicle.log.files()
+    size = written.path.stat().st_size
+    place = written.place_before(START_NS + STEP_NS * 5500)
+    assert 0.7 * size < place < size
+    assert vehicle.numbers(vehicle.ask(5500, 5999)) == list(range(5500, 6000))
+
+
+@pytest.mark.parametrize(
+    ("columns", "reason"),
+    [
+        (("truth.pose",), "a topic of state, reference, imu, actuators comes first"),
+        (("state.pose.pose.position.3",), "no column 'state.pose.pose.position.3'"),
+        (("state.pose.pose.position",), "no column"),
+        (("state.header.frame_id",), "no column"),
+        ((HEIGHT,) * 49, "49 columns; allowed are 1 to 48"),
+    ],
+)
+def test_a_wrong_question_is_answered_with_what_is_allowed(
+    vehicle: Vehicle, columns: tuple[str, ...], reason: str
+) -> None:
+    vehicle.feed(ticks(0, 100))
+    vehicle.log.close()
+    answer = vehicle.ask(0, 10, *columns)
+    assert not answer.accepted
+    assert reason in answer.reason
+
+
+def test_without_a_log_it_says_why(vehicle: Vehicle) -> None:
+    assert "written while the vehicle is armed" in vehicle.ask(0, 10).reason
+    vehicle.free = 0
+    vehicle.feed(ticks(0, 10))
+    vehicle.log.close()
+    assert "delete old runs" in vehicle.ask(0, 10).reason
+    assert "allowed are up to 120 s" in vehicle.ask(0, 70_000).reason
+    assert "no stretch" in vehicle.ask(10, 0).reason

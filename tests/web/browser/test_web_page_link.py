@@ -1,0 +1,144 @@
+"""Ages and the Link tab: what is old says so, and which of two links is the slow one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from vehicle_link.messages import header, new
+from web.live import STALE
+
+MARK = "getComputedStyle(document.querySelector('{}'), '::before').content"
+
+
+def marked(page: Any, selector: str) -> bool:
+    """Whether it carries the sign of what is old, beside its colour."""
+    return bool(page.evaluate(MARK.format(selector)) == '"○"')
+
+
+def test_what_is_old_has_a_sign_and_says_when_it_was_heard(
+    page: Any, look: Any, flying: Any, until: Callable[..., None]
+) -> None:
+    look.text("#battery", "^15.6 V$")
+    assert not marked(page, "#battery")
+    flying(False)
+    look.has_class("#mode", "stale")
+    assert marked(page, "#mode")
+    look.has_class("#battery", "stale")
+    assert page.get_attribute("#battery", "title").startswith("last heard ")
+    look.has_class("#chart-0 .legend output >> nth=0", "stale")
+    look.text("#chart-0 .legend output >> nth=0", r"\d")
+    look.text("#table tbody tr >> nth=0 >> td.age", "^○")
+    flying(True)
+    look.has_no_class("#battery", "stale")
+    until(lambda: not page.get_attribute("#battery", "title"))
+
+
+def test_every_number_of_the_vehicle_has_a_deadline(page: Any) -> None:
+    page.click("[data-tab=link]")
+    topics = page.evaluate(
+        "[...document.querySelectorAll('[data-topic]')].map((one) => one.dataset.topic)"
+    )
+    assert set(topics) <= STALE.keys()
+    assert page.locator("#bar output:not([data-topic])").count() == 0
+    assert page.locator("#table tbody tr:not([data-topic])").count() == 0
+
+
+def test_a_row_of_two_messages_is_grey_when_one_of_them_is_missing(
+    page: Any, look: Any, station: Any, flying: Any
+) -> None:
+    error = "#table tbody tr >> nth=5"
+    look.text(f"{error} >> td >> nth=3", r"^0\.500$")
+    fly, put = station.fly, station.put
+    station.put = lambda topic, message: topic == "reference" or put(topic, message)
+    try:
+        look.has_class(f"{error} >> td >> nth=3", "stale")
+        look.text(f"{error} >> td >> nth=3", r"^0\.500$")
+    finally:
+        station.put = put
+    assert station.fly == fly
+    look.has_no_class(f"{error} >> td >> nth=3", "stale")
+
+
+def contrast(one: str, other: str) -> float:
+    def luminance(color: str) -> float:
+        parts = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        return float(0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2])
+
+    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def test_old_numbers_are_legible_and_clearly_greyer_than_live_ones(page: Any) -> None:
+    color = {
+        name: page.evaluate(f"getComputedStyle(document.body).getPropertyValue('--{name}').trim()")
+        for name in ("stale", "text", "panel")
+    }
+    assert contrast(color["stale"], color["panel"]) >= 4.5
+    assert contrast(color["text"], color["stale"]) >= 2.0
+
+
+# ---------------------------------------------------------------------- link
+@pytest.fixture
+def link(station: Any) -> Any:
+    """`link(state="lost", …)` from now on in what the station says."""
+    said: dict[str, Any] = {"state": "good", "round_trip": 0.0031, "loss": 0.015, "age": 0.012}
+    put = station.put
+
+    def replaced(topic: str, message: Any) -> None:
+        if topic == "link_status":
+            message = new("quadlab_msgs/LinkStatus", header=header(0), **said)
+        put(topic, message)
+
+    station.put = replaced
+    yield said.update
+    station.put = put
+
+
+def test_the_link_tab_tells_figures_state_and_outages(page: Any, look: Any, link: Any) -> None:
+    page.click("[data-tab=link]")
+    link(state_duration=151.0)
+    look.text("#tab-link .state", "^● good$")
+    look.text("#tab-link .link-state", "for 02:31")
+    look.text("#tab-link p >> nth=0", "No outage of 0.3 s")
+    look.text("#tab-link .strip:has-text('Round trip') output >> nth=0", r"^3\.1 ms$")
+    look.text("#tab-link .strip:has-text('Loss') output", r"^1\.5 %$")
+    link(state="lost", state_duration=2.5, outages=2, outage_last=2.5, outage_longest=2.5,
+         outage_total=3.0)  # fmt: skip
+    look.text("#tab-link .state", "^○ lost$")
+    look.has_class("#tab-link .state", "warn")
+    look.text("#tab-link p >> nth=0", "^2 outages .*last 2.5 s, the longest 2.5 s, together 3.0 s")
+    look.text("#tab-link .reaction", "its parameters have not been read")
+
+
+def test_a_link_is_plotted_while_the_tab_was_closed(
+    page: Any, look: Any, link: Any, until: Callable[..., None]
+) -> None:
+    look.text("#link", "ms")
+    page.wait_for_timeout(600)  # samples come five times a second
+    page.click("[data-tab=link]")
+    drawn = """() => { const c = document.querySelector('#tab-link canvas');
+      return c.width > 0 && c.getContext('2d').getImageData(0, 0, c.width, c.height).data
+        .some((v) => v > 0); }"""
+    until(lambda: page.evaluate(drawn))
+    label = page.get_attribute("#tab-link canvas >> nth=0", "aria-label")
+    assert label == "Round trip, last five minutes: 3.1 ms to 3.1 ms"
+
+
+def test_a_slow_page_is_told_from_a_bad_radio(page: Any, look: Any, link: Any) -> None:
+    page.click("[data-tab=link]")
+    look.text("#tab-link .strip:has-text('Frames') output", r"\d+ Hz")
+    page.evaluate(
+        """() => { const { parse } = JSON;
+        JSON.parse = (text, ...rest) => {
+          const read = parse(text, ...rest);
+          if (typeof read?.pong === 'number') read.pong -= 400;
+          return read;
+        }; }"""
+    )
+    look.text("#tab-link .verdict", "^The radio is good: it is this browser or its way .* ms")
+    link(state="degraded")
+    look.text("#tab-link .verdict", "^It is this browser")

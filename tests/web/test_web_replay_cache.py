@@ -1,0 +1,296 @@
+"""What a replay shows is what was recorded: every sample near by, least and greatest from afar."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.recorded_run import STEP_NS, MadeRun, position_at, write_run
+from quadrotor.errors import LogFormatError, OutOfBoundsError
+from vehicle_link.log import read_log
+from vehicle_link.messages import decode
+from web.replay.build import build
+from web.replay.derived import of_odometry
+from web.replay.pyramid import coarser, edges, level_sizes, pyramid
+from web.replay.reader import Replay
+from web.replay.times import common_stamps, gaps
+from web.replay.track import PARTS, WIDTH
+
+RUN = MadeRun(
+    24.0, silence=(11.0, 12.5), marks=[(13.0, "gust"), (14.5, "")],
+    changes=[(9.0, "control.position.kp_xy", 4.0, 5.5)],
+)  # fmt: skip
+HEIGHT = ["state.position.z"]
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("runs") / "a.mcap", RUN)
+
+
+@pytest.fixture(scope="module")
+def replay(log: Path) -> Replay:
+    told: list[float] = []
+    build(log, log.parent / "cache", told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    return Replay(log.parent / "cache")
+
+
+@pytest.fixture(scope="module")
+def samples(log: Path) -> tuple[Any, Any]:
+    """Times (s) and heights (m) of the state, by the message decoder."""
+    found = []
+    for message in read_log(log, topics=["/quad1/state"]):
+        height = decode(message.payload, message.type_name).pose.pose.position.z
+        found.append((message.publish_ns, height))
+    stamps, heights = zip(*found, strict=True)
+    times = (np.array(stamps) - stamps[0]) / 1e9
+    return times, np.array(heights, np.float32)
+
+
+def unpacked(data: bytes) -> list[tuple[list[str], Any, list[Any]]]:
+    """Groups of a window: signals, times, a column each."""
+    (length,) = struct.unpack_from("<I", data)
+    head, at, found = json.loads(data[4 : 4 + length]), 8 * math.ceil((4 + length) / 8), []
+    for group in head["groups"]:
+        count = group["count"]
+        times = np.frombuffer(data, "<f8", count, at)
+        at += 8 * count
+        columns = []
+        for _ in group["signals"]:
+            columns.append(np.frombuffer(data, "<f4", count, at))
+            at += 8 * math.ceil(4 * count / 8)
+        found.append((group["signals"], times, columns))
+    assert at == len(data)
+    return found
+
+
+# ---------------------------------------------------------------------- windows
+def test_near_by_a_window_holds_every_sample(replay: Replay, samples: tuple[Any, Any]) -> None:
+    times, heights = samples
+    [(_, shown, [column])] = unpacked(replay.window(HEIGHT, 5.0, 6.0, 800))
+    inside = (times >= 5.0 - 0.003) & (times <= 6.0 + 0.003)
+    assert np.isin(times[(times >= 5.0) & (times <= 6.0)], shown).all()
+    assert np.isin(shown, times[inside]).all()
+    assert np.array_equal(column, heights[np.searchsorted(times, shown)])
+
+
+@pytest.mark.parametrize("points", [20, 150, 700])
+def test_from_afar_a_window_holds_the_least_and_the_greatest(
+    replay: Replay, samples: tuple[Any, Any], points: int
+) -> None:
+    times, heights = samples
+    random = np.random.default_rng(points)
+    for _ in range(20):
+        start = random.uniform(0.0, 20.0)
+        end = start + random.uniform(0.5, 24.0)
+        [(_, shown, [column])] = unpacked(replay.window(HEIGHT, start, end, points))
+        real = ~np.isnan(column)
+        inside = (times >= start) & (times <= end)
+        assert np.count_nonzero(real) <= max(2 * points + 4, 2 * 3)
+        assert np.nanmin(column) <= heights[inside].min()
+        assert np.nanmax(column) >= heights[inside].max()
+        assert (np.diff(shown) >= 0.0).all()
+        assert shown[0] <= max(start, times[0]) + 1e-9
+        assert shown[-1] >= min(end, times[-1]) - 1e-9
+
+
+@pytest.mark.parametrize(("start", "end", "points"), [(0.0, 24.0, 50), (10.9, 12.6, 2000)])
+def test_silence_is_a_gap_at_every_resolution(
+    replay: Replay, start: float, end: float, points: int
+) -> None:
+    [(_, times, [column])] = unpacked(replay.window(HEIGHT, start, end, points))
+    [parted] = times[np.isnan(column)].tolist()
+    assert 11.0 < parted < 12.5
+    before, after = times[times < parted], times[times > parted]
+    assert before.max() <= 11.0
+    assert after.min() >= 12.5 - 1e-6
+
+
+def test_signals_of_the_same_ticks_share_their_times(replay: Replay) -> None:
+    names = ["state.position.z", "reference.position.z", "thrust", "battery.voltage", "mass"]
+    groups = unpacked(replay.window(names, 2.0, 4.0, 300))
+    assert [signals for signals, *_ in groups] == [names[:3], ["battery.voltage"], ["mass"]]
+
+
+def test_angles_are_shown_in_degrees_and_every_number_of_the_log_can_be(replay: Replay) -> None:
+    found = replay.at(["state.yaw", "state/pose.pose.orientation.z"], 20.0)
+    yaw, sine = found["state.yaw"][0], found["state/pose.pose.orientation.z"][0]
+    assert yaw == pytest.approx(math.degrees(0.3 * math.sin(20.0 / 7.0)), abs=1e-3)
+    assert sine == pytest.approx(math.sin(math.radians(yaw) / 2.0), abs=1e-6)
+
+
+def test_an_instant_has_the_newest_values_and_their_ages(
+    replay: Replay, samples: tuple[Any, Any]
+) -> None:
+    times, heights = samples
+    for t in (0.0, 3.0001, 11.7, 23.0):
+        k = int(np.searchsorted(times, t, side="right")) - 1
+        value, age = replay.at(HEIGHT, t)["state.position.z"]
+        assert value == heights[k]
+        assert age == pytest.approx(t - times[k], abs=1e-4)
+    assert replay.at(HEIGHT, -1.0) == {"state.position.z": [None, None]}
+
+
+def test_a_number_that_never_changes_takes_no_room(replay: Replay) -> None:
+    row = next(row for row in replay.index["signals"] if row["name"] == "state/pose.covariance[7]")
+    assert row["constant"] == 0.0
+    [(_, _, [column])] = unpacked(replay.window([row["name"]], 5.0, 6.0, 100))
+    assert (column == 0.0).all()
+
+
+def test_an_unknown_signal_is_refused(replay: Replay) -> None:
+    with pytest.raises(OutOfBoundsError, match="no signal 'nothing'"):
+        replay.window(["nothing"], 0.0, 1.0, 100)
+
+
+# ---------------------------------------------------------------------- what is derived
+def test_tracking_error_is_state_less_reference(replay: Replay) -> None:
+    t = 15.0
+    names = ["error.position.x", "state.position.x", "reference.position.x"]
+    error, state, reference = (replay.at([name], t)[name][0] for name in names)
+    assert error == pytest.approx(state - reference, abs=1e-6)
+    assert reference == pytest.approx(position_at(RUN, t)[0], abs=1e-6)
+
+
+def test_rotations_give_their_angles_and_world_velocities() -> None:
+    random = np.random.default_rng(2)
+    roll, pitch, yaw = random.uniform([-3.1, -1.5, -3.1], [3.1, 1.5, 3.1], (500, 3)).T
+    half = [0.5 * a for a in (roll, pitch, yaw)]
+    (cr, cp, cy), (sr, sp, sy) = ([f(h) for h in half] for f in (np.cos, np.sin))
+    columns = {
+        "pose.pose.orientation.w": cr * cp * cy + sr * sp * sy,
+        "pose.pose.orientation.x": sr * cp * cy - cr * sp * sy,
+        "pose.pose.orientation.y": cr * sp * cy + sr * cp * sy,
+        "pose.pose.orientation.z": cr * cp * sy - sr * sp * cy,
+        "twist.twist.linear.x": np.ones(500),
+        "twist.twist.linear.y": np.zeros(500),
+        "twist.twist.linear.z": np.zeros(500),
+    }
+    found = of_odometry(lambda name: columns[name])
+    for name, expected in (("@roll", roll), ("@pitch", pitch), ("@yaw", yaw)):
+        assert found[name] == pytest.approx(expected, abs=1e-9)
+    # The body's x axis in the world.
+    assert found["@velocity.x"] == pytest.approx(np.cos(yaw) * np.cos(pitch), abs=1e-9)
+    assert found["@velocity.z"] == pytest.approx(-np.sin(pitch), abs=1e-9)
+
+
+def test_the_track_holds_the_path_and_its_silence(replay: Replay) -> None:
+    rows = np.fromfile(replay.track, np.float32).reshape(-1, WIDTH)
+    rate = replay.index["track"]["rate"]
+    assert rate == 50.0
+    assert len(rows) == int(replay.index["duration"] * rate) + 1
+    t = np.arange(len(rows)) / rate
+    known = ~np.isnan(rows[:, 0])
+    assert not known[(t > 11.5) & (t < 12.4)].any()
+    assert known[t < 11.0].all()
+    first = sum(len(PARTS[part]) for part in ("state",))
+    heard = known & ((t < 11.0) | (t > 12.5))
+    assert rows[heard, first : first + 3] == pytest.approx(position_at(RUN, t[heard]), abs=0.002)
+
+
+# ---------------------------------------------------------------------- time line
+def test_the_time_line_says_what_happened_and_when(replay: Replay) -> None:
+    index = replay.described()
+    assert [(one["text"], one["from"]) for one in index["spans"]["behavior"]] == [
+        ("ground", 0.0), ("take_off", 3.0), ("follow_trajectory", 6.0), ("land", 21.0),
+        ("ground", 23.1),
+    ]  # fmt: skip
+    assert index["marks"] == [
+        {"t": 13.0, "text": "gust", "who": "anna"}, {"t": 14.5, "text": "", "who": "anna"},
+    ]  # fmt: skip
+    assert index["changes"] == [
+        {"t": 9.0, "name": "control.position.kp_xy", "who": "anna", "old": 4.0, "new": 5.5}
+    ]
+    assert index["events"] == [{"t": 3.0, "text": "take_off by anna", "warn": False}]
+    assert index["parameters"]["control.position.kp_xy"] == 4.0
+    assert "station.bearings.layout" in index["parameters"]
+    assert index["beacons"][0]["beacons"][0] == [1, 1.0, 1.0, 0.1]
+    assert index["volume"][2] == [0.2, 3.0]
+    moments = {one["label"]: one["t"] for one in index["moments"]}
+    assert moments["start of recording"] == 0.0
+    assert moments["arming"] == 1.0
+    assert moments["take-off"] == 3.1
+    assert moments["mark: gust"] == 13.0
+    assert moments["follow trajectory"] == 6.0
+    assert moments["ground 2"] == 23.1
+
+
+# ---------------------------------------------------------------------- clocks
+@pytest.mark.parametrize("clock", [0, -3_600 * 10**9, 45 * 10**9])
+def test_a_vehicle_with_a_clock_of_its_own_lies_on_the_stations(tmp_path: Path, clock: int) -> None:
+    made = MadeRun(8.0, marks=[(5.0, "here")], clock_ns=clock)
+    build(write_run(tmp_path / "a.mcap", made), tmp_path / "cache", lambda _: None)
+    index = Replay(tmp_path / "cache").described()
+    # The shortest delay seen is what stays unknown.
+    assert index["marks"][0]["t"] == pytest.approx(5.0, abs=0.011)
+    assert index["duration"] == pytest.approx(8.0, abs=0.03)
+
+
+def test_a_clock_that_was_set_in_between_is_not_believed() -> None:
+    log_ns = np.arange(100, dtype=np.int64) * STEP_NS
+    publish_ns = log_ns - 1000
+    publish_ns[60:] += 20 * 10**9
+    assert common_stamps(log_ns, publish_ns) is log_ns
+    assert common_stamps(log_ns, log_ns - 1000).tolist() == (log_ns - 1000).tolist()
+
+
+def test_gaps_are_longer_than_what_is_usual_of_the_topic() -> None:
+    times = np.concatenate([np.arange(100) * 0.002, 0.4 + np.arange(100) * 0.002])
+    assert gaps(times).tolist() == [99]
+    assert gaps(np.arange(50) * 0.5).tolist() == []
+
+
+# ---------------------------------------------------------------------- levels
+@pytest.mark.parametrize("count", [0, 1, 1024, 1025, 16_385, 300_001])
+def test_levels_hold_the_least_and_greatest_of_their_bins(count: int) -> None:
+    values = np.random.default_rng(count).standard_normal(count).astype(np.float32)
+    levels = pyramid(values)
+    assert [len(low) for low, _ in levels] == level_sizes(count)
+    for k, (low, high) in enumerate(levels, 1):
+        size = 16**k
+        for b in (0, len(low) // 2, len(low) - 1):
+            part = values[b * size : (b + 1) * size]
+            assert (low[b], high[b]) == (part.min(), part.max())
+        first, last = edges(np.arange(count) * 0.1, size)
+        assert last[-1] == pytest.approx((count - 1) * 0.1)
+        assert first[1] == pytest.approx(size * 0.1)
+
+
+def test_a_bin_is_nan_only_where_all_of_it_is() -> None:
+    values = np.array([np.nan, 1.0, np.nan, np.nan, 3.0], np.float32)
+    low, high = coarser(values, values, 2)
+    assert np.array_equal(low, [1.0, np.nan, 3.0], equal_nan=True)
+    assert np.array_equal(high, low, equal_nan=True)
+
+
+# ---------------------------------------------------------------------- what cannot be shown
+@pytest.mark.parametrize(
+    ("content", "why"), [(b"", "is empty"), (b"PK\x03\x04 zip", "no MCAP log"), (None, "to show")]
+)
+def test_a_log_without_messages_is_refused(tmp_path: Path, content: bytes | None, why: str) -> None:
+    log = tmp_path / "a.mcap"
+    if content is None:
+        write_run(log, MadeRun(0.0))
+    else:
+        log.write_bytes(content)
+    with pytest.raises(LogFormatError, match=why) as caught:
+        build(log, tmp_path / "cache", lambda _: None)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_torn_log_is_shown_up_to_its_tear(tmp_path: Path) -> None:
+    log = write_run(tmp_path / "a.mcap", MadeRun(10.0))
+    data = log.read_bytes()
+    log.write_bytes(data[: len(data) // 2])
+    build(log, tmp_path / "cache", lambda _: None)
+    index = Replay(tmp_path / "cache").described()
+    assert 4.0 < index["duration"] < 7.0
+    assert index["tear"].startswith("ends within a record")

@@ -1,0 +1,128 @@
+"""Every number that is logged can be charted, once, and is what its message holds."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from console.base_station import AS_IT_COMES
+from console.expansion import ENCODERS
+from console.outbox import RECORDED
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.messages.numbers import number_at, numbers
+from vehicle_link.topics import TOPICS
+from web.live import STALE, Live
+from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot
+from web.signals.plain import MEMBERS
+
+TEXT = {"events", "parameter_events", "parameter_changes"}
+"""Lines, not values over time."""
+LOGGED = ({*AS_IT_COMES, *RECORDED, *ENCODERS}) - TEXT
+
+
+def values(live: Live, wanted: frozenset[str] | None = None) -> dict[str, float]:
+    return dict(zip(INDEX, snapshot(live, wanted), strict=True))
+
+
+def live_with(topic: str, message: Any) -> Live:
+    live = Live(decode)
+    live.put(topic, encode(message))
+    return live
+
+
+def filled(type_name: str) -> Any:
+    """A message whose numbers are all different and not zero."""
+    message = new(type_name)
+    for i, (path, _) in enumerate(numbers(type_name, 0)):
+        *outer, last = path
+        place = message
+        for step in outer:
+            place = place[step] if isinstance(step, int) else getattr(place, step)
+        if isinstance(last, int):
+            place[last] = i + 1.5
+        else:
+            old = getattr(place, last)
+            setattr(place, last, type(old)(i + 1.5))
+    return message
+
+
+@pytest.mark.parametrize("topic", sorted(LOGGED))
+def test_every_number_of_a_logged_topic_can_be_charted(topic: str) -> None:
+    found = numbers(TOPICS[topic].type_name, 0)
+    if not found:
+        pytest.skip("a topic without numbers")
+    assert topic in STALE
+    message = filled(TOPICS[topic].type_name)
+    live = live_with(topic, message)
+    if topic == "truth":
+        live.put("state", encode(message))
+    shown = [v for v in values(live).values() if math.isfinite(v)]
+    for path, _ in found:
+        number = number_at(decode(encode(message), TOPICS[topic].type_name), path)
+        scales = (1.0, 1e2, 1e3, 1e6, math.degrees(1.0))  # %, mm or ms, µs, degrees
+        assert any(math.isclose(number * k, v, rel_tol=1e-6) for v in shown for k in scales), path
+
+
+def test_a_plain_signal_is_the_number_of_its_field() -> None:
+    now = values(live_with("imu", new("sensor_msgs/Imu", linear_acceleration=(1.0, 2.0, 9.5))))
+    assert [now[f"imu.linear_acceleration.{a}"] for a in "xyz"] == [1.0, 2.0, 9.5]
+    signal = SIGNALS[INDEX["imu.linear_acceleration.z"]]
+    assert (signal.unit, signal.group, signal.label) == ("m/s²", "linear acceleration", "z")
+
+
+def test_units_are_inherited_by_what_is_nested() -> None:
+    assert SIGNALS[INDEX["tracker_pose.pose.position.x"]].unit == "m"
+    assert SIGNALS[INDEX["state.twist.twist.linear.x"]].unit == "m/s"
+    assert SIGNALS[INDEX["tracker_pose.pose.orientation.w"]].unit == ""
+
+
+def test_an_array_that_is_shorter_gives_no_number() -> None:
+    now = values(live_with("joy", new("sensor_msgs/Joy", axes=(0.5, -0.25), buttons=[1])))
+    assert (now["joy.axes.0"], now["joy.axes.1"], now["joy.buttons.0"]) == (0.5, -0.25, 1.0)
+    assert all(math.isnan(now[f"joy.axes.{i}"]) for i in range(2, MEMBERS))
+
+
+def test_true_and_false_are_one_and_zero() -> None:
+    now = values(live_with("status", new("quadlab_msgs/VehicleStatus", armed=True)))
+    assert (now["status.armed"], now["status.airborne"]) == (1.0, 0.0)
+
+
+def test_every_field_of_a_compared_estimator_is_found_by_its_name() -> None:
+    results = [
+        new("quadlab_msgs/EstimatorResult", name=name, velocity=(i, 0.0, 0.0))
+        for i, name in enumerate(reversed(COMPARED))
+    ]
+    live = live_with("comparison", new("quadlab_msgs/EstimatorComparison", estimators=results[1:]))
+    now = values(live)
+    assert now[f"comparison.{COMPARED[0]}.velocity.x"] == len(COMPARED) - 1
+    assert math.isnan(now[f"comparison.{COMPARED[-1]}.velocity.x"]), "it did not come"
+
+
+def test_what_nobody_wants_is_not_read() -> None:
+    decoded: list[str] = []
+
+    def decoding(payload: bytes, type_name: str) -> Any:
+        decoded.append(type_name)
+        return decode(payload, type_name)
+
+    live = Live(decoding)
+    live.put("estimator", encode(new("quadlab_msgs/EstimatorStatus", mass=1.3)))
+    live.put("imu", encode(new("sensor_msgs/Imu")))
+    now = values(live, frozenset({"mass"}))
+    assert decoded == ["quadlab_msgs/EstimatorStatus"]
+    assert now["mass"] == 1.3
+    assert math.isnan(now["imu.linear_acceleration.z"])
+
+
+def test_named_signals_come_first_and_nothing_has_two() -> None:
+    assert SIGNALS[0].name == "state.position.x"
+    assert "state.pose.pose.position.x" not in INDEX
+    assert "link_status.loss" not in INDEX
+    assert [s.name for s in SIGNALS[:NAMED]] == list(dict.fromkeys(s.name for s in SIGNALS[:NAMED]))
+    assert SIGNALS[NAMED].name.split(".")[0] in STALE
+
+
+def test_the_list_for_the_page_is_small() -> None:
+    assert len(described()) < 150_000

@@ -1,0 +1,137 @@
+"""Links to one run's file that work without a session, for ten minutes.
+
+Foxglove and Lichtblick read a log from their own pages, where our cookie never comes. So a link
+carries a signature over run and time instead: it opens that file, to be read, and nothing else.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+import os
+import re
+import secrets
+import time
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import parse_qs, urlencode
+
+from starlette.types import Message, Scope, Send
+
+from quadrotor.errors import StorageError
+from web.access.answer import Headers
+
+AGE = 600  # s
+FOLDER = "/signed/runs/"
+SUFFIX = ".mcap"  # by which viewers know what to do
+KEY = "links.key"
+METHODS = frozenset({"GET", "HEAD"})
+SITES = frozenset({"https://app.foxglove.dev", "https://lichtblick-suite.github.io"})
+"""Pages that may read the file; beside them those served by the reader's own computer."""
+
+_OWN = re.compile(r"http://(localhost|127\.0\.0\.1|\[::1\])(:\d{1,5})?")
+_RUN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,119}")
+_READ = b"Accept-Ranges, Content-Length, Content-Range, ETag, Last-Modified"
+
+
+class SignedLinks:
+    """Makes links and knows them again.
+
+    Args:
+        folder: `<data>/web`; the key lies there, mode 0600.
+        clock: s, epoch.
+
+    Raises StorageError when the key cannot be read or made.
+    """
+
+    def __init__(self, folder: Path, clock: Callable[[], float] = time.time) -> None:
+        self._clock = clock
+        self._key = _key(folder / KEY)
+
+    def make(self, run_id: str) -> str:
+        """Path and query of a link to the run's file. Raises StorageError for an odd name."""
+        if not _RUN.fullmatch(run_id):
+            raise StorageError(f"run {run_id!r:.80}: a file of this name has no link")
+        expires = int(self._clock()) + AGE
+        query = urlencode({"expires": expires, "signature": self._sign(run_id, str(expires))})
+        return f"{FOLDER}{run_id}{SUFFIX}?{query}"
+
+    def opens(self, scope: Scope, methods: frozenset[str] = METHODS) -> bool:
+        """Whether this request carries a valid signature for exactly what it asks."""
+        path = scope["path"]
+        if scope["type"] != "http" or scope["method"] not in methods:
+            return False
+        run_id = path.removeprefix(FOLDER).removesuffix(SUFFIX)
+        if path != f"{FOLDER}{run_id}{SUFFIX}" or not _RUN.fullmatch(run_id):
+            return False
+        query = parse_qs(scope["query_string"].decode("latin-1"), keep_blank_values=True)
+        given, until = query.get("signature", []), query.get("expires", [])
+        if query.keys() != {"signature", "expires"} or len(given) != 1 or len(until) != 1:
+            return False
+        right = self._sign(run_id, until[0])
+        if not hmac.compare_digest(right.encode(), given[0].encode()):
+            return False
+        return self._clock() <= int(until[0])  # ours: it was signed
+
+    def preflight(self, scope: Scope, headers: dict[str, str]) -> Headers | None:
+        """Of the answer to a browser that asks whether it may; None when this is not that."""
+        shared = _shared_with(headers)
+        if not shared or not self.opens(scope, frozenset({"OPTIONS"})):
+            return None
+        asked = "access-control-request-private-network" in headers
+        return (
+            *shared,
+            (b"access-control-allow-methods", b"GET, HEAD"),
+            (b"access-control-allow-headers", b"Range"),
+            (b"access-control-max-age", b"%d" % AGE),
+            *(((b"access-control-allow-private-network", b"true"),) if asked else ()),
+        )
+
+    def _sign(self, run_id: str, expires: str) -> str:
+        signed = hmac.digest(self._key, f"run\n{run_id}\n{expires}".encode(), hashlib.sha256)
+        return base64.urlsafe_b64encode(signed).rstrip(b"=").decode()
+
+
+def with_sharing(headers: dict[str, str], send: Send) -> Send:
+    """Adds what lets the pages of SITES read the answer."""
+    shared = _shared_with(headers)
+
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": [*message.get("headers", []), *shared]}
+        await send(message)
+
+    return sending
+
+
+def _shared_with(headers: dict[str, str]) -> Headers:
+    origin = headers.get("origin", "")
+    if origin not in SITES and not _OWN.fullmatch(origin):
+        return ()
+    return (
+        (b"access-control-allow-origin", origin.encode()),
+        (b"access-control-expose-headers", _READ),
+        (b"vary", b"Origin"),
+    )
+
+
+def _key(path: Path) -> bytes:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        try:
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        except FileExistsError:
+            path.chmod(0o600)
+            key = path.read_bytes()
+        else:
+            key = secrets.token_bytes(32)
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(key)
+    except OSError as error:
+        raise StorageError(
+            f"cannot use {path} ({error.strerror}); check the data folder's owner"
+        ) from error
+    if len(key) < 32:
+        raise StorageError(f"{path} is damaged; delete it, and links made before stop working")
+    return key

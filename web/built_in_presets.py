@@ -1,0 +1,37 @@
+"""The presets that come with quadlab: gain sets of controller and estimator, and the defaults."""
+
+from __future__ import annotations
+
+from control.presets import PRESETS as CONTROL
+from control.presets import preset
+from estimation.parameters import PRESETS as ESTIMATION
+from quadrotor.parameters import ParameterStore, ParameterValue
+from web.parameter_mirror import LAYOUT, ParameterMirror
+
+DEFAULTS = "defaults"
+GAINS = ("position.", "attitude.")
+MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
+"""What was measured of this vehicle and its room; the defaults leave it alone."""
+
+
+def built_in(mirror: ParameterMirror) -> dict[str, dict[str, ParameterValue]]:
+    """Values by parameter, by the preset's name; of parameters that the vehicle has."""
+    sets: dict[str, dict[str, ParameterValue]] = {}
+    for name in CONTROL:
+        gains = ParameterStore(preset(name)).values()
+        sets[f"control {name}"] = {
+            f"control.{key}": value for key, value in gains.items() if key.startswith(GAINS)
+        }
+    for name, poles in ESTIMATION.items():
+        sets[f"estimation {name}"] = {f"estimation.{key}": v for key, v in poles.items()}
+    known = {d.name for d in mirror.descriptions()}
+    sets[DEFAULTS] = {
+        d.name: d.default
+        for d in mirror.descriptions()
+        if not d.read_only and not d.name.startswith(MEASURED)
+    }
+    present = {
+        name: {key: value for key, value in values.items() if key in known}
+        for name, values in sets.items()
+    }
+    return {name: values for name, values in present.items() if values}

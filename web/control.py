@@ -1,0 +1,83 @@
+"""Who commands, as the page shows it: the station's lease, and who is here to hold it.
+
+The station decides (console/control). From here it hears once a second who has a page open, so
+that control does not stay with somebody who left.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, Literal
+
+from fastapi import FastAPI, HTTPException
+
+from web.access.roles import Role
+from web.asking import Operator
+from web.commands import CommandBody
+from web.live import Live
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+PERIOD = 1.0  # s
+
+
+class Control:
+    """Args: `present()` → labels of those who have a page open; `tell(labels)` the station."""
+
+    def __init__(
+        self,
+        live: Live,
+        present: Callable[[], Iterable[str]],
+        tell: Callable[[Iterable[str]], None],
+    ) -> None:
+        self._live = live
+        self._present = present
+        self._tell = tell
+
+    @property
+    def holder(self) -> str:
+        """Label of who has control; "" = nobody, or not known."""
+        status = self._live.current("control")
+        return str(status.holder) if status is not None else ""
+
+    def may(self, label: str) -> bool:
+        """Whether this person has control or could take it by a command."""
+        return self.holder in ("", label)
+
+    def summary(self) -> dict[str, Any] | None:
+        """For the page; None while the station does not say."""
+        status = self._live.current("control")
+        if status is None:
+            return None
+        return {
+            "holder": status.holder,
+            "asking": status.asking,
+            "answer_within": round(float(status.answer_within)),
+        }
+
+    async def run(self) -> None:
+        while True:
+            self._tell(sorted(self._present()))
+            await asyncio.sleep(PERIOD)
+
+
+class ControlBody(CommandBody):
+    """`take` is for admins."""
+
+    action: Literal["ask", "give", "keep", "release", "take"]
+
+
+def add_control(app: FastAPI, parts: Parts) -> None:
+    """POST /api/control. The station refuses what this person may not, with the reason."""
+
+    @app.post("/api/control")
+    async def control(body: ControlBody, session: Operator) -> dict[str, bool]:
+        """Asks for control, answers who asks, gives it up; an admin may take it."""
+        if body.action == "take" and not session.role.may(Role.ADMIN):
+            raise HTTPException(
+                403, f"{session.label} may ask for control; admins alone may take it"
+            )
+        await parts.station.command("control", session.label, action=body.action, **body.fields)
+        return {"accepted": True}

@@ -1,0 +1,197 @@
+"""Emergency land and cut: sent, tried again, and watched until the vehicle shows it.
+
+The newest press is told to every page (event type `emergency`, and in the `hello` of one that
+comes later), for whoever pressed wants to know, and whoever did not must know too. A press is
+
+- `sent` until the vehicle has answered (try n of 3, under one request id: it is done once),
+- `accepted` until a status that came after the press shows it,
+- `acknowledged`, or `failed` with its reason.
+
+Presses of one kind that are under way are one call: however often anybody presses, there are at
+most two, so that none waits for a thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from quadrotor.errors import LinkError, QuadlabError
+from web.live import Live
+
+TRIES = 3
+SPACING = 0.5  # s at least from one try to the next: what fails at once may be back soon
+LOOKS = 0.02  # s between looks at the newest status
+PATIENCE = 10.0  # s for an accepted press to show in the status
+SHOWN_BY = {"land": ("emergency_land", "cut", "ready"), "cut": ("cut", "ready")}
+"""Modes that show it; `ready`: on the ground with the motors off, which refuses both before."""
+NAMES = {"land": "emergency land", "cut": "cut of the motors"}
+
+Message = dict[str, Any]
+
+
+class Commander(Protocol):
+    async def command(self, service: str, requester: str, **fields: Any) -> Any:
+        """Raises RefusedError with the vehicle's reason, LinkError when it did not answer."""
+        ...
+
+
+@dataclass(slots=True)
+class Press:
+    action: str  # land or cut
+    requester: str
+    id: str
+    pressed: float  # s, monotonic
+    phase: str = "sent"
+    tries: int = 1
+    after: float | None = None  # s until it was acknowledged
+    reason: str = ""
+    answered: asyncio.Future[None] = field(default_factory=asyncio.Future)
+
+    @property
+    def pending(self) -> bool:
+        return self.phase in ("sent", "accepted")
+
+
+class EmergencyDesk:
+    """Of one event loop.
+
+    Args:
+        publish: takes the messages for all pages.
+        say: (level, line) for everybody's list of events.
+    """
+
+    def __init__(
+        self,
+        station: Commander,
+        live: Live,
+        publish: Callable[[Message], None],
+        say: Callable[[str, str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._station, self._live = station, live
+        self._publish, self._say = publish, say
+        self._clock = clock
+        self._newest: Press | None = None
+        self._cut_at = -math.inf
+        self._under_way: dict[str, Press] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    @property
+    def state(self) -> Message | None:
+        """The newest press as pages are told it; None before the first."""
+        return None if self._newest is None else self._as_message(self._newest)
+
+    async def press(self, action: str, requester: str, request_id: str | None = None) -> str:
+        """Until the vehicle has accepted it; returns its id, of the call it joined if it did.
+
+        Raises RefusedError with the vehicle's reason, or LinkError.
+        """
+        press = self._under_way.get(action)
+        if press is None:
+            press = Press(action, requester, request_id or uuid.uuid4().hex, self._clock())
+            self._under_way[action] = press
+            newest = self._newest
+            # A cut that is not yet acknowledged stays in sight, whoever presses land.
+            is_hidden = newest is not None and newest.pending and newest.action == "cut"
+            if action == "cut" or not is_hidden:
+                self._newest = press
+            if action == "cut":
+                self._cut_at = press.pressed
+            self._tell(press)
+            for work in (self._send(press), self._watch(press)):
+                task = asyncio.create_task(work)
+                self._tasks.add(task)
+                task.add_done_callback(self._tasks.discard)
+        await asyncio.shield(press.answered)
+        return press.id
+
+    async def _send(self, press: Press) -> None:
+        try:
+            await self._try(press)
+        except QuadlabError as error:
+            press.answered.set_exception(error)
+            press.answered.exception()  # retrieved, though nobody may wait any more
+            shown = isinstance(error, LinkError) and self._shows(press)
+            if press.phase == "sent" and not shown:
+                press.reason = str(error)
+                self._finish(press, "failed")
+            elif press.phase == "sent":
+                press.reason = "its answer was lost"
+                self._finish(press, "acknowledged")
+        else:
+            press.answered.set_result(None)
+            if press.phase == "sent":
+                press.phase = "accepted"
+                self._tell(press)
+        finally:
+            self._under_way.pop(press.action, None)
+
+    async def _try(self, press: Press) -> None:
+        """Raises RefusedError, or the last LinkError."""
+        for number in range(1, TRIES + 1):
+            began = self._clock()
+            if number > 1:
+                press.tries = number
+                self._tell(press)
+            try:
+                await self._station.command(
+                    "emergency", press.requester, action=press.action, request_id=press.id
+                )
+                return
+            except LinkError:
+                if number == TRIES:
+                    raise
+            await asyncio.sleep(max(began + SPACING - self._clock(), 0.0))
+            if press.action == "land" and self._cut_at >= press.pressed:
+                raise LinkError("not answered; a cut came after it")  # and must not wait for it
+
+    async def _watch(self, press: Press) -> None:
+        """From acceptance to what the status shows."""
+        while press.pending:
+            await asyncio.sleep(LOOKS)
+            if press.phase != "accepted":
+                continue
+            if self._shows(press):
+                self._finish(press, "acknowledged")
+            elif self._clock() - press.pressed > PATIENCE:
+                press.reason = f"accepted, but not shown by the vehicle within {PATIENCE:g} s"
+                self._finish(press, "failed")
+
+    def _shows(self, press: Press) -> bool:
+        """Whether a status that came after the press shows it."""
+        if self._live.age("status") >= self._clock() - press.pressed:
+            return False
+        status = self._live.newest("status")
+        return status is not None and str(status.mode).lower() in SHOWN_BY[press.action]
+
+    def _finish(self, press: Press, phase: str) -> None:
+        press.phase = phase
+        press.after = self._clock() - press.pressed
+        if phase == "failed":
+            name = NAMES[press.action]
+            self._say("error", f"{name} by {press.requester} failed: {press.reason}")
+        self._tell(press)
+
+    def _tell(self, press: Press) -> None:
+        if press is self._newest:
+            self._publish({"type": "emergency", "press": self._as_message(press)})
+
+    def _as_message(self, press: Press) -> Message:
+        """`age`: s since the press, for a page has a clock of its own."""
+        return {
+            "id": press.id,
+            "action": press.action,
+            "by": press.requester,
+            "phase": press.phase,
+            "try": press.tries,
+            "tries": TRIES,
+            "age": round(self._clock() - press.pressed, 3),
+            "after": None if press.after is None else round(press.after, 3),
+            "reason": press.reason,
+        }

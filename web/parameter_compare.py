@@ -1,0 +1,54 @@
+"""A set of values beside the present ones: what would change, and what cannot be taken and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from quadrotor.errors import ParameterError, ReadOnlyError
+from quadrotor.parameters import ParameterValue
+from web.parameter_mirror import ParameterMirror
+from web.parameter_walk import steps_between
+
+MOST_SHOWN = 200  # characters of a value that cannot be taken
+
+
+def compare(mirror: ParameterMirror, values: Mapping[str, Any]) -> dict[str, Any]:
+    """`lines` of what differs, in the order of the tree, `same`: how many do not.
+
+    Each line has name, unit, now, new, `reason` ("" or why it cannot be taken) and `steps`, how
+    many changes it takes in flight. Raises LinkError before anything was read.
+    """
+    mirror.check({})
+    order = {d.name: k for k, d in enumerate(mirror.descriptions())}
+    lines, same = [], 0
+    for name in sorted(values, key=lambda n: order.get(n, len(order))):
+        new, now, description = values[name], mirror.value(name), mirror.description(name)
+        reason, steps = "", 1
+        try:
+            [checked] = mirror.check({name: new}).values()
+            if checked == now:
+                same += 1
+                continue
+            if description is not None and description.read_only:
+                raise ReadOnlyError(f"set at the start only, by --set {name}={new}")
+            new, steps = checked, steps_between(mirror, {name: checked})
+        except ParameterError as error:
+            reason, new = str(error), _shown(new)
+        lines.append({
+            "name": name, "unit": description.unit if description else "", "now": now,
+            "new": new, "reason": reason, "steps": steps,
+        })  # fmt: skip
+    return {"lines": lines, "same": same}
+
+
+def differing(mirror: ParameterMirror, values: Mapping[str, ParameterValue]) -> int:
+    """How many of these the vehicle does not have."""
+    return sum(mirror.value(name) != value for name, value in values.items())
+
+
+def _shown(value: Any) -> Any:
+    if isinstance(value, bool | int) or (isinstance(value, float) and math.isfinite(value)):
+        return value
+    return str(value)[:MOST_SHOWN]  # a text, a date, a list, nan

@@ -1,0 +1,202 @@
+"""The routes below /api/parameters: values, their history, presets and files.
+
+Everything that changes a value goes through the gain path, so that station and vehicle check it.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from fastapi import FastAPI, HTTPException, Query, Request
+from fastapi.concurrency import run_in_threadpool
+from fastapi.responses import PlainTextResponse
+from pydantic import BaseModel, ConfigDict, Field
+
+from console.parameter_presets import Preset
+from quadrotor.errors import MeasurementError
+from quadrotor.parameters import ParameterValue
+from web.asking import Operator
+from web.built_in_presets import built_in
+from web.parameter_compare import compare, differing
+from web.parameter_file import LARGEST, read_file, write_file
+from web.parameter_mirror import LAYOUT
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+ON_THE_GROUND = "ground"
+PLACES = (LAYOUT, "beacons.layout")
+NAME = r"^[^\x00-\x1f\x7f]+$"
+
+
+class ChangeBody(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    values: dict[str, bool | int | float | str] = Field(min_length=1, max_length=500)
+    walks: bool = Field(False, description="in flight: go there in steps where one is too large")
+
+
+class PresetBody(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    name: str = Field(min_length=1, max_length=60, pattern=NAME)
+    parameters: list[Annotated[str, Field(max_length=200)]] = Field(min_length=1, max_length=500)
+    replaces: bool = False
+
+
+def add_parameters(app: FastAPI, parts: Parts) -> None:
+    """All of them."""
+    _add_values(app, parts)
+    _add_history(app, parts)
+    _add_files(app, parts)
+    _add_presets(app, parts)
+
+
+def _add_values(app: FastAPI, parts: Parts) -> None:
+    @app.get("/api/parameters")
+    async def parameters() -> dict[str, Any]:
+        """Descriptions and confirmed values, as the vehicle gave them."""
+        return parts.mirror.as_json()
+
+    @app.put("/api/parameters")
+    async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
+        """Checked against their bounds, applied all or none; answers what the vehicle applied."""
+        applied, revision = await parts.gains.change(body.values, session.label, walks=body.walks)
+        return {
+            "applied": applied,
+            "revision": revision,
+            "revisions": {name: parts.mirror.revision_of(name) for name in applied},
+            "generation": parts.mirror.generation,
+        }
+
+
+def _add_history(app: FastAPI, parts: Parts) -> None:
+    @app.get("/api/parameters/history")
+    def changes(
+        name: Annotated[str, Query(max_length=200)] = "",
+        flight: Annotated[str | None, Query(max_length=120)] = None,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+        before: Annotated[int, Query(ge=0)] = 0,
+    ) -> dict[str, Any]:
+        """Newest first; `flight`: a run id or `ground`; `before`: only older ones than this id."""
+        wanted = "" if flight == ON_THE_GROUND else flight
+        found = parts.history.changes(name, wanted, limit, before)
+        return {
+            "changes": [
+                {
+                    "id": change.id, "name": change.name, "old": change.old, "new": change.new,
+                    "who": change.requester, "stamp": change.stamp_ns * 1e-9,
+                    "flight": change.flight, "revision": change.revision,
+                }
+                for change in found
+            ]
+        }  # fmt: skip
+
+    @app.get("/api/parameters/flight")
+    async def flight() -> dict[str, Any]:
+        """What it takes to be back to before the present flight, or the last one."""
+        last = await run_in_threadpool(parts.history.flight)
+        if last is None:
+            nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
+            return {**nothing, **compare(parts.mirror, {})}
+        # Not the beacons: they stand where they stand.
+        values = {name: value for name, value in last.values.items() if name not in PLACES}
+        return {
+            "run": last.run, "start": last.start_ns * 1e-9, "is_over": last.is_over,
+            "values": last.values, **compare(parts.mirror, values),
+        }  # fmt: skip
+
+
+def _add_files(app: FastAPI, parts: Parts) -> None:
+    @app.get("/api/parameters/file")
+    async def save(which: Literal["all", "modified"] = "all") -> PlainTextResponse:
+        """A TOML file with unit, bounds, default and meaning of each as comments."""
+        now = datetime.now(UTC)
+        what = "All parameters" if which == "all" else "Parameters that differ from their default"
+        heading = f"{what} of {parts.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
+        parts.mirror.check({})
+        text = write_file(
+            parts.mirror.descriptions(), parts.mirror.values(), heading,
+            modified_only=which == "modified",
+        )  # fmt: skip
+        name = f"{parts.vehicle}_parameters_{now:%Y%m%dT%H%M%SZ}.toml"
+        disposition = {"content-disposition": f'attachment; filename="{name}"'}
+        return PlainTextResponse(text, headers=disposition, media_type="application/toml")
+
+    @app.post(
+        "/api/parameters/file",
+        openapi_extra={"requestBody": {"required": True, "content": {"application/toml": {}}}},
+    )
+    async def read(request: Request, _: Operator) -> dict[str, Any]:
+        """What loading this file would change; nothing is changed by it."""
+        content = b""
+        async for piece in request.stream():
+            content += piece
+            if len(content) > LARGEST:
+                raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")
+        return compare(parts.mirror, read_file(content))
+
+
+def _add_presets(app: FastAPI, parts: Parts) -> None:
+    mirror, presets = parts.mirror, parts.presets
+
+    @app.get("/api/parameters/presets")
+    async def all_presets() -> dict[str, Any]:
+        """Built-in ones first; `differs`: in how many values from the present ones."""
+        mine = await run_in_threadpool(presets.all)
+        own = [
+            {"id": name, "name": name, "built_in": True, "who": "", "stamp": None,
+             "count": len(values), "differs": differing(mirror, values)}
+            for name, values in built_in(mirror).items()
+        ]  # fmt: skip
+        return {"presets": own + [{**_facts(one), **_counts(one.values)} for one in mine]}
+
+    @app.get("/api/parameters/presets/{preset}")
+    async def look(preset: str) -> dict[str, Any]:
+        """What switching to it would change."""
+        found = built_in(mirror)
+        if preset in found:
+            return compare(mirror, found[preset])
+        return compare(mirror, (await run_in_threadpool(presets.get, _number(preset))).values)
+
+    @app.post("/api/parameters/presets")
+    async def save(body: PresetBody, session: Operator) -> dict[str, Any]:
+        """The confirmed values of these parameters under a name."""
+        if body.name in built_in(mirror):
+            raise HTTPException(409, f"{body.name!r} is a built-in preset; choose another name")
+        mirror.check({})
+        values = {n: v for n in body.parameters if (v := mirror.value(n)) is not None}
+        if missing := [n for n in body.parameters if n not in values]:
+            raise HTTPException(422, f"unknown parameter {missing[0]!r}; the Gains tab lists all")
+        saved = await run_in_threadpool(
+            lambda: presets.save(body.name, values, session.label, replaces=body.replaces)
+        )
+        return _facts(saved)
+
+    @app.delete("/api/parameters/presets/{preset}")
+    def delete(preset: str, _: Operator) -> dict[str, bool]:
+        """It can be restored."""
+        presets.delete(_number(preset))
+        return {"deleted": True}
+
+    @app.post("/api/parameters/presets/{preset}/restore")
+    def restore(preset: str, _: Operator) -> dict[str, Any]:
+        """What was deleted comes back."""
+        return _facts(presets.restore(_number(preset)))
+
+    def _counts(values: dict[str, ParameterValue]) -> dict[str, int]:
+        return {"count": len(values), "differs": differing(mirror, values)}
+
+
+def _facts(preset: Preset) -> dict[str, Any]:
+    return {
+        "id": str(preset.id), "name": preset.name, "built_in": False, "who": preset.requester,
+        "stamp": preset.stamp_ns * 1e-9,
+    }  # fmt: skip
+
+
+def _number(preset: str) -> int:
+    if not preset.isdecimal() or len(preset) > 12:
+        raise HTTPException(404, f"there is no preset {preset[:60]!r}; the Gains tab lists all")
+    return int(preset)

@@ -1,0 +1,102 @@
+"""Farther than one step in flight: several changes, each within what the vehicle takes at once.
+
+All values move together on the straight line between the two sets, so that what lies between is
+between in every gain. What has no step moves with the first one, where a refusal changes nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Awaitable, Callable, Mapping
+
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.parameters import ParameterValue
+from web.parameter_mirror import ParameterMirror
+
+ROUNDING = 1e-9
+
+Values = Mapping[str, ParameterValue]
+Call = Callable[[Values, str], Awaitable[tuple[dict[str, ParameterValue], int]]]
+
+
+def steps_between(mirror: ParameterMirror, values: Values) -> int:
+    """From the present values to these in flight; at least 1."""
+    counts = [1]
+    for name, value in values.items():
+        step, present = _step(mirror, name), mirror.value(name)
+        if step is not None and present is not None:
+            distance = abs(float(value) - float(present))
+            counts.append(math.ceil(distance / step * (1.0 - ROUNDING)))
+    return max(counts)
+
+
+def step_towards(mirror: ParameterMirror, name: str, value: ParameterValue) -> ParameterValue:
+    """As far as one step in flight goes from the present value."""
+    step, present = _step(mirror, name), mirror.value(name)
+    if step is None or present is None:
+        return value
+    change = float(value) - float(present)
+    return value if abs(change) <= step else float(present) + math.copysign(step, change)
+
+
+async def walk(
+    mirror: ParameterMirror, call: Call, values: Values, requester: str, pause: float
+) -> tuple[dict[str, ParameterValue], int]:
+    """What was applied in the end, and its revision.
+
+    When a step is refused it goes back the way it came.
+
+    Raises QuadlabError of the refused step, with where it ended.
+    """
+    start = {name: present for name in values if (present := mirror.value(name)) is not None}
+    count = steps_between(mirror, values)
+    limited = {n for n in start if _step(mirror, n) is not None and start[n] != values[n]}
+
+    def at(k: int) -> dict[str, ParameterValue]:
+        share = k / count
+        between = {
+            name: float(start[name]) + share * (float(values[name]) - float(start[name]))
+            for name in limited
+        }
+        return {**between} if 0 < k < count else {n: (values if k else start)[n] for n in limited}
+
+    applied, revision = await call(
+        {**{n: v for n, v in values.items() if n not in limited}, **at(1)}, requester
+    )
+    for k in range(2, count + 1):
+        await asyncio.sleep(pause)
+        try:
+            more, revision = await call(at(k), requester)
+        except QuadlabError as error:
+            await _back(call, at, start, k - 1, requester, pause, error)
+            raise
+        applied = {**applied, **more}
+    return applied, revision
+
+
+async def _back(
+    call: Call,
+    at: Callable[[int], dict[str, ParameterValue]],
+    start: Values,
+    reached: int,
+    requester: str,
+    pause: float,
+    error: QuadlabError,
+) -> None:
+    """Raises the error, said with where the values are now."""
+    try:
+        for k in range(reached - 1, -1, -1):
+            await asyncio.sleep(pause)
+            await call(at(k) if k else dict(start), requester)
+    except QuadlabError:
+        kind = LinkError if isinstance(error, LinkError) else RefusedError
+        raise kind(
+            f"{error}; {reached} steps were made and could not be taken back: see the time line"
+        ) from error
+    raise type(error)(f"{error}; all values are as before") from error
+
+
+def _step(mirror: ParameterMirror, name: str) -> float | None:
+    description = mirror.description(name)
+    return None if description is None else description.flight_step

@@ -1,0 +1,88 @@
+"""From a log to a replay's cache, in a process of its own at low priority.
+
+`python -m web.replay.build LOG FOLDER` writes FOLDER (web.replay.cache_writer) and prints one line
+of JSON after each block: {"progress": 0 to 1}, at the end {"done": true} or {"error": reason}. It
+ends when its standard input is closed, so that none is left behind by a page's process that died.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from quadrotor.errors import LogFormatError, QuadlabError
+from vehicle_link.log.topic_columns import ColumnReader
+from web.replay import timeline
+from web.replay.cache_writer import COLUMNS, INDEX, Arrays, CacheWriter
+from web.replay.spool import TopicSpool
+
+NICENESS = 10
+"""Below everything that flies; somebody waits for it all the same."""
+MOST_COLUMNS = 4000
+READING = 0.8  # of the progress; the rest is sorting
+
+
+def build(log: Path, folder: Path, tell: Callable[[float], None]) -> None:
+    """Raises LogFormatError, StorageError or OSError."""
+    scratch = folder / "scratch"
+    shutil.rmtree(folder, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    reader = ColumnReader(log, timeline.WHOLE)
+    spools: dict[str, TopicSpool] = {}
+    room = MOST_COLUMNS
+    for batch in reader:
+        for columns in batch.columns:
+            spool = spools.get(columns.topic)
+            if spool is None:
+                place = scratch / f"topic{len(spools)}"
+                spool = spools[columns.topic] = TopicSpool(place, columns.topic, columns.type_name)
+            if spool.type_name == columns.type_name:
+                room -= spool.extend(columns, room)
+        tell(READING * batch.share)
+    if not spools:
+        why = next(iter(reader.problems.values()), reader.log.tear or "no message in it")
+        raise LogFormatError(f"{log.name} has nothing to show ({why})")
+    with (folder / COLUMNS).open("wb") as file:
+        writer = CacheWriter(
+            spools, Arrays(file), folder, lambda share: tell(READING + (1.0 - READING) * share)
+        )
+        index = writer.index(reader)
+    shutil.rmtree(scratch)
+    (folder / INDEX).write_text(json.dumps(index, allow_nan=False, separators=(",", ":")))
+
+
+def _end_with_parent() -> None:
+    while os.read(0, 64):
+        pass
+    os._exit(1)
+
+
+def main() -> int:
+    log, folder = Path(sys.argv[1]), Path(sys.argv[2])
+    os.nice(NICENESS)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+    def say(**fields: Any) -> None:
+        print(json.dumps(fields), flush=True)
+
+    try:
+        build(log, folder, lambda share: say(progress=round(share, 3)))
+    except QuadlabError as error:
+        say(error=str(error))
+    except OSError as error:
+        say(error=f"the replay of {log.name} cannot be written: {error.strerror or error}")
+    else:
+        say(done=True)
+        return 0
+    shutil.rmtree(folder, ignore_errors=True)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,81 @@
+"""Numbers that are in no message and wanted all the same: angles, world velocities, errors.
+
+Each is stored as a column of its topic. Position m, velocity m/s, angles rad; arrays are (N,).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Column = Callable[[str], npt.NDArray[np.float32]]
+Columns = dict[str, Array]
+
+POSITION = tuple(f"pose.pose.position.{axis}" for axis in "xyz")
+ROTATION = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
+VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
+ODOMETRY = (*POSITION, *ROTATION, *VELOCITY)
+REFERENCE = tuple(f"position.{axis}" for axis in "xyz")
+
+
+def of_odometry(column: Column) -> Columns:
+    """Roll, pitch, yaw and the velocity in world axes of a pose with a twist in body axes."""
+    w, x, y, z = (column(name).astype(float) for name in ROTATION)
+    velocity = [column(name).astype(float) for name in VELOCITY]
+    rows = (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )  # R_wb
+    found = {
+        f"@velocity.{axis}": r[0] * velocity[0] + r[1] * velocity[1] + r[2] * velocity[2]
+        for axis, r in zip("xyz", rows, strict=True)
+    }
+    found["@roll"] = np.arctan2(rows[2][1], rows[2][2])
+    found["@pitch"] = np.arcsin(np.clip(-rows[2][0], -1.0, 1.0))
+    found["@yaw"] = np.arctan2(rows[1][0], rows[0][0])
+    return found
+
+
+def tracking(times: Array, state: Column, reference_times: Array, reference: Column) -> Columns:
+    """State less reference at the state's times; NaN where there is no reference."""
+    error = [
+        state(one).astype(float) - at(times, reference_times, reference(other))
+        for one, other in zip(POSITION, REFERENCE, strict=True)
+    ]
+    found = {f"@error.{axis}": e for axis, e in zip("xyz", error, strict=True)}
+    found["@error.distance"] = np.sqrt(error[0] ** 2 + error[1] ** 2 + error[2] ** 2)
+    yaw = of_odometry(state)["@yaw"] - at(times, reference_times, reference("yaw"))
+    found["@error.yaw"] = np.arctan2(np.sin(yaw), np.cos(yaw))
+    return found
+
+
+def to_truth(
+    times: Array, truth: Column, velocity: Columns,
+    state_times: Array, state: Column, state_velocity: Columns,
+) -> Columns:  # fmt: skip
+    """Lengths of the state's errors of position and velocity at the truth's times."""
+    position = [
+        at(times, state_times, state(name)) - truth(name).astype(float) for name in POSITION
+    ]
+    speed = [
+        at(times, state_times, state_velocity[name]) - velocity[name]
+        for name in ("@velocity.x", "@velocity.y", "@velocity.z")
+    ]
+    return {
+        "@position_error": np.sqrt(sum(p * p for p in position)),
+        "@velocity_error": np.sqrt(sum(v * v for v in speed)),
+    }
+
+
+def at(times: Array, source_times: Array, values: npt.NDArray[np.floating]) -> Array:
+    """Between the samples of `values`, linearly; NaN outside of them."""
+    if len(source_times) == 0:
+        return np.full(len(times), np.nan)
+    if len(times) == len(source_times) and np.array_equal(times, source_times):
+        return values.astype(float)
+    between: Array = np.interp(times, source_times, values.astype(float), left=np.nan, right=np.nan)
+    return between

@@ -1,0 +1,92 @@
+"""`/replay/{run_id}` and what its page asks for.
+
+All of it is reading: viewers may replay. Runs are found by the catalogue; the vehicle's own logs,
+which are in no catalogue, as `onboard:NAME` among the files of the folder `onboard`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import FastAPI, Query
+from fastapi.responses import FileResponse, Response
+
+from console.catalogue import SUFFIX, Catalogue
+from quadrotor.errors import StorageError
+from vehicle_link.log.file import is_being_written
+from web.replay.store import Building, ReplayStore
+
+STATIC = Path(__file__).parents[1] / "static"
+ONBOARD = "onboard"
+MOST_SIGNALS = 64
+MOST_POINTS = 4000
+BINARY = "application/octet-stream"
+
+Names = Annotated[list[str], Query(alias="signal", max_length=MOST_SIGNALS)]
+Seconds = Annotated[float, Query(ge=-1e7, le=1e7, allow_inf_nan=False)]
+
+
+def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
+    """The routes. An unknown run is a StorageError, answered with 404."""
+
+    def find(run_id: str) -> Path:
+        kind, _, name = run_id.partition(":")
+        if kind != ONBOARD or not name:
+            return catalogue.resolve(run_id)
+        folder = catalogue.folder.parent / ONBOARD
+        for path in folder.glob(f"*{SUFFIX}"):
+            if path.stem == name and path.is_file():  # never a path made of what came
+                return path
+        raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
+
+    @app.get("/replay/{run_id}", include_in_schema=False)
+    def page(run_id: str) -> FileResponse:
+        return FileResponse(STATIC / "replay.html")
+
+    @app.get("/api/replay")
+    def logs() -> list[dict[str, Any]]:
+        """The vehicle's own logs that lie on this computer, newest first; runs: /api/runs."""
+        folder = catalogue.folder.parent / ONBOARD
+        found = [(path.stat().st_mtime, path) for path in folder.glob(f"*{SUFFIX}")]
+        return [
+            {"id": f"{ONBOARD}:{path.stem}", "bytes": path.stat().st_size}
+            for _, path in sorted(found, reverse=True)[:200]
+        ]
+
+    @app.get("/api/replay/{run_id}")
+    def describe(run_id: str, newer: bool = False) -> dict[str, Any]:
+        """Signals, events, spans, parameters of a run; or how far they are: ask again."""
+        log = find(run_id)
+        found = store.get(log, newer=newer)
+        if isinstance(found, Building):
+            return {"state": "building", "progress": found.progress}
+        return {
+            "state": "ready",
+            "id": run_id,
+            "is_growing": is_being_written(log),
+            "is_current": store.is_current(log),
+            **found.described(),
+        }
+
+    @app.get("/api/replay/{run_id}/track")
+    def track(run_id: str) -> FileResponse:
+        """Rows of float32 for the 3D view, see web/replay/track.py."""
+        return FileResponse(store.opened(find(run_id)).track, media_type=BINARY)
+
+    @app.get("/api/replay/{run_id}/window")
+    def window(
+        run_id: str,
+        start: Seconds,
+        end: Seconds,
+        signal: Names,
+        points: Annotated[int, Query(ge=2, le=MOST_POINTS)] = 1000,
+    ) -> Response:
+        """Signals between two instants (s) for a chart, see web/replay/reader.py."""
+        found = store.opened(find(run_id)).window(signal, start, end, points)
+        return Response(found, media_type=BINARY)
+
+    @app.get("/api/replay/{run_id}/at")
+    def at(run_id: str, t: Seconds, signal: Names) -> dict[str, list[float | None]]:
+        """Newest value and its age (s) of each signal at t (s)."""
+        return store.opened(find(run_id)).at(signal, t)

@@ -1,0 +1,182 @@
+"""The replays' caches: built when first asked for, one at a time, and of bounded size together.
+
+They lie in `runs/.replay/`, one folder a log, and belong to a log's size and time of change: when
+it grows or is mended, they are built anew.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log.file import is_being_written
+from web.replay.cache_writer import VERSION
+from web.replay.reader import Replay
+
+FOLDER = ".replay"
+LARGEST = 4_000_000_000
+"""Bytes of all caches together; those looked at longest ago go first."""
+MOST_OPEN = 6
+STAMP = "stamp.json"
+MODULE = "web.replay.build"
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass
+class Building:
+    """A cache on its way."""
+
+    progress: float = 0.0  # 0 to 1
+    problem: str = ""
+    stamp: tuple[int, int] = (0, 0)
+
+
+class ReplayStore:
+    """Thread-safe. Args: the folder of the runs."""
+
+    def __init__(self, runs: Path) -> None:
+        self._folder = runs / FOLDER
+        self._lock = threading.Lock()
+        self._one_at_a_time = threading.Lock()
+        self._building: dict[str, Building] = {}
+        self._open: OrderedDict[str, tuple[tuple[int, int], Replay]] = OrderedDict()
+
+    def get(self, log: Path, *, newer: bool = False) -> Replay | Building:
+        """The replay of a log, or how far it is.
+
+        A recording that still grows is shown as it was when it was opened; `newer` asks for what
+        has come since. Raises StorageError or LogFormatError with the reason a log has none.
+        """
+        stamp = _stamp(log)
+        name = log.stem
+        with self._lock:
+            building = self._building.get(name)
+            if building is not None and building.problem:
+                del self._building[name]
+                if building.stamp == stamp:
+                    raise LogFormatError(building.problem)
+            elif building is not None:
+                return building
+            kept = self._kept(name)
+            if kept is not None:
+                is_current = kept[0] == stamp
+                if is_current or (not newer and is_being_written(log)):
+                    return kept[1]
+            building = self._building[name] = Building(stamp=stamp)
+        threading.Thread(
+            target=self._build, args=(log, building), name="replay-build", daemon=True
+        ).start()
+        return building
+
+    def opened(self, log: Path) -> Replay:
+        """One that `get` gave before. Raises StorageError when it is not there (any more)."""
+        with self._lock:
+            kept = self._kept(log.stem)
+        if kept is None:
+            raise StorageError(f"the replay of {log.stem} is not ready; open its page again")
+        return kept[1]
+
+    def is_current(self, log: Path) -> bool:
+        """Whether the replay that is kept shows all of the log."""
+        with self._lock:
+            kept = self._kept(log.stem)
+        return kept is not None and kept[0] == _stamp(log)
+
+    def _kept(self, name: str) -> tuple[tuple[int, int], Replay] | None:
+        found = self._open.get(name)
+        if found is None:
+            folder = self._folder / name
+            try:
+                fields = json.loads((folder / STAMP).read_text())
+                stamp = (int(fields["bytes"]), int(fields["changed_ns"]))
+                if fields["version"] != VERSION:
+                    return None
+                found = (stamp, Replay(folder))
+            except (OSError, ValueError, KeyError, TypeError, StorageError):
+                return None
+            os.utime(folder / STAMP)
+            self._open[name] = found
+        self._open.move_to_end(name)
+        while len(self._open) > MOST_OPEN:
+            self._open.popitem(last=False)
+        return found
+
+    def _build(self, log: Path, building: Building) -> None:
+        with self._one_at_a_time:
+            problem = ""
+            try:
+                self._run(log, building)
+                self._tidy(log)
+            except (OSError, StorageError, LogFormatError) as error:
+                problem = str(error)
+        with self._lock:
+            self._open.pop(log.stem, None)
+            if problem:
+                building.problem = problem
+            else:
+                del self._building[log.stem]
+
+    def _run(self, log: Path, building: Building) -> None:
+        new = self._folder / f"{log.stem}.new"
+        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
+        # Its standard input closes with this process, and then it ends too.
+        process = subprocess.Popen(
+            [sys.executable, "-m", MODULE, str(log), str(new)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": path}, text=True,
+        )  # fmt: skip
+        is_done, problem = False, ""
+        with process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                said = json.loads(line)
+                building.progress = said.get("progress", building.progress)
+                problem, is_done = said.get("error", problem), is_done or "done" in said
+        if not is_done:
+            shutil.rmtree(new, ignore_errors=True)
+            raise StorageError(
+                problem
+                or f"the replay of {log.stem} could not be built "
+                f"(status {process.returncode}); is there memory and room on the disk?"
+            )
+        size, changed = building.stamp
+        (new / STAMP).write_text(
+            json.dumps({"version": VERSION, "bytes": size, "changed_ns": changed, "log": str(log)})
+        )
+        shutil.rmtree(self._folder / log.stem, ignore_errors=True)
+        new.rename(self._folder / log.stem)
+
+    def _tidy(self, log: Path) -> None:
+        """Caches whose log is gone, and the oldest above LARGEST, are removed."""
+        ages: list[tuple[float, int, Path]] = []
+        for stamp in self._folder.glob(f"*/{STAMP}"):
+            folder = stamp.parent
+            source = Path(json.loads(stamp.read_text()).get("log", ""))
+            if not source.is_file():
+                shutil.rmtree(folder, ignore_errors=True)
+                continue
+            size = sum(file.stat().st_size for file in folder.iterdir())
+            ages.append((stamp.stat().st_mtime, size, folder))
+        total = sum(size for _, size, _ in ages)
+        for _, size, folder in sorted(ages):
+            if total <= LARGEST:
+                return
+            if folder.name != log.stem:
+                shutil.rmtree(folder, ignore_errors=True)
+                total -= size
+
+
+def _stamp(log: Path) -> tuple[int, int]:
+    try:
+        status = log.stat()
+    except OSError as error:
+        raise StorageError(f"cannot read {log.name}: {error.strerror}") from error
+    return status.st_size, status.st_mtime_ns

@@ -1,0 +1,184 @@
+"""What happened when: events, marks, parameter changes, behaviours, moments to align at."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.beacons import parse_layout
+from quadrotor.errors import QuadlabError
+from vehicle_link.log.topic_columns import text_fields
+from web.replay.spool import TopicSpool
+
+WHOLE = ("/events", "/marks", "/parameter_changes")
+"""Topics of which every message is a line of its own."""
+MOST_LINES = 5000
+"""Of each kind; a log with more keeps the first ones and says so."""
+SPANS = {"mode": ("status", "mode"), "behavior": ("status", "behavior")}
+_WORDS = ("text", "label", "words", "note", "notes", "msg", "message", "description", "name")
+_PEOPLE = ("requester", "operator", "author", "who", "by", "person")
+_WARNING = 30  # rcl_interfaces/Log
+LAYOUTS = ("station.bearings.layout", "bearings.layout", "beacons.layout")
+
+Times = npt.NDArray[np.float64]
+Moment = dict[str, Any]
+
+
+def lines_of(spool: TopicSpool, times: Times) -> list[dict[str, Any]]:
+    """Each message of one of WHOLE with its time t, its words, who and its other fields."""
+    found = []
+    for t, payload in sorted(zip(times.tolist(), spool.payloads, strict=False))[:MOST_LINES]:
+        fields = text_fields(payload, spool.type_name)
+        texts = {k: v for k, v in fields.items() if isinstance(v, str) and v}
+        words = next((texts[name] for name in _WORDS if name in texts), "")
+        who = next((texts[name] for name in _PEOPLE if name in texts), "")
+        found.append({"t": round(t, 4), "text": words, "who": who, "fields": fields})
+    return found
+
+
+def as_events(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [
+        {
+            "t": line["t"], "text": line["text"],
+            "warn": int(line["fields"].get("level", 0)) >= _WARNING,
+        }
+        for line in lines
+    ]  # fmt: skip
+
+
+def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One a mark: a later message of the same id brings its words."""
+    found: dict[str, dict[str, Any]] = {}
+    for number, line in enumerate(lines):
+        key = str(line["fields"].get("id") or number)
+        mark = found.setdefault(key, {"t": line["t"], "text": "", "who": line["who"]})
+        mark["text"] = line["text"] or mark["text"]
+    return list(found.values())
+
+
+def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Values are those of Python's text where it is one, else the text."""
+    return [
+        {
+            "t": line["t"], "name": str(line["fields"].get("name", "")), "who": line["who"],
+            "old": _value(line["fields"].get("old_value")),
+            "new": _value(line["fields"].get("new_value")),
+        }
+        for line in lines
+    ]  # fmt: skip
+
+
+def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
+    """Stretches of one text each, to `end`."""
+    ends = [t for t, _ in changes[1:]] + [end]
+    return [
+        {"from": round(t, 4), "to": round(max(t, stop), 4), "text": text}
+        for (t, text), stop in zip(changes[:MOST_LINES], ends, strict=False)
+        if text
+    ]
+
+
+def rises(times: Times, values: npt.NDArray[np.float32]) -> list[float]:
+    """When a flag went from no to yes; at the beginning when it was yes from there on."""
+    on = values > 0.5
+    before = np.concatenate([[False], on[:-1]])
+    return [round(float(t), 4) for t in times[on & ~before]]
+
+
+def moments(
+    armed: list[float], airborne: list[float], marks: list[dict[str, Any]],
+    behaviors: list[dict[str, Any]],
+) -> list[Moment]:  # fmt: skip
+    """What two runs can be aligned at: kind, label, t (s)."""
+    found: list[Moment] = [{"kind": "start", "label": "start of recording", "t": 0.0}]
+    found += _numbered("arming", "arming", armed)
+    found += _numbered("take_off", "take-off", airborne)
+    for k, mark in enumerate(marks[:200], 1):
+        label = f"mark: {mark['text']}" if mark["text"] else f"mark {k}"
+        found.append({"kind": "mark", "label": label, "t": mark["t"]})
+    seen: dict[str, int] = {}
+    for one in behaviors[:500]:
+        name = one["text"]
+        seen[name] = seen.get(name, 0) + 1
+        label = name.replace("_", " ") + (f" {seen[name]}" if seen[name] > 1 else "")
+        found.append({"kind": f"behavior:{name}", "label": label, "t": one["from"]})
+    return found
+
+
+def parameters_of(attachment: bytes | None) -> dict[str, Any]:
+    """Name → value at the start; those of the station begin with `station.`."""
+    try:
+        read = json.loads(attachment or b"{}")
+    except ValueError:
+        return {}
+    if not isinstance(read, Mapping):
+        return {}
+    if not isinstance(read.get("vehicle"), Mapping):
+        return _plain(read)
+    values = dict(read["vehicle"])
+    station = read.get("station")
+    for name, value in station.items() if isinstance(station, Mapping) else ():
+        values[name if name.startswith("station.") else f"station.{name}"] = value
+    return _plain(values)
+
+
+def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
+    """The flight volume, (low, high) of x, y and z in m; None where the log does not tell."""
+    sides = []
+    for axis in "xyz":
+        side = [parameters.get(f"behavior.volume_{axis}_{end}") for end in ("min", "max")]
+        if not all(isinstance(bound, int | float) for bound in side):
+            return None
+        sides.append([float(bound) for bound in side if bound is not None])
+    return sides
+
+
+def beacons_of(
+    parameters: Mapping[str, Any], changes: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Layouts with the time each came in force: t, beacons (id, x, y, z)."""
+    name = next((one for one in LAYOUTS if one in parameters), None)
+    if name is None:
+        return []
+    texts = [(0.0, parameters[name])]
+    texts += [(one["t"], one["new"]) for one in changes if one["name"] == name]
+    found = []
+    for t, text in texts:
+        with contextlib.suppress(QuadlabError, ValueError, TypeError, AttributeError):
+            layout = parse_layout(text)
+            rows = [
+                [int(id), *(float(x) for x in place)]
+                for id, place in zip(layout.ids, layout.positions_w, strict=True)
+            ]
+            found.append({"t": t, "beacons": rows})
+    return found
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Numbers, truths and texts; what JSON has no number for becomes a text."""
+    kept = {k: v for k, v in values.items() if isinstance(v, bool | int | float | str)}
+    return {
+        k: str(v) if isinstance(v, float) and not math.isfinite(v) else v for k, v in kept.items()
+    }
+
+
+def _numbered(kind: str, label: str, times: list[float]) -> list[Moment]:
+    return [
+        {"kind": kind, "label": label if k == 0 else f"{label} {k + 1}", "t": t}
+        for k, t in enumerate(times[:50])
+    ]
+
+
+def _value(text: Any) -> Any:
+    try:
+        value = ast.literal_eval(text)
+    except (ValueError, SyntaxError, TypeError):
+        return text
+    return value if isinstance(value, bool | int | float | str) else text

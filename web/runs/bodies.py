@@ -1,0 +1,42 @@
+"""What a page may ask about runs."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from console.catalogue_marks import LONGEST, OLDEST
+
+RunId = Annotated[str, Field(min_length=1, max_length=120)]
+Tag = Annotated[str, Field(min_length=1, max_length=80)]
+
+
+class _Body(BaseModel):
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+class NotesBody(_Body):
+    notes: str = Field(max_length=10_000)
+    seen: int | None = Field(
+        None, ge=0, description="version of the notes the writer had before the eyes"
+    )
+
+
+class RunsBody(_Body):
+    runs: list[RunId] = Field(min_length=1, max_length=2000)
+
+
+class TagsBody(RunsBody):
+    add: list[Tag] = Field([], max_length=20)
+    remove: list[Tag] = Field([], max_length=20)
+
+
+class MarkBody(_Body):
+    id: str = Field(
+        pattern=r"^[A-Za-z0-9_-]{8,64}$", description="a new one marks, a known one gets the text"
+    )
+    text: str = Field("", max_length=LONGEST)
+    ago: float | None = Field(
+        None, ge=0.0, le=OLDEST, description="s since the key was pressed; of a new mark"
+    )

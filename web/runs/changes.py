@@ -1,0 +1,15 @@
+"""Tells all pages that something about runs is new."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from web.events import EventHub
+
+
+def tell_changed(hub: EventHub, run_ids: Iterable[str]) -> None:
+    """From any thread; pages ask again for what they show."""
+    hub.publish_from_thread({"type": "runs", "runs": list(run_ids)})

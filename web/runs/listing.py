@@ -1,0 +1,70 @@
+"""One line of the list of runs, with what stands beside the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from console.catalogue import Catalogue, RunEntry
+from console.catalogue_marks import mark_counts
+from console.catalogue_notes import Note, newest_notes
+from console.catalogue_tags import tags_of
+from console.run_reports import RESULT, read_result, report_folder
+from quadrotor.errors import StorageError
+from vehicle_link.log.file import is_being_written
+
+
+def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:
+    """Of each run: its row, tags, number of marks, who wrote the notes, verdict of its report."""
+    ids = [entry.id for entry in entries]
+    tags, notes = tags_of(catalogue, ids), newest_notes(catalogue, ids)
+    marks = mark_counts(catalogue, ids)
+    return [
+        {
+            **asdict(entry),
+            "tags": tags.get(entry.id, []),
+            "marks": marks.get(entry.id, 0),
+            "notes_by": about(notes.get(entry.id)),
+            **_report(catalogue.folder / Path(entry.file).name),
+            "recording": not entry.complete and _is_recorded(catalogue, entry),
+        }
+        for entry in entries
+    ]
+
+
+def about(note: Note | None) -> dict[str, Any]:
+    """Who wrote the notes and when (s, epoch); version 0: nobody yet."""
+    if note is None:
+        return {"version": 0, "author": "", "stamp": None}
+    stamp = note.stamp_ns * 1e-9 if note.stamp_ns else None
+    return {"version": note.version, "author": note.author, "stamp": stamp}
+
+
+def _is_recorded(catalogue: Catalogue, entry: RunEntry) -> bool:
+    try:
+        return is_being_written(catalogue.folder / Path(entry.file).name)
+    except OSError:
+        return False
+
+
+def _report(log: Path) -> dict[str, Any]:
+    """`report`: whether there is one; `verdict` also says when it cannot be read."""
+    try:
+        stamp = (report_folder(log) / RESULT).stat().st_mtime_ns
+    except OSError:
+        return {"report": False, "experiment": "", "verdict": ""}
+    experiment, verdict = _verdict(log, stamp)
+    return {"report": True, "experiment": experiment, "verdict": verdict}
+
+
+@lru_cache(maxsize=4096)
+def _verdict(log: Path, stamp: int) -> tuple[str, str]:
+    """`stamp` makes a report judged again another one."""
+    try:
+        result = read_result(log)
+    except StorageError:
+        return "", "unreadable"
+    return str(result.get("experiment", "")), str(result.get("verdict", ""))

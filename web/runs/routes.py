@@ -1,0 +1,144 @@
+"""The page of runs, their list, notes, tags, marks and files. An unknown run is a StorageError,
+answered with 404."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import FastAPI, HTTPException, Query
+from fastapi.responses import FileResponse
+
+from console.catalogue_marks import marks_of
+from console.catalogue_notes import notes_history, write_notes
+from console.catalogue_search import RunSearch
+from console.catalogue_tags import all_tags, change_tags
+from quadrotor.errors import StorageError
+from web.asking import Operator
+from web.runs.bodies import MarkBody, NotesBody, TagsBody
+from web.runs.changes import tell_changed
+from web.runs.listing import about, lines
+from web.runs.sharing import add_sharing
+from web.runs.trash import add_trash
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+STATIC = Path(__file__).parent.parent / "static"
+MOST = 1000
+
+Text = Annotated[str, Query(max_length=300)]
+Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
+
+
+def add_runs(app: FastAPI, parts: Parts) -> None:
+    """/runs and the routes below /api/runs, /api/tags, /api/marks, /api/trash, /api/storage."""
+    _add_list(app, parts)
+    _add_notes(app, parts)
+    _add_tags_and_marks(app, parts)
+    add_trash(app, parts)
+    add_sharing(app, parts)
+
+
+def _add_list(app: FastAPI, parts: Parts) -> None:
+    catalogue = parts.catalogue
+
+    @app.get("/runs", include_in_schema=False)
+    def page() -> FileResponse:
+        return FileResponse(STATIC / "runs.html")
+
+    @app.get("/api/runs")
+    def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
+        """Newest first; each word of `search` must stand in id, operator, notes, vehicle, a tag or
+        the text of a mark. `report`: whether it has one."""
+        return lines(
+            catalogue,
+            catalogue.runs(search, limit=min(max(limit, 1), MOST), offset=max(offset, 0)),
+        )
+
+    @app.get("/api/runs/search")
+    def search(
+        words: Text = "",
+        tag: Text = "",
+        vehicle: Text = "",
+        since_ns: Nanoseconds = 0,
+        until_ns: Nanoseconds = 0,
+        limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
+        offset: Annotated[int, Query(ge=0)] = 0,
+    ) -> dict[str, Any]:
+        """A page of the list and how many there are; bounds of the start are of the epoch."""
+        wanted = RunSearch(words, tag, vehicle, since_ns, until_ns)
+        found = catalogue.runs(wanted, limit=limit, offset=offset)
+        return {"total": catalogue.count(wanted), "runs": lines(catalogue, found)}
+
+    @app.head("/api/runs/{run_id}/download", include_in_schema=False)
+    @app.get("/api/runs/{run_id}/download")
+    def download(run_id: str) -> FileResponse:
+        """The run's MCAP file; ranges work, so a broken download can be resumed."""
+        path = catalogue.resolve(run_id)
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+
+def _add_notes(app: FastAPI, parts: Parts) -> None:
+    catalogue = parts.catalogue
+
+    @app.put("/api/runs/{run_id}/notes")
+    def set_notes(run_id: str, body: NotesBody, session: Operator) -> dict[str, Any]:
+        """The last one who writes wins; `replaced`: what somebody wrote that `seen` did not know.
+        Earlier texts stay in the history."""
+        written = write_notes(catalogue, run_id, body.notes, session.label, body.seen)
+        tell_changed(parts.hub, [run_id])
+        replaced = written.replaced
+        return {
+            "notes": written.note.text,
+            "notes_by": about(written.note),
+            "replaced": {"notes": replaced.text, **about(replaced)} if replaced else None,
+        }
+
+    @app.get("/api/runs/{run_id}/notes")
+    def history(run_id: str) -> list[dict[str, Any]]:
+        """All texts, newest first."""
+        return [{"notes": n.text, **about(n)} for n in notes_history(catalogue, run_id)]
+
+
+def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
+    catalogue = parts.catalogue
+
+    @app.get("/api/tags")
+    def tags() -> list[dict[str, Any]]:
+        """All there are, the most used first."""
+        return [{"tag": tag, "runs": count} for tag, count in all_tags(catalogue).items()]
+
+    @app.post("/api/tags")
+    def change(body: TagsBody, _: Operator) -> dict[str, list[str]]:
+        """Adds and removes tags of several runs, all or nothing; run → tags afterwards."""
+        try:
+            for run_id in body.runs:
+                catalogue.get(run_id)
+        except StorageError as error:
+            raise HTTPException(404, str(error)) from error
+        changed = change_tags(catalogue, body.runs, body.add, body.remove)
+        tell_changed(parts.hub, changed)
+        return changed
+
+    @app.get("/api/runs/{run_id}/marks")
+    def marks(run_id: str) -> list[dict[str, Any]]:
+        """In the order of time; `time` in s since the start of the run."""
+        return [asdict(mark) for mark in marks_of(catalogue, run_id)]
+
+    @app.post("/api/marks")
+    async def mark(body: MarkBody, session: Operator) -> dict[str, Any]:
+        """Marks the moment the key was pressed in the run being recorded; needs no lease. With a
+        known id only the text is new."""
+        pressed_ns = 0 if body.ago is None else time.time_ns() - round(body.ago * 1e9)
+        answer = await parts.station.answer(
+            "mark", session.label, id=body.id, text=body.text, pressed_ns=pressed_ns
+        )
+        return {
+            "id": body.id,
+            "run_id": answer.run_id,
+            "time": float(answer.time),
+            "logged": bool(answer.logged),
+        }

@@ -1,0 +1,68 @@
+"""A run for other programs: a signed link for Foxglove and Lichtblick, a recording for viser."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode, urlsplit
+
+from fastapi import FastAPI, HTTPException, Request
+from fastapi.responses import FileResponse, JSONResponse, Response
+
+from quadrotor.errors import StorageError
+from web.access.signed_links import AGE, SUFFIX
+from web.asking import Asker
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+VIEWERS = {
+    "foxglove": "https://app.foxglove.dev/~/view",
+    "lichtblick": "https://lichtblick-suite.github.io/lichtblick/",
+}
+"""Where a deep link `?ds=remote-file&ds.url=…` is understood."""
+
+
+def add_sharing(app: FastAPI, parts: Parts) -> None:
+    catalogue, exports = parts.catalogue, parts.exports
+
+    @app.post("/api/runs/{run_id}/link")
+    def link(run_id: str, request: Request, _: Asker) -> dict[str, Any]:
+        """A link to the run's file that works for ten minutes without a session, and the addresses
+        that open it in a viewer."""
+        catalogue.resolve(run_id)
+        here = f"{urlsplit(parts.base_url).scheme}://{request.headers['host']}"
+        url = f"{here}{parts.links.make(run_id)}"
+        query = urlencode({"ds": "remote-file", "ds.url": url})
+        return {
+            "url": url,
+            "expires": time.time() + AGE,
+            "viewers": {name: f"{place}?{query}" for name, place in VIEWERS.items()},
+        }
+
+    @app.head("/signed/runs/{name}", include_in_schema=False)
+    @app.get("/signed/runs/{name}", include_in_schema=False)
+    def signed(name: str) -> FileResponse:
+        """The gate lets a request come this far with a session or a valid signature."""
+        try:
+            path = catalogue.resolve(name.removesuffix(SUFFIX))
+        except StorageError as error:
+            raise HTTPException(404, str(error)) from error
+        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+
+    @app.post("/api/runs/{run_id}/viser")
+    def make(run_id: str, _: Asker) -> dict[str, Any]:
+        """Begins to make the recording for viser, or says how that stands: ready, working, waiting
+        or failed, with progress 0 to 1 or the reason."""
+        return exports.ask(run_id, catalogue.resolve(run_id)).as_json()
+
+    @app.get("/api/runs/{run_id}/viser")
+    def recording(run_id: str) -> Response:
+        """The recording, for /viser/?playbackPath=…; 202 and how it stands while it is made."""
+        log = catalogue.resolve(run_id)
+        state = exports.ask(run_id, log)
+        if state.path is None:
+            return JSONResponse(state.as_json(), 409 if state.name == "failed" else 202)
+        return FileResponse(
+            state.path, filename=f"{run_id}.viser", media_type="application/octet-stream"
+        )

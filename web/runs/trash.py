@@ -1,0 +1,96 @@
+"""Deleting runs, undoing it, and how full the disk is.
+
+An operator deletes and brings back; for good only an admin removes before the time is up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI
+
+from console.parameters import RecorderParameters
+from console.run_storage import storage
+from console.run_trash import delete_run, deleted_runs, purge, restore_run
+from quadrotor.errors import QuadlabError
+from web.asking import Admin, Operator
+from web.runs.bodies import RunsBody
+from web.runs.changes import tell_changed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from web.parts import Parts
+
+RECORDER = "station.recorder."
+
+
+def add_trash(app: FastAPI, parts: Parts) -> None:
+    """The routes below /api/trash, and /api/storage."""
+    catalogue = parts.catalogue
+
+    @app.get("/api/storage")
+    def disk() -> dict[str, Any]:
+        """Sizes in bytes; `lasts`: s of recording until only `keep_free` is left, at the rate of
+        the newest runs or of the one being recorded; null when no rate is known."""
+        found, limits = storage(catalogue), recorder_limits(parts)
+        station = parts.live.current("station_status")
+        rate, is_recording = found.rate, station is not None and bool(station.recording)
+        if station is not None and is_recording and station.recording_duration > 1.0:
+            rate = float(station.recording_bytes) / float(station.recording_duration)
+        keep_free = round(limits["keep_free"] * 1e6)
+        return {
+            **asdict(found),
+            "rate": rate,
+            "recording": is_recording,
+            "keep_free": keep_free,
+            "warn_free": round(limits["warn_free"] * 1e6),
+            "trash_days": limits["trash_keep"],
+            "lasts": found.lasts(keep_free, rate),
+        }
+
+    @app.get("/api/trash")
+    def deleted() -> list[dict[str, Any]]:
+        """The newest deletion first."""
+        return [asdict(run) for run in deleted_runs(catalogue)]
+
+    @app.post("/api/trash")
+    def delete(body: RunsBody, session: Operator) -> dict[str, Any]:
+        """Moves runs to the trash; `refused`: id → reason of those that stay."""
+        return _each(body.runs, lambda run_id: delete_run(catalogue, run_id, session.label))
+
+    @app.post("/api/trash/restore")
+    def restore(body: RunsBody, _: Operator) -> dict[str, Any]:
+        """Brings runs back with notes, tags and marks."""
+        return _each(body.runs, lambda run_id: restore_run(catalogue, run_id))
+
+    @app.post("/api/trash/empty")
+    def empty(session: Admin) -> dict[str, Any]:
+        """Removes what is in the trash for good, now."""
+        gone = purge(catalogue)
+        if gone:
+            tell_changed(parts.hub, gone)
+        return {"done": gone, "refused": {}}
+
+    def _each(run_ids: list[str], act: Callable[[str], None]) -> dict[str, Any]:
+        done: list[str] = []
+        refused: dict[str, str] = {}
+        for run_id in dict.fromkeys(run_ids):
+            try:
+                act(run_id)
+                done.append(run_id)
+            except QuadlabError as error:
+                refused[run_id] = str(error)
+        if done:
+            tell_changed(parts.hub, done)
+        return {"done": done, "refused": refused}
+
+
+def recorder_limits(parts: Parts) -> dict[str, float]:
+    """`station.recorder.*` as confirmed, else their defaults."""
+    defaults = RecorderParameters()
+    return {
+        name: float(parts.mirror.value(f"{RECORDER}{name}") or getattr(defaults, name))
+        for name in ("keep_free", "warn_free", "trash_keep")
+    }

@@ -1,0 +1,143 @@
+"""A flight as a recording for viser: what the 3D view of the page would have shown.
+
+`python -m web.runs.viser_recording LOG FILE` writes it at low priority and prints its
+progress, 0 to 1, a line each; an error is one line that does not begin with a digit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bearing_sim.beacons import parse_layout
+from bearing_sim.bearing_parameters import BearingParameters
+from bearing_sim.observability import Sight
+from quadrotor.errors import QuadlabError, StorageError
+from vehicle_link.log import read_attachments, read_log, summarize
+from vehicle_link.messages import decode
+from web.follow_parameters import BEARINGS, flight_volume
+from web.live import Live
+from web.scene import Scene
+from web.view_server import ViewServer
+
+RATE = 20.0  # Hz
+SHOWN = ("state", "reference", "truth", "actuators", "status", "bearings", "bearing_pose")
+CHANGES = "parameter_changes"
+NICENESS = 15
+LONGEST = 1800  # s this process may take
+LEAST_PROGRESS = 0.01
+
+
+def record(log: Path, file: Path, progress: Callable[[float], None] = lambda share: None) -> None:
+    """Writes the recording of a closed log. Raises StorageError or LogFormatError."""
+    summary = summarize(log)
+    server = ViewServer()
+    try:
+        content = _Flight(log, server).play(summary.duration, progress)
+    finally:
+        server.stop()
+    aside = file.with_name(f"{file.name}.new")
+    try:
+        aside.write_bytes(content)
+        aside.replace(file)
+    except OSError as error:
+        aside.unlink(missing_ok=True)
+        raise StorageError(f"cannot write {file}: {error.strerror}") from error
+
+
+class _Flight:
+    """One log through the scene of the page, whose clock is that of the log."""
+
+    def __init__(self, log: Path, server: ViewServer) -> None:
+        self._log = log
+        self._server = server
+        self._now = 0.0  # s, log time
+        self._live = Live(decode, lambda: self._now)
+        self._scene = Scene(server, self._live)
+        view = self._scene.beacons.view  # rays and cones are most of the bytes
+        self._scene.beacons.show(replace(view, rays=False, cones=False, estimate="none"))
+        self._values = _station_values(log)
+        self._scene_of_parameters()
+
+    def play(self, duration: float, progress: Callable[[float], None]) -> bytes:
+        """Args: `duration` of the log, s."""
+        recording = self._server.viser.get_scene_serializer()
+        start = due = told = 0.0
+        for message in read_log(self._log):
+            name = message.topic.rpartition("/")[2]
+            if name not in SHOWN and name != CHANGES:
+                continue
+            now = message.log_ns * 1e-9
+            start = start or now
+            due = due or now
+            # A clock that jumps must not make hours of frames; a gap is shown as one long frame.
+            if now >= due:
+                recording.insert_sleep(min(now - due + 1.0 / RATE, 1.0))
+                due = now + 1.0 / RATE
+                self._scene.update(self._now)
+                share = min(1.0, (now - start) / duration) if duration > 0.0 else 1.0
+                if share - told >= LEAST_PROGRESS:
+                    told = share
+                    progress(share)
+            self._now = now
+            if name == CHANGES:
+                self._change(decode(message.payload, message.type_name))
+            else:
+                self._live.put(name, message.payload)
+        self._scene.update(self._now)
+        return recording.serialize()
+
+    def _change(self, change: Any) -> None:
+        """A parameter the 3D view follows."""
+        if change.name == f"{BEARINGS}layout":
+            self._values[change.name] = change.new_value.strip("'\"")
+            self._scene_of_parameters()
+
+    def _scene_of_parameters(self) -> None:
+        if (box := flight_volume(self._values.get)) is not None:
+            self._scene.set_volume(box)
+        fields = BearingParameters.model_fields
+        known = ((name, self._values.get(f"{BEARINGS}{name}")) for name in fields)
+        own: dict[str, Any] = {name: value for name, value in known if value is not None}
+        try:
+            sensor = BearingParameters(**own)
+            self._scene.beacons.set_beacons(
+                parse_layout(sensor.layout), math.radians(sensor.sigma), Sight.of(sensor),
+                sensor.rate,
+            )  # fmt: skip
+        except (QuadlabError, ValueError, TypeError):
+            return  # of another version; the beacons stay where they were
+
+
+def _station_values(log: Path) -> dict[str, Any]:
+    """Parameters of vehicle and station by their full names, as they were at the start."""
+    try:
+        content = json.loads(read_attachments(log).get("parameters.json", b"{}"))
+    except ValueError:
+        return {}
+    if not isinstance(content, dict):
+        return {}
+    return {**(content.get("vehicle") or {}), **(content.get("station") or {})}
+
+
+def main() -> int:
+    log, file = map(Path, sys.argv[1:3])
+    os.nice(NICENESS)  # a flight on this computer comes first
+    signal.alarm(LONGEST)
+    try:
+        record(log, file, lambda share: print(f"{share:.3f}", flush=True))
+    except QuadlabError as error:
+        print(" ".join(str(error).split()), flush=True)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

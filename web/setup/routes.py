@@ -1,0 +1,80 @@
+"""The routes of the Set-up page: /setup and those below /api/setup.
+
+Parameters, beacons and users have routes of their own, which the page uses as well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI
+from fastapi.responses import FileResponse
+
+from quadrotor.errors import LinkError
+from vehicle_link.checks import Check, from_messages
+from web.asking import Operator
+from web.setup.page_checks import page_checks
+from web.setup.preflight import check_fields
+from web.setup.vehicles import known_vehicles
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+STATIC = Path(__file__).parent.parent / "static"
+
+
+def add_setup(app: FastAPI, parts: Parts) -> None:
+    station, people = parts.station, parts.people
+
+    @app.get("/setup", include_in_schema=False)
+    def page() -> FileResponse:
+        return FileResponse(STATIC / "setup.html")
+
+    @app.get("/api/setup/vehicles")
+    async def vehicles() -> list[dict[str, Any]]:
+        """Known vehicles; `last_seen` in s, epoch, null = never."""
+        return await asyncio.to_thread(
+            known_vehicles, parts.vehicle, parts.live, parts.catalogue, time.time()
+        )
+
+    @app.get("/api/setup/people")
+    async def signed_in() -> list[dict[str, Any]]:
+        """Who has a browser signed in; `last_seen` in s, epoch."""
+        return [
+            {
+                "name": one.label, "role": one.role.value, "account": one.has_account,
+                "sessions": one.sessions, "last_seen": one.last_seen,
+            }
+            for one in await asyncio.to_thread(people.sessions.people)
+        ]  # fmt: skip
+
+    async def found(requester: str, *, again: bool) -> dict[str, Any]:
+        ours = page_checks(
+            parts.base_url, parts.tls, await asyncio.to_thread(people.accounts.count)
+        )
+        checked: float = 0.0
+        told: list[Check] = []
+        try:
+            answer = await station.answer("checks", requester, again=again)
+            checked, told = float(answer.checked), from_messages(answer.checks)
+        except LinkError as error:
+            advice = f"{error}; start quadlab up or quadlab station"
+            told = [Check("station", "fail", "does not answer", "answers", advice, "station")]
+        return {
+            "checked": checked or None,
+            "checks": [check_fields(one) for one in (*told, *ours)],
+        }
+
+    @app.get("/api/setup/checks")
+    async def checks() -> dict[str, Any]:
+        """What was found last by station and vehicle (`checked`: when, s, epoch, null = not yet),
+        and what the page finds now."""
+        return await found("page", again=False)
+
+    @app.post("/api/setup/checks")
+    async def check_again(session: Operator) -> dict[str, Any]:
+        """Looks again; 409 while the vehicle is armed."""
+        return await found(session.label, again=True)

@@ -1,0 +1,74 @@
+"""Signals made from the message types: every number of a message that no named signal shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from vehicle_link.messages.numbers import Path, number_at, numbers
+from vehicle_link.topics.table import TOPICS
+from web.signals.signal import Signal, Source
+from web.signals.units import unit_of
+
+MEMBERS = 8
+"""Of an array without a fixed length: beacons, axes of sticks, cells of a battery."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """One number of a message, with its words for people."""
+
+    path: Path
+    name: str  # `pose.covariance.0`
+    label: str
+    group: str
+    unit: str
+
+
+def leaves(type_name: str, covered: Collection[str] = ()) -> list[Leaf]:
+    """The numbers of a message of this type (`quadlab_msgs/LinkStatus`), in its order.
+
+    Args:
+        covered: dotted paths left out, with what is below them.
+    """
+    found = []
+    for path, fields in numbers(type_name, MEMBERS):
+        name = ".".join(str(step) for step in path)
+        if any(name == one or name.startswith(f"{one}.") for one in covered):
+            continue
+        *outer, last = _words(path)
+        found.append(Leaf(path, name, last, " ".join(outer), unit_of(fields)))
+    return found
+
+
+def _words(path: Path) -> list[str]:
+    """`pose`, `covariance 7` of `pose.pose.covariance.7`: an index says nothing alone."""
+    words: list[str] = []
+    for step in path:
+        if isinstance(step, int):
+            words[-1] += f" {step}"
+        elif step not in words:
+            words.append(step.replace("_", " "))
+    return words
+
+
+def reader(members: Sequence[Leaf]) -> Callable[[Any], Sequence[float]]:
+    paths = [leaf.path for leaf in members]
+    return lambda message: [number_at(message, path) for path in paths]
+
+
+def sources_of(topic: str, covered: Collection[str]) -> list[Source]:
+    """One source for each group of numbers, so that only what is wanted is read."""
+    groups: dict[str, list[Leaf]] = {}
+    for leaf in leaves(TOPICS[topic].type_name, covered):
+        groups.setdefault(leaf.group, []).append(leaf)
+    return [_source(topic, group, members) for group, members in groups.items()]
+
+
+def _source(topic: str, group: str, members: Sequence[Leaf]) -> Source:
+    title = group or topic.replace("_", " ")
+    signals = tuple(
+        Signal(f"{topic}.{leaf.name}", leaf.label, leaf.unit, title, topic) for leaf in members
+    )
+    return Source((topic,), signals, reader(members))

@@ -1,0 +1,52 @@
+"""Units of the fields of messages, as their .msg files state them; a nested field inherits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+_UNITS: dict[str, dict[str, str]] = {
+    "geometry_msgs/msg/Pose": {"position": "m"},
+    "geometry_msgs/msg/Twist": {"linear": "m/s", "angular": "rad/s"},
+    "sensor_msgs/msg/Imu": {"angular_velocity": "rad/s", "linear_acceleration": "m/s²"},
+    "sensor_msgs/msg/FluidPressure": {"fluid_pressure": "Pa", "variance": "Pa²"},
+    "sensor_msgs/msg/BatteryState": {
+        "voltage": "V", "temperature": "°C", "current": "A", "charge": "Ah", "capacity": "Ah",
+        "design_capacity": "Ah", "cell_voltage": "V", "cell_temperature": "°C",
+    },
+    "quadlab_msgs/msg/Reference": {
+        "jerk": "m/s³", "snap": "m/s⁴", "yaw_rate": "rad/s", "yaw_acceleration": "rad/s²",
+    },
+    "quadlab_msgs/msg/EstimatorStatus": {
+        "mass_variance": "kg²", "position_innovation": "m", "attitude_innovation": "rad",
+    },
+    "quadlab_msgs/msg/EstimatorComparison": {"duration": "s", "sigma": "rad"},
+    "quadlab_msgs/msg/EstimatorResult": {
+        "velocity": "m/s", "position_covariance": "m²", "attitude_variance": "rad²",
+        "position_error": "m", "position_rms": "m", "position_max": "m",
+        "position_rms_recent": "m", "position_max_recent": "m", "attitude_error": "rad",
+        "attitude_rms": "rad", "attitude_max": "rad", "attitude_rms_recent": "rad",
+        "attitude_max_recent": "rad", "residuals": "rad",
+    },
+    "quadlab_msgs/msg/BearingArray": {"sigma": "rad"},
+    "quadlab_msgs/msg/VehicleStatus": {
+        "tick_rate": "Hz", "lateness_p50": "s", "lateness_p99": "s", "lateness_max": "s",
+    },
+    "quadlab_msgs/msg/StationStatus": {
+        "recording_duration": "s", "recording_bytes": "B", "free_bytes": "B", "tracker_rate": "Hz",
+    },
+    "quadlab_msgs/msg/LinkStatus": {
+        "round_trip": "s", "clock_offset": "s", "jitter": "s", "age": "s", "telemetry_rate": "Hz",
+        "state_duration": "s", "outage_last": "s", "outage_longest": "s", "outage_total": "s",
+    },
+    "quadlab_msgs/msg/ExperimentStatus": {"elapsed": "s", "planned": "s"},
+}  # fmt: skip
+
+
+def unit_of(fields: Sequence[tuple[str, str]]) -> str:
+    """The innermost unit known; empty when it has none, or it is not known.
+
+    Args:
+        fields: message type (`nav_msgs/msg/Odometry`) and field, from the outermost in.
+    """
+    known = [_UNITS.get(type_name, {}).get(field, "") for type_name, field in fields]
+    return next((unit for unit in reversed(known) if unit), "")

@@ -1,0 +1,47 @@
+// What to press first, and the keys: one key away, and open by itself on the first visit.
+// It covers a part of the 3D view and nothing else: the controls in the bar stay in reach.
+
+import { element } from "./format.js";
+import { keys, onKey } from "./keys.js";
+
+const SEEN = "quadlab.help.seen";
+const STEPS = [
+  ["Look", "Mode, link and battery stand in the bar. Grey, with an age, is old: nobody has heard since."],
+  ["Arm", "Hold Arm until it is full. What is not ready is listed in the Fly tab, with what to do."],
+  ["Take off", "It climbs to 1 m and hovers. Fly to, Figure 8, sticks and experiments are in the Fly tab."],
+  ["Land", "Land comes down where it is. Emergency land comes down now, whatever runs; anybody may press it."],
+  ["Cut motors", "Only when a fall is better than flight: hold it for half a second."],
+];
+const NAMES = { " ": "space", Escape: "Esc" };
+
+function seen() { try { return localStorage.getItem(SEEN) !== null; } catch { return true; } }
+function remember() { try { localStorage.setItem(SEEN, "1"); } catch { /* a private window forgets; the help opens again */ } }
+
+export class Help {
+  constructor(button, isOperator) {
+    this.button = button;
+    this.isOperator = isOperator;
+    this.dialog = element("dialog", { id: "help-panel", ariaLabel: "help" });
+    document.getElementById("view").append(this.dialog);
+    button.addEventListener("click", () => this.toggle());
+    this.dialog.addEventListener("close", () => { remember(); button.setAttribute("aria-expanded", "false"); });
+    onKey("?", "this help", () => this.toggle());
+    document.addEventListener("keydown", (event) => { if (event.key === "Escape") this.dialog.close(); });
+    if (!seen()) this.open();
+  }
+
+  toggle() { if (this.dialog.open) this.dialog.close(); else this.open(); }
+
+  open() {
+    const steps = this.isOperator ? STEPS : [STEPS[0], ["Watch", "You are a viewer: everything is shown, and Emergency land is yours too. An operator's invitation lets you command."]];
+    const item = ({ key, meaning, hold }) => element("div", {}, element("dt", {}, element("kbd", {}, NAMES[key] ?? key), hold ? " held" : ""), element("dd", {}, meaning));
+    this.dialog.replaceChildren(
+      element("header", {}, element("h1", {}, this.isOperator ? "Your first flight" : "What you see"), element("button", { className: "small", onclick: () => this.dialog.close() }, "Close")),
+      element("ol", {}, ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`))),
+      element("h1", {}, "Keys"),
+      element("dl", {}, ...keys().map(item)),
+      element("p", {}, "Keys pressed inside the 3D view stay there: click beside it first."));
+    this.button.setAttribute("aria-expanded", "true");
+    this.dialog.show();
+  }
+}

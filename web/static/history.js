@@ -1,0 +1,70 @@
+// What came of the signals somebody charts, in arrays of a fixed size: the last ten minutes.
+
+const CAPACITY = 15360; // samples at 25 Hz
+const STEP_BACK = 1; // s; a clock that was set back by more starts afresh
+
+// Samples stand in one piece: arrays are twice as long, and when they are full their last half
+// is moved to the front.
+export class History {
+  constructor(telemetry, capacity = CAPACITY) {
+    this.telemetry = telemetry;
+    this.capacity = capacity;
+    this.wants = new Map(); // who wants which signals
+    this.times = new Float64Array(2 * capacity);
+    this.columns = new Map(); // name → Float32Array, NaN where there is no value
+    this.end = 0;
+    telemetry.addEventListener("frame", ({ detail }) => this.take(detail));
+    telemetry.addEventListener("close", () => this.gap());
+  }
+
+  // names: none takes the wish back.
+  want(who, names) {
+    if (names.length) this.wants.set(who, names);
+    else this.wants.delete(who);
+    const wanted = new Set([...this.wants.values()].flat());
+    for (const name of this.columns.keys()) if (!wanted.has(name)) this.columns.delete(name);
+    for (const name of wanted) if (!this.columns.has(name)) this.columns.set(name, new Float32Array(2 * this.capacity).fill(NaN));
+    this.telemetry.want("charts", [...wanted]);
+  }
+
+  get start() { return Math.max(0, this.end - this.capacity); }
+  get last() { return this.end ? this.times[this.end - 1] : undefined; }
+  column(name) { return this.columns.get(name); }
+
+  take({ time, value }) {
+    if (time <= this.last - STEP_BACK) this.end = 0;
+    if (time <= this.last) return;
+    this.room();
+    this.times[this.end] = time;
+    for (const [name, column] of this.columns) column[this.end] = value[name] ?? NaN;
+    this.end += 1;
+  }
+
+  // Nothing came from here on.
+  gap() {
+    if (this.end) this.take({ time: this.last + 1e-3, value: {} });
+  }
+
+  room() {
+    if (this.end < 2 * this.capacity) return;
+    for (const column of [this.times, ...this.columns.values()]) column.copyWithin(0, this.capacity);
+    this.end = this.capacity;
+  }
+
+  // A copy that stays as it is.
+  freeze() {
+    const { start, end } = this;
+    const columns = new Map([...this.columns].map(([name, column]) => [name, column.slice(start, end)]));
+    return { times: this.times.slice(start, end), start: 0, end: end - start, column: (name) => columns.get(name) };
+  }
+}
+
+// The first index in [start, end) whose time is not before `time`; `end` if there is none.
+export function indexAt(times, time, start, end) {
+  while (start < end) {
+    const middle = (start + end) >> 1;
+    if (times[middle] < time) start = middle + 1;
+    else end = middle;
+  }
+  return start;
+}

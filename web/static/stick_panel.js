@@ -1,0 +1,111 @@
+// The sticks on the Fly tab: where they are (ring: the stick, dot: what is sent), whether they
+// move the vehicle and if not why, how fast full stick is, and the round trip to the station.
+
+import { element, fixed } from "./format.js";
+import { StickEditor } from "./stick_editor.js";
+import { presetOf } from "./stick_mapping.js";
+import { Sticks } from "./sticks.js";
+
+const REACH = 15; // px from the centre of a pad to full stick
+const KEYS = "Hold Shift: W A S D move, arrows up, down and turn. On a pad hold a shoulder button.";
+const LIMITS = { joy_speed_xy: 1, joy_speed_z: 1, joy_yaw_rate: 180 / Math.PI };
+const STALE = 1; // s
+
+export function addSticks(place, { events, isOperator, fly, emergency, gains }) {
+  if (!isOperator) { place.append(element("p", { className: "note" }, "Viewers have no sticks.")); return null; }
+  return new StickPanel(place, events, fly, emergency, gains);
+}
+
+class StickPanel {
+  constructor(place, events, fly, emergency, gains) {
+    this.place = place;
+    this.events = events;
+    this.gains = gains;
+    this.sticks = new Sticks(emergency);
+    this.editor = new StickEditor(document.getElementById("view"), this.sticks);
+    this.pads = ["up and turn", "forward and left"].map((title) => {
+      const ring = element("i", { className: "ring" }), dot = element("i", { className: "dot" });
+      return { ring, dot, box: element("span", { className: "pad", title: `${title}; ring: the stick, dot: what is sent` }, ring, dot) };
+    });
+    this.note = element("p", { className: "note", ariaLive: "polite" });
+    this.limits = element("p", { className: "limits" });
+    this.source = element("span", { className: "source" });
+    this.trip = element("output", { className: "trip", title: "from this page to the station and back: median, and the time 95 % stay below" });
+    this.velocity = element("button", { title: "start the behaviour velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity");
+    this.setUp = element("button", { className: "link", title: "which stick and button of the pad is what", onclick: () => this.editor.toggle() }, "Set up pad");
+    place.append(
+      element("span", { className: "pads", ariaHidden: "true" }, ...this.pads.map(({ box }) => box)),
+      element("div", { className: "words" }, this.note, this.limits),
+      this.velocity,
+      element("div", { className: "foot" }, this.source, this.trip, this.setUp));
+    this.sticks.clock.addEventListener("message", () => this.draw());
+  }
+
+  draw() {
+    const { sticks } = this, [left, right] = this.pads;
+    at(left.ring, sticks.raw[3], sticks.raw[2]);
+    at(right.ring, sticks.raw[1], sticks.raw[0]);
+    at(left.dot, sticks.sent[3], sticks.sent[2]);
+    at(right.dot, sticks.sent[1], sticks.sent[0]);
+    this.place.classList.toggle("on", sticks.on);
+    this.place.classList.toggle("refused", !sticks.on && Boolean(sticks.dropped || sticks.held));
+    show(this.note, this.words());
+    show(this.limits, this.limitsText());
+    show(this.source, this.sourceText());
+    const trip = sticks.on ? sticks.link.trip : null, late = sticks.on && sticks.link.overdue > 250;
+    show(this.trip, late ? `no answer for ${fixed(sticks.link.overdue, 0)} ms` : trip ? `${fixed(trip.median, 1)} ms, 95 % below ${fixed(trip.most, 1)} ms` : "");
+    this.trip.classList.toggle("warn", late);
+    this.setUp.hidden = !sticks.pad && !this.editor.isOpen;
+    this.velocity.disabled = this.behavior === "velocity" || !this.isFlying;
+  }
+
+  get status() { return this.events.age("status") < STALE ? this.events.summary.status : null; }
+  get behavior() { return this.status?.behavior?.toLowerCase() ?? ""; }
+  get isFlying() { return Boolean(this.status?.airborne); }
+
+  // What the sticks do at present, or why they do nothing.
+  words() {
+    const { sticks } = this;
+    if (sticks.on) {
+      if (sticks.note) return `On: ${sticks.note}.`;
+      if (!this.status) return "On, but the vehicle is not heard.";
+      if (this.behavior === "velocity") return `On: ${this.commanded()}.`;
+      return this.isFlying ? `On, but ${this.behavior.replaceAll("_", " ")} does not obey sticks: start Velocity.` : "On, but they fly only in the air: arm and take off.";
+    }
+    if (sticks.held && sticks.why) return `Off: ${sticks.why}${/release|press/.test(sticks.why) ? "" : "; release the button and press again"}.`;
+    if (sticks.editing) return "Off while the pad is being set up.";
+    if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
+    if (document.activeElement?.tagName === "IFRAME") return "Keys now go to the 3D view and never reach the page: click here to fly by keyboard.";
+    if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${KEYS}`;
+    if (sticks.dropped) return `Dropped: ${sticks.dropped}. Press the button again.`;
+    return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : KEYS;
+  }
+
+  commanded() {
+    const [xy, z, turn] = this.speeds(), [forward, left, up, yaw] = this.sticks.sent;
+    if (this.sticks.sent.every((value) => value === 0)) return "centred, the vehicle stands";
+    const parts = [[forward, xy, "m/s", "forward", "back"], [left, xy, "m/s", "left", "right"], [up, z, "m/s", "up", "down"], [yaw, turn, "°/s", "turning left", "turning right"]];
+    return parts.filter(([value]) => value !== 0).map(([value, most, unit, more, less]) => {
+      const size = Number.isFinite(most) ? `${fixed(Math.abs(value) * most, unit === "°/s" ? 0 : 2)} ${unit}` : `${fixed(Math.abs(value) * 100, 0)} %`;
+      return `${size} ${value > 0 ? more : less}`;
+    }).join(", ");
+  }
+
+  speeds() { return Object.entries(LIMITS).map(([name, scale]) => scale * this.gains.value(`behavior.${name}`)); }
+
+  limitsText() {
+    const [xy, z, turn] = this.speeds();
+    if (!Number.isFinite(xy)) return "";
+    return `Full stick: ${fixed(xy, 2)} m/s, up ${fixed(z, 2)} m/s, turn ${fixed(turn, 0)} °/s`;
+  }
+
+  sourceText() {
+    const { pad, mapping } = this.sticks;
+    if (!pad) return "keyboard";
+    return `${pad.id.replace(/\s*\((?:STANDARD GAMEPAD|Vendor).*$/i, "") || "pad"}${mapping ? ` · ${presetOf(mapping) || "own mapping"}` : ""}`;
+  }
+}
+
+// Our left is the screen's left, our up (and forward) its up.
+function at(mark, left, up) { mark.style.transform = `translate(${-REACH * left}px, ${-REACH * up}px)`; }
+function show(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,0 +1,1 @@
+"""Step tests from the page: flown, fetched from the vehicle's log, judged, kept, compared."""

@@ -1,0 +1,168 @@
+"""One step test at a time: fly it, fetch every tick of it from the vehicle's log, judge, keep.
+
+It goes on when the page that asked is closed. Nothing of it is taken from telemetry: what the
+log cannot give is a gap, or a failure that says so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
+from typing import Any
+
+from console.tuning.collection import Collection, Samples
+from console.tuning.evaluation import COLUMNS, Plan, evaluate
+from console.tuning.kept_runs import KeptRun, KeptRuns
+from control.trajectories.multistep import LEAD
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.messages import stamp_of
+from web.events import EventHub
+from web.live import Live
+from web.parameter_mirror import ParameterMirror
+from web.station import Station
+
+log = logging.getLogger("quadlab.web")
+
+BEHAVIOR = "excite"
+GAINS = ("control.", "estimation.")
+LOOK = 0.05  # s between two looks at the vehicle's status
+STARTS_WITHIN_NS = 3_000_000_000  # of the vehicle's clock; a status after that shows a new test
+PATIENCE = 10.0  # s beyond the planned end
+AFTER_NS = 350_000_000
+RETRY = 0.25  # s
+ENDS_WELL = ("hover",)
+
+
+class TuningBench:
+    """To be used from the event loop's thread. Publishes `{"type": "tuning", …}` to all pages."""
+
+    def __init__(
+        self,
+        station: Station,
+        live: Live,
+        mirror: ParameterMirror,
+        hub: EventHub,
+        kept: KeptRuns,
+        vehicle: str,
+    ) -> None:
+        self._station = station
+        self._live = live
+        self._mirror = mirror
+        self._hub = hub
+        self.kept = kept
+        self._vehicle = vehicle
+        self._task: asyncio.Task[None] | None = None
+        self._starting = False
+        self.status: dict[str, Any] = {"phase": "idle", "text": "", "share": 0.0, "id": ""}
+
+    @property
+    def busy(self) -> bool:
+        return self._starting or (self._task is not None and not self._task.done())
+
+    def gains(self) -> dict[str, ParameterValue]:
+        """Those in force, as the vehicle confirmed them."""
+        return {
+            name: value for name, value in self._mirror.values().items() if name.startswith(GAINS)
+        }
+
+    async def start(self, plan: Plan, requester: str) -> None:
+        """Returns when the vehicle has accepted it. Raises RefusedError or LinkError."""
+        if self.busy:
+            raise RefusedError("a step test is under way; wait for its end, or brake")
+        status = self._live.current("status")
+        if status is None:
+            raise LinkError("the vehicle's status is old or missing; a test needs the link")
+        begin_ns = stamp_of(status)
+        gains = self.gains()
+        self._starting = True
+        try:
+            await self._station.start_behavior(requester, BEHAVIOR, asdict(plan))
+        finally:
+            self._starting = False
+        self._task = asyncio.create_task(self._run(plan, requester, begin_ns, gains))
+
+    # ------------------------------------------------------------------ the test
+    async def _run(
+        self, plan: Plan, requester: str, begin_ns: int, gains: Mapping[str, ParameterValue]
+    ) -> None:
+        started = datetime.now(UTC).isoformat(timespec="milliseconds")
+        station = self._live.newest("station_status")
+        try:
+            end_ns, followed_by = await self._fly(plan, begin_ns)
+            samples = await self._fetch(requester, begin_ns, end_ns)
+            self._tell("evaluating", "judging it", 1.0)
+            found = await asyncio.to_thread(evaluate, samples, plan)
+            problems = list(found.problems)
+            if followed_by not in ENDS_WELL:
+                problems.append(f"it was ended by {followed_by}; the events say why")
+            now = self.gains()
+            run = KeptRun(
+                id=self.kept.new_id(self._vehicle), started=started, vehicle=self._vehicle,
+                requester=requester, run_id=str(station.run_id) if station else "", plan=plan,
+                gains=dict(gains), changed=[n for n, v in gains.items() if now.get(n) != v],
+                figures=found.figures, edges=found.edges, problems=problems, file=samples.file,
+                rate=samples.rate,
+            )  # fmt: skip
+            if run.changed:
+                run.problems.append(f"changed while it flew: {', '.join(run.changed)}")
+            await asyncio.to_thread(self.kept.keep, run, samples)
+            self._tell("done", "; ".join(problems), 1.0, run.id)
+        except QuadlabError as error:
+            self._tell("failed", str(error), 0.0)
+        except Exception as error:
+            log.exception("step test")
+            self._tell("failed", f"defect, see the log of quadlab web: {error!r}", 0.0)
+
+    async def _fly(self, plan: Plan, begin_ns: int) -> tuple[int, str]:
+        """Wait for its end: the stamp up to which the log is asked, and what followed."""
+        planned = LEAD + plan.edges * plan.duration
+        began = time.monotonic()
+        seen = False
+        while True:
+            elapsed = time.monotonic() - began
+            status = self._live.current("status")
+            flies = status is not None and status.behavior == BEHAVIOR
+            seen = seen or flies
+            # An old status that comes late is no end of it.
+            shown = seen or (status and stamp_of(status) > begin_ns + STARTS_WITHIN_NS)
+            if status is not None and not flies and shown:
+                return stamp_of(status) + AFTER_NS, str(status.behavior)
+            if elapsed > planned + PATIENCE:
+                raise LinkError(
+                    "the vehicle did not show the end of the test; its own log has it, from the "
+                    "next start of the station on"
+                    if status is None
+                    else f"the test still runs {PATIENCE:.0f} s after its planned end"
+                )
+            where = "" if status is not None else "; no status comes, the vehicle goes on"
+            share = min(1.0, elapsed / planned)
+            self._tell("flying", f"{elapsed:.0f} of {planned:.0f} s{where}", share)
+            await asyncio.sleep(LOOK)
+
+    async def _fetch(self, requester: str, begin_ns: int, end_ns: int) -> Samples:
+        """Every tick between these stamps. Raises StorageError when none can be read."""
+        collection = Collection(COLUMNS, begin_ns, end_ns)
+        while not collection.done:
+            self._tell("fetching", f"{100 * collection.share:.0f} %", collection.share)
+            try:
+                answer = await self._station.answer("onboard_log", requester, **collection.question)
+                collection.add(answer)
+            except (LinkError, RefusedError) as error:
+                if collection.failed(str(error)):
+                    await asyncio.sleep(RETRY)
+        return collection.result()
+
+    def kept_changed(self) -> None:
+        """From any thread: all pages read the list again."""
+        self._hub.publish_from_thread({"type": "tuning", "status": self.status, "runs": True})
+
+    def _tell(self, phase: str, text: str, share: float, kept: str = "") -> None:
+        status = {"phase": phase, "text": text, "share": round(share, 2), "id": kept}
+        if status != self.status:
+            self.status = status
+            self._hub.publish({"type": "tuning", "status": status, "runs": phase == "done"})

@@ -1,0 +1,104 @@
+"""The routes below /api/tuning: start a step test, read the last ones, put gains back."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Literal
+
+from fastapi import FastAPI
+from pydantic import BaseModel, ConfigDict, Field
+
+from console.tuning.evaluation import Plan, drawn, evaluate
+from console.tuning.kept_runs import KeptRun, KeptRuns
+from console.tuning.step_response import BAND
+from control.trajectories.multistep import AXES, SHAPES
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from web.asking import Operator
+from web.tuning.bench import TuningBench
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+LIMITS = {
+    "position": "behavior.excite_position_max",
+    "yaw": "behavior.excite_yaw_max",
+}
+"""Parameters with the largest amplitudes, for the page's form."""
+
+
+class TestBody(BaseModel):
+    """The vehicle knows its limits and checks them."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    axis: Literal["x", "y", "z", "yaw"] = "x"
+    shape: Literal["step", "doublet"] = "step"
+    amplitude: float = Field(0.3, ge=-6.3, le=6.3, description="m or rad")
+    duration: float = Field(2.0, ge=0.2, le=10.0, description="s of each level")
+    repeats: int = Field(1, ge=1, le=5)
+
+
+def add_tuning(app: FastAPI, parts: Parts) -> None:
+    kept = KeptRuns(parts.catalogue.folder.parent)
+    bench = TuningBench(parts.station, parts.live, parts.mirror, parts.hub, kept, parts.vehicle)
+
+    @app.get("/api/tuning")
+    def tuning() -> dict[str, Any]:
+        """How a test stands, the last ones newest first, and what may be asked for."""
+        return {
+            "status": bench.status,
+            "axes": AXES,
+            "shapes": SHAPES,
+            "amplitude_max": {axis: parts.mirror.value(name) for axis, name in LIMITS.items()},
+            "settling_band": BAND,
+            "runs": [asdict(run) for run in kept.runs()],
+        }
+
+    @app.post("/api/tuning/run")
+    async def run(body: TestBody, session: Operator) -> dict[str, bool]:
+        """From hover. Accepted when the vehicle has begun; the rest is told as `tuning`."""
+        await bench.start(Plan(**body.model_dump()), session.label)
+        return {"accepted": True}
+
+    @app.get("/api/tuning/runs/{run_id}")
+    def one(run_id: str) -> dict[str, Any]:
+        """Set-point and actual at every tick, s since the first edge; null within a gap."""
+        found = kept.run(run_id)
+        return {**asdict(found), **drawn(evaluate(kept.samples(run_id), found.plan))}
+
+    @app.delete("/api/tuning/runs/{run_id}")
+    def delete(run_id: str, _: Operator) -> dict[str, str]:
+        """Put aside; `restore` takes it back."""
+        kept.delete(run_id)
+        bench.kept_changed()
+        return {"deleted": run_id}
+
+    @app.post("/api/tuning/runs/{run_id}/restore")
+    def restore(run_id: str, _: Operator) -> dict[str, str]:
+        kept.restore(run_id)
+        bench.kept_changed()
+        return {"restored": run_id}
+
+    @app.post("/api/tuning/runs/{run_id}/gains")
+    async def put_back(run_id: str, session: Operator) -> dict[str, Any]:
+        """The gains of this test, on the way of every gain, all or none; numbers only.
+
+        Which law or estimator flies is chosen where the vehicle can check it.
+        """
+        changes, left = _differences(kept.run(run_id), bench)
+        if not changes:
+            raise RefusedError(
+                "the gains of this test are in force already"
+                + (f"; of another kind and left: {', '.join(left)}" if left else "")
+            )
+        applied, revision = await parts.gains.change(changes, session.label, walks=True)
+        return {"applied": applied, "revision": revision, "left": left}
+
+
+def _differences(run: KeptRun, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
+    """Numbers that are to be changed, and names of other parameters that differ and are left."""
+    now = bench.gains()
+    differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}
+    numbers = {n: v for n, v in differing.items() if type(v) in (int, float)}
+    return numbers, [n for n in differing if n not in numbers]
