@@ -21,7 +21,7 @@ WRITE = [
     ("POST", "/api/commands/arm", {}),
     ("POST", "/api/commands/disarm", {}),
     ("POST", "/api/commands/start_behavior", {"name": "land"}),
-    ("POST", "/api/commands/emergency", {"action": "land"}),
+    ("POST", "/api/commands/emergency", {"action": "cut"}),  # landing is everybody's
     ("POST", "/api/commands/record", {"start": True}),
     ("PUT", "/api/parameters", {"values": {"gains.kp": 5.0}}),
     ("POST", "/api/invitations", {}),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import logging
 import struct
@@ -236,9 +237,10 @@ def test_sticks_of_an_ended_session_are_released(place: Any, until: Any) -> None
         browser_of(place, "oleg") as client,
         place.websocket("/ws/stick", place.cookie(client)) as socket,
     ):
+        numbers = itertools.count()
 
         def hold(button: float) -> bool:
-            socket.send(struct.pack("<5f", 0.5, 0.0, 0.0, 0.0, button))
+            socket.send(struct.pack("<5f2I", 0.0, 0.0, 0.0, 0.0, button, next(numbers), 0))
             return bool(place.station.sticks) and place.station.sticks[-1][1]
 
         hold(0.0)

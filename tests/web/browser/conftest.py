@@ -89,7 +89,7 @@ def open_page(context: Any) -> Iterator[Callable[[Any], Any]]:
 
     def open_at(site: Any) -> Any:
         page = context.new_page()
-        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
         page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
         page.goto(f"{site.base}/?token={site.token}")
         page.wait_for_selector("#behaviors button")

@@ -113,11 +113,11 @@ def test_the_page_comes_back_by_itself_after_a_restart_of_web(
 
 
 def test_the_emergency_page_has_no_webgl_and_two_buttons(
-    site: Any, page: Any, look: Any, station: Any
+    site: Any, page: Any, look: Any, station: Any, until: Any
 ) -> None:
     page.goto(f"{site.base}/kill")
     look.text("#state", "armed, hover")
     assert page.locator("iframe, canvas").count() == 0
     page.click("#cut")
     look.text("#answer", "accepted, not yet shown by the vehicle")
-    assert [request.action for _, request in station.requests] == ["cut"]
+    until(lambda: [request.action for _, request in station.requests] == ["cut"])

@@ -29,6 +29,7 @@ def modules(chromium: Any, site: Any) -> Iterator[Any]:
     context = chromium.new_context()
     page = context.new_page()
     page.goto(f"{site.base}/?token={site.token}")
+    page.wait_for_url(f"{site.base}/")  # it goes on there by itself
     page.goto(f"{site.base}/kill")
     page.add_script_tag(url="/vendor/uPlot.iife.js")
     yield page
