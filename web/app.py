@@ -29,15 +29,15 @@ from web.access.users import add_users
 from web.asking import Asker, Operator, operator_of
 from web.beacons.routes import add_beacons
 from web.control import add_control
-from web.experiments import add_experiments, experiment_summary
+from web.experiments import add_experiments
 from web.parameter_routes import add_parameters
 from web.parts import Parts
 from web.replay.routes import add_replay
 from web.replay.store import ReplayStore
 from web.runs.routes import add_runs
-from web.setup.preflight import preflight_summary
 from web.setup.routes import add_setup
 from web.signals import described
+from web.summary import Summary
 from web.tuning.routes import add_tuning
 
 STATIC = Path(__file__).parent / "static"
@@ -114,13 +114,7 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:
         """Newest status messages and the age of every topic, as on the page's bar."""
-        return {
-            **events.summarize(parts.live),
-            "experiment": experiment_summary(parts.live),
-            "control": parts.control.summary(),
-            "preflight": preflight_summary(parts.live),
-            "emergency": parts.emergency.state,
-        }
+        return {**Summary(parts).fresh(), "emergency": parts.emergency.state}
 
     @app.get("/api/events")
     async def newest_events() -> list[dict[str, Any]]:
@@ -187,6 +181,8 @@ def _add_view(app: FastAPI, parts: Parts) -> None:
 
 
 def _add_sockets(app: FastAPI, parts: Parts) -> None:
+    summary = Summary(parts)
+
     @app.websocket("/viser")
     async def view(socket: WebSocket) -> None:
         session: Session = socket.scope["session"]
@@ -204,15 +200,6 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
                 "events": parts.hub.lines,
                 "revision": parts.mirror.revision,
                 "emergency": parts.emergency.state,
-            }
-
-        def summary() -> dict[str, Any]:
-            return {
-                **events.summarize(parts.live),
-                "experiment": experiment_summary(parts.live),
-                "control": parts.control.summary(),
-                "preflight": preflight_summary(parts.live),
-                "pages": parts.hub.pages,
             }
 
         await events.serve(socket, parts.hub, socket.scope["session"], hello, summary)

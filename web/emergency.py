@@ -14,6 +14,7 @@ most two, so that none waits for a thread.
 from __future__ import annotations
 
 import asyncio
+import logging
 import math
 import time
 import uuid
@@ -23,6 +24,8 @@ from typing import Any, Protocol
 
 from quadrotor.errors import LinkError, QuadlabError
 from web.live import Live
+
+log = logging.getLogger("quadlab.web")
 
 TRIES = 3
 SPACING = 0.5  # s at least from one try to the next: what fails at once may be back soon
@@ -115,15 +118,10 @@ class EmergencyDesk:
         try:
             await self._try(press)
         except QuadlabError as error:
-            press.answered.set_exception(error)
-            press.answered.exception()  # retrieved, though nobody may wait any more
-            shown = isinstance(error, LinkError) and self._shows(press)
-            if press.phase == "sent" and not shown:
-                press.reason = str(error)
-                self._finish(press, "failed")
-            elif press.phase == "sent":
-                press.reason = "its answer was lost"
-                self._finish(press, "acknowledged")
+            self._unanswered(press, error)
+        except Exception as error:  # a defect must not leave anybody waiting
+            log.exception("emergency %s", press.action)
+            self._unanswered(press, LinkError(f"defect, see the log of quadlab web: {error!r}"))
         else:
             press.answered.set_result(None)
             if press.phase == "sent":
@@ -131,6 +129,17 @@ class EmergencyDesk:
                 self._tell(press)
         finally:
             self._under_way.pop(press.action, None)
+
+    def _unanswered(self, press: Press, error: QuadlabError) -> None:
+        press.answered.set_exception(error)
+        press.answered.exception()  # retrieved, though nobody may wait any more
+        shown = isinstance(error, LinkError) and self._shows(press)
+        if press.phase == "sent" and not shown:
+            press.reason = str(error)
+            self._finish(press, "failed")
+        elif press.phase == "sent":
+            press.reason = "its answer was lost"
+            self._finish(press, "acknowledged")
 
     async def _try(self, press: Press) -> None:
         """Raises RefusedError, or the last LinkError."""

@@ -7,6 +7,7 @@ The tables are the components, so that `[control.position]` with `kp_xy = 4.0` i
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -16,6 +17,8 @@ from quadrotor.parameters import ParameterDescription, ParameterValue
 
 LARGEST = 256 * 1024
 """Bytes; all parameters are about 20 kB."""
+_DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
+"""A key of so many parts is nobody's, and takes the parser a time that grows with their square."""
 
 
 def write_file(
@@ -44,8 +47,11 @@ def read_file(content: bytes) -> dict[str, Any]:
     if len(content) > LARGEST:
         raise MeasurementError(f"the file has {len(content)} bytes; allowed are {LARGEST}")
     try:
-        read = tomllib.loads(content.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        text = content.decode()
+        if _DEEP.search(text):
+            raise MeasurementError("this is no file of parameters: a name has 32 parts or more")
+        read = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MeasurementError(
             f"this is no TOML file of parameters ({error}); save one here to see how it looks"
         ) from None

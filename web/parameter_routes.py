@@ -135,7 +135,7 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
             content += piece
             if len(content) > LARGEST:
                 raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")
-        return compare(parts.mirror, read_file(content))
+        return compare(parts.mirror, await run_in_threadpool(read_file, content))
 
 
 def _add_presets(app: FastAPI, parts: Parts) -> None:

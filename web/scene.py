@@ -36,6 +36,7 @@ class Scene:
         self._server = server
         self._live = live
         self._following: set[str] = set()
+        self._turning = False
         api = server.viser.scene
         api.set_up_direction("+z")
         api.set_background_image(np.full((1, 1, 3), FLOOR, np.uint8))
@@ -83,7 +84,8 @@ class Scene:
         while True:
             deadline = max(deadline + 1.0 / RATE, loop.time())
             await asyncio.sleep(deadline - loop.time())
-            self.update(time.monotonic())
+            with self._server.viser.atomic():  # one wake-up and one frame of all that moves
+                self.update(time.monotonic())
 
     def update(self, now: float) -> None:
         """One frame from the newest messages; `now` in s, monotonic."""
@@ -124,8 +126,11 @@ class Scene:
         status, actuators = self._live.current("status"), self._live.current("actuators")
         if status is None or actuators is None or not status.armed:
             return
-        # Real propellers turn 80 times a second, which 30 frames cannot show: a share of it.
-        self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
+        # Real propellers turn 80 times a second, which no frames can show: a share of it, in
+        # every second frame, for each message costs every page.
+        self._turning = not self._turning
+        if self._turning:
+            self._vehicle.spin([0.1 + float(r) * 0.0011 for r in actuators.motor_references])
 
 
 def _carry(camera: Any, point: Sequence[float]) -> None:

@@ -107,8 +107,8 @@ def battery(f: Facts, p: PreflightParameters) -> Check:
     wanted, advice = f"at least {limit:.1f} V", "charge or change the battery"
     if f.voltage is None:
         return Check("battery", "fail", _SILENT, wanted, "wait for the vehicle")
-    low = f.voltage < limit or "battery_low" in f.flags
-    return Check("battery", "fail" if low else "ok", f"{f.voltage:.1f} V", wanted, advice)
+    good = f.voltage >= limit and "battery_low" not in f.flags  # NaN is not
+    return Check("battery", "ok" if good else "fail", f"{f.voltage:.1f} V", wanted, advice)
 
 
 def level_and_still(f: Facts, p: PreflightParameters) -> Check:

@@ -42,6 +42,7 @@ FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("battery", {"voltage": 14.2, "battery_warning": 14.5}, "at least 14.5 V"),
     ("battery", {"flags": frozenset({"battery_low"})}, "charge"),
     ("battery", {"voltage": None}, "nothing heard"),
+    ("battery", {"voltage": math.nan}, "nan V"),
     ("level and still", {"tilt": math.radians(12.0)}, "12.0°"),
     ("level and still", {"speed": 0.3}, "0.30 m/s"),
     ("level and still", {"body_rate": math.radians(20.0)}, "20.0°/s"),

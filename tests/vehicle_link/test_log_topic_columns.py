@@ -131,6 +131,18 @@ def test_a_damaged_chunk_is_passed_over(tmp_path: Path) -> None:
     assert reader.log.damaged_chunks == 1
 
 
+def test_messages_that_are_none_cost_only_themselves(tmp_path: Path) -> None:
+    log, good = tmp_path / "a.mcap", encode(new("quadlab_msgs/VehicleStatus", mode="ready"))
+    big_endian = bytes([good[0], 0]) + good[2:]
+    with LogWriter(log, {"vehicle": "q"}, {}) as writer:
+        for k, payload in enumerate((big_endian, good, big_endian, good, good)):
+            writer.write("/q/status", "quadlab_msgs/VehicleStatus", payload, STAMP + k, STAMP + k)
+    reader, found = read(log)
+    known = np.isfinite(found["/q/status"]["parameter_revision"])
+    assert known[[1, 3, 4]].all()
+    assert "little-endian" in reader.problems["/q/status"]
+
+
 @pytest.mark.parametrize("chunked", [True, False])
 def test_another_writers_log_of_another_type_is_read_by_its_own_description(
     tmp_path: Path, chunked: bool

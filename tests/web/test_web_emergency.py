@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import decode, encode, new
 from web.emergency import PATIENCE, TRIES, EmergencyDesk
 from web.live import Live
@@ -23,7 +23,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.answers: list[QuadlabError | None] = []
+        self.answers: list[Exception | None] = []
         self.calls: list[tuple[str, str, str]] = []
         self.published: list[dict[str, Any]] = []
         self.said: list[str] = []
@@ -125,6 +125,16 @@ async def test_never_answered_is_failed(bench: Bench) -> None:
     with pytest.raises(LinkError):
         await bench.desk.press("land", "ada")
     assert (await bench.until("failed"))["reason"] == str(SILENT)
+
+
+@benched
+async def test_a_defect_leaves_no_press_waiting(bench: Bench) -> None:
+    bench.answers = [ValueError("a defect")]
+    with pytest.raises(LinkError, match="a defect"):
+        await bench.desk.press("cut", "ada")
+    assert "a defect" in (await bench.until("failed"))["reason"]
+    await bench.desk.press("cut", "ada")
+    assert len(bench.calls) == 2
 
 
 @benched

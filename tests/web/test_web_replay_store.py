@@ -17,7 +17,7 @@ import pytest
 from benchmarks.recorded_run import MadeRun, write_run
 from console.catalogue import Catalogue
 from console.run_files import tidy_runs
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import LogFile
 from web.replay import store as store_module
 from web.replay.reader import Replay
@@ -131,6 +131,31 @@ def test_old_caches_go_and_those_of_removed_logs(
     monkeypatch.setattr(store_module, "LARGEST", 1)
     ready(store, log, until)
     assert [one.name for one in (log.parent / ".replay").iterdir()] == [RUN]
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"log": 1}'])
+def test_a_cache_that_a_crash_has_damaged_is_in_nobodys_way(
+    log: Path, until: Until, content: str
+) -> None:
+    damaged = log.parent / ".replay" / "damaged"
+    damaged.mkdir(parents=True)
+    (damaged / "stamp.json").write_text(content)
+    ready(ReplayStore(log.parent), log, until)
+    assert not damaged.exists()
+
+
+def test_replays_that_wait_are_bounded(
+    log: Path, until: Until, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(store_module, "WAITING", 1)
+    other = log.with_name("other.mcap")
+    other.write_bytes(log.read_bytes())
+    store = ReplayStore(log.parent)
+    store.get(log)
+    with pytest.raises(RefusedError, match="1 replays wait"):
+        store.get(other)
+    ready(store, log, until)
+    ready(store, other, until)
 
 
 def test_a_builder_ends_when_its_page_is_gone(log: Path) -> None:

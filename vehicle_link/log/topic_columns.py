@@ -138,16 +138,20 @@ class _TopicReader:
         for k in range(MOST_LAYOUTS):
             if not left.any():
                 return
-            if k == len(known):
+            if k < len(known):
+                layout = known[k]
+            else:
                 try:
-                    known.append(self._layouts.of(rows[np.argmax(left)].tobytes()))
-                except LogFormatError:  # of this message only
+                    layout = self._layouts.of(rows[np.argmax(left)].tobytes())
+                except LogFormatError as error:  # of this message only
+                    self.problem = self.problem or str(error)
                     left[np.argmax(left)] = False
                     continue
-            here = left & known[k].fits(rows) if k < len(known) else left
-            if here.any() and k < len(known):
+                known.append(layout)
+            here = left & layout.fits(rows)
+            if here.any():
                 whole = bool(here.all())
-                _fill(rows if whole else rows[here], chosen[here], known[k], out, texts)
+                _fill(rows if whole else rows[here], chosen[here], layout, out, texts)
             left &= ~here
 
     def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:

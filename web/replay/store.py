@@ -16,7 +16,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay
@@ -25,6 +25,8 @@ FOLDER = ".replay"
 LARGEST = 4_000_000_000
 """Bytes of all caches together; those looked at longest ago go first."""
 MOST_OPEN = 6
+WAITING = 20
+"""Replays that may wait for their turn: each has a thread."""
 STAMP = "stamp.json"
 MODULE = "web.replay.build"
 ROOT = Path(__file__).parents[2]
@@ -53,7 +55,8 @@ class ReplayStore:
         """The replay of a log, or how far it is.
 
         A recording that still grows is shown as it was when it was opened; `newer` asks for what
-        has come since. Raises StorageError or LogFormatError with the reason a log has none.
+        has come since. Raises StorageError or LogFormatError with the reason a log has none,
+        RefusedError while too many wait.
         """
         stamp = _stamp(log)
         name = log.stem
@@ -70,6 +73,8 @@ class ReplayStore:
                 is_current = kept[0] == stamp
                 if is_current or (not newer and is_being_written(log)):
                     return kept[1]
+            if sum(not one.problem for one in self._building.values()) >= WAITING:
+                raise RefusedError(f"{WAITING} replays wait already; try again in some minutes")
             building = self._building[name] = Building(stamp=stamp)
         threading.Thread(
             target=self._build, args=(log, building), name="replay-build", daemon=True
@@ -115,8 +120,10 @@ class ReplayStore:
             try:
                 self._run(log, building)
                 self._tidy(log)
-            except (OSError, StorageError, LogFormatError) as error:
+            except (StorageError, LogFormatError) as error:
                 problem = str(error)
+            except Exception as error:  # else it would be on its way for ever
+                problem = f"the replay of {log.stem} could not be built: {error!r}"
         with self._lock:
             self._open.pop(log.stem, None)
             if problem:
@@ -159,8 +166,7 @@ class ReplayStore:
         ages: list[tuple[float, int, Path]] = []
         for stamp in self._folder.glob(f"*/{STAMP}"):
             folder = stamp.parent
-            source = Path(json.loads(stamp.read_text()).get("log", ""))
-            if not source.is_file():
+            if not _is_wanted(stamp):
                 shutil.rmtree(folder, ignore_errors=True)
                 continue
             size = sum(file.stat().st_size for file in folder.iterdir())
@@ -172,6 +178,14 @@ class ReplayStore:
             if folder.name != log.stem:
                 shutil.rmtree(folder, ignore_errors=True)
                 total -= size
+
+
+def _is_wanted(stamp: Path) -> bool:
+    """Whether the cache's log is there still; one that a crash has damaged is not wanted."""
+    try:
+        return Path(json.loads(stamp.read_text())["log"]).is_file()
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _stamp(log: Path) -> tuple[int, int]:

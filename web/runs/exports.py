@@ -97,8 +97,8 @@ class ViserExports:
             log, file, export = job
             try:
                 self._make(log, file, export)
-            except OSError as error:
-                export.reason, export.name = f"cannot start: {error.strerror}", "failed"
+            except Exception as error:  # the others wait for this thread
+                export.reason, export.name = f"cannot be made: {error}", "failed"
 
     def _make(self, log: Path, file: Path, export: Export) -> None:
         path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)

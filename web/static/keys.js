@@ -8,7 +8,7 @@ const PRESSED = "button, a, summary, input"; // what the space bar presses
 // `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough.
 export function onKey(key, meaning, act, { hold = 0 } = {}) {
   if (ACTIONS.has(key)) throw new Error(`the key ${key} has a meaning already: ${ACTIONS.get(key).meaning}`);
-  ACTIONS.set(key, { key, meaning, act, hold, timer: null });
+  ACTIONS.set(key, { key, meaning, act, hold, timer: null, since: 0 });
 }
 
 export const keys = () => [...ACTIONS.values()];
@@ -25,7 +25,16 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
   if (event.repeat || action.timer !== null) return;
   if (!action.hold) action.act(event);
-  else action.timer = setTimeout(() => { action.timer = null; action.act(event); }, action.hold);
+  else {
+    action.since = event.timeStamp;
+    action.timer = setTimeout(() => { action.timer = null; action.act(event); }, action.hold);
+  }
 });
-document.addEventListener("keyup", (event) => { const action = actionOf(event); if (action) stop(action); });
+document.addEventListener("keyup", (event) => {
+  const action = actionOf(event);
+  if (!action || action.timer === null) return;
+  stop(action);
+  // A busy page may run its timers late: what counts is how long it was really held.
+  if (event.timeStamp - action.since >= action.hold) action.act(event);
+});
 window.addEventListener("blur", () => { for (const action of ACTIONS.values()) stop(action); });

@@ -73,7 +73,8 @@ export class Sticks {
     }
     this.pad = pad; // a new object each time in some browsers
     const keys = this.keys.step(dt), read = pad && this.mapping ? readPad(pad, this.mapping) : null;
-    if (read && !this.editing) this.watchEmergency(read);
+    if (this.editing) this.landSeen = true; // pressed to be chosen: must be released first
+    else if (read) this.watchEmergency(read);
     const sum = (a, b) => Math.max(-1, Math.min(1, a + b));
     return {
       raw: keys.map((value, i) => sum(value, read?.raw[i] ?? 0)),

@@ -84,6 +84,27 @@ def test_cut_is_held_and_its_key_too(still: Any, station: Any, until: Any) -> No
     show(station, "cut")
 
 
+def test_how_long_a_key_was_held_counts_also_on_a_page_whose_timers_are_late(
+    still: Any, station: Any, until: Any
+) -> None:
+    def hold(milliseconds: int) -> None:
+        still.evaluate(
+            """(milliseconds) => {
+            const send = (type) => document.dispatchEvent(new KeyboardEvent(type, { key: 'x' }));
+            const end = performance.now() + milliseconds;
+            send('keydown');
+            while (performance.now() < end);
+            send('keyup'); }""",
+            milliseconds,
+        )
+
+    hold(300)
+    still.keyboard.press("e")
+    until(lambda: actions(station) == ["land"])
+    hold(600)
+    until(lambda: actions(station) == ["land", "cut"])
+
+
 def test_the_pads_buttons_land_at_a_press_and_cut_when_held(
     still: Any, station: Any, until: Any
 ) -> None:

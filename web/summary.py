@@ -1,0 +1,45 @@
+"""How everything stands, made once for all pages that ask at about the same time."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from web.events import Message, summarize
+from web.experiments import experiment_summary
+from web.setup.preflight import preflight_summary
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+SHARED = 0.05  # s
+
+
+class Summary:
+    """Of one event loop. Args: `clock`, s of a steady clock."""
+
+    def __init__(self, parts: Parts, clock: Callable[[], float] = time.monotonic) -> None:
+        self._parts = parts
+        self._clock = clock
+        self._made = -math.inf
+        self._newest: Message = {}
+
+    def __call__(self) -> Message:
+        """Newest status messages, ages, experiment, control, pre-flight; to be read only."""
+        now = self._clock()
+        if now - self._made > SHARED:
+            self._newest, self._made = self.fresh(), now
+        return self._newest
+
+    def fresh(self) -> Message:
+        """As of now."""
+        parts = self._parts
+        return {
+            **summarize(parts.live),
+            "experiment": experiment_summary(parts.live),
+            "control": parts.control.summary(),
+            "preflight": preflight_summary(parts.live),
+            "pages": parts.hub.pages,
+        }
