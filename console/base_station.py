@@ -31,6 +31,7 @@ from console.parameter_witness import ParameterWitness
 from console.run_housekeeping import PERIOD, Housekeeping
 from console.run_keeper import RunKeeper
 from console.run_marks import MarkService
+from console.status_sender import StatusSender
 from console.stick_desk import StickDesk
 from console.tracker_feed import TrackerFeed
 from console.tuning.log_window import LogWindow
@@ -39,7 +40,7 @@ from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
 from vehicle_link.heartbeat import LinkState
-from vehicle_link.messages import decode, header, new
+from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.telemetry import unpack
@@ -51,7 +52,6 @@ log = logging.getLogger(__name__)
 BEAT = 0.05
 STATUS_EVERY = 4  # beats
 SLOW, EAGER = 1.0, 0.2  # s between questions to the vehicle, after and before its clock is known
-TRACKER_SILENT = 1.0
 INFO, WARN = 20, 30
 CLOSE_PATIENCE = 3.0
 
@@ -85,7 +85,6 @@ class BaseStation:
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self.link = LinkMonitor()
-        self._said_state = LinkState.LOST
         self._store = StationStore()
         self._store.preset(settings or {})
         self._vehicle_parameters = VehicleParameters(self._node, vehicle)
@@ -139,6 +138,10 @@ class BaseStation:
             self._node, self._outbox, parameters, self.link, self._tracker,
             self._vehicle_parameters, self._recorder, self._alarms, catalogue.folder,
             lambda: self._sticks.alarm is not None,
+        )  # fmt: skip
+        self._status = StatusSender(
+            self._outbox, self.link, self._tracker, self._recorder, self._alarms,
+            lambda status: setattr(self.checks.gatherer, "link_status", status),
         )  # fmt: skip
         self._subscribe()
         self.checks.start()
@@ -266,31 +269,7 @@ class BaseStation:
         self.control.tick(count)
         self.experiments.tick(count)
         if count % STATUS_EVERY == 0:
-            self._send_status()
-
-    def _send_status(self) -> None:
-        stamp_ns, state = self.link.vehicle_ns(), self._link_state()
-        if state is not self._said_state:
-            self._said_state = state
-            self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")
-        silence = self._tracker.silence
-        lost = silence is not None and silence > TRACKER_SILENT
-        self._alarms.set("tracker", "tracker: the truth has stopped coming" if lost else None)
-        recorder = self._recorder.status()
-        status = new(
-            "quadlab_msgs/StationStatus",
-            header=header(stamp_ns),
-            recording=recorder.recording,
-            run_id=recorder.run_id,
-            recording_duration=recorder.duration,
-            recording_bytes=recorder.bytes,
-            free_bytes=recorder.free_bytes,
-            tracker_rate=self._tracker.rate,
-            alarms=self._alarms.lines(recorder.alarms),
-        )
-        self._outbox.message("station_status", status, stamp_ns)
-        link_status = self.checks.gatherer.link_status = self.link.message(time.time_ns())
-        self._outbox.message("link_status", link_status, stamp_ns)
+            self._status.send()
 
     def _ask(self) -> None:
         """Slow questions to the vehicle: its clock, its parameters."""

@@ -44,7 +44,7 @@ class StickParameters(Parameters):
     """The base station's watchdog over the sticks."""
 
     timeout: float = parameter(
-        0.25, unit="s", ge=0.05, le=1, step=0.01, description="sticks silent for longer are dropped"
+        0.2, unit="s", ge=0.05, le=1, step=0.01, description="sticks silent for longer are dropped"
     )
 
 

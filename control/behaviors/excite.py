@@ -19,6 +19,8 @@ from quadrotor.vehicle_model import GRAVITY
 
 LONGEST = 40.0
 """s of a whole test."""
+OUTSIDE = 0.2
+"""m by which an overshoot may leave the flight volume."""
 AT_REST = (0.15, 0.15, 0.3)
 """Largest position error (m), speed (m/s) and turn rate (rad/s) to start from."""
 
@@ -73,8 +75,10 @@ class Excite:
         self.aborted = ""
         margin = p.excite_error_max
         low, high = path.ends()
-        self._low, self._high = [x - margin for x in low], [x + margin for x in high]
-        self._margin = margin
+        walls_low = (p.volume_x_min, p.volume_y_min, p.volume_z_min)
+        walls_high = (p.volume_x_max, p.volume_y_max, p.volume_z_max)
+        self._low = [max(x - margin, w - OUTSIDE) for x, w in zip(low, walls_low, strict=True)]
+        self._high = [min(x + margin, w + OUTSIDE) for x, w in zip(high, walls_high, strict=True)]
         span = max(map(abs, path.span)) if a.axis == "yaw" else 0.0
         self._yaw, self._yaw_error = context.point[3], span + p.excite_yaw_max
         self._tilt_cosine = math.cos(math.radians(context.control.limits.tilt_max))
@@ -107,8 +111,9 @@ class Excite:
             # Written so that a NaN is outside.
             if not self._low[i] <= position[i] <= self._high[i]:
                 return (
-                    f"{axis} = {position[i]:.2f} m is more than {self._margin:g} m off the path "
-                    "(behavior.excite_error_max)"
+                    f"{axis} = {position[i]:.2f} m is too far off the path or outside the flight "
+                    f"volume; allowed {self._low[i]:.2f} to {self._high[i]:.2f} m "
+                    "(behavior.excite_error_max, behavior.volume_…)"
                 )
         w, x, y, z = state["quaternion_wb"][0].tolist()
         if not 1.0 - 2.0 * (x * x + y * y) >= self._tilt_cosine:

@@ -179,7 +179,7 @@ def test_a_vehicle_that_leaves_the_path_is_braked_from_where_it_is(bench, axis, 
     bench.state["velocity_w"] = (0.5, 0.0, 0.0)
     bench.fly(DT)
     assert bench.machine.name is BehaviorName.BRAKE
-    assert "more than 0.5 m off the path" in bench.machine.aborted
+    assert "too far off the path" in bench.machine.aborted
     assert f"{axis} = " in bench.machine.aborted
     np.testing.assert_allclose(bench.reference["position_w"][0], place)
     np.testing.assert_allclose(bench.reference["velocity_w"][0], (0.5, 0.0, 0.0))
@@ -187,6 +187,20 @@ def test_a_vehicle_that_leaves_the_path_is_braked_from_where_it_is(bench, axis, 
     bench.fly(4.0)
     assert bench.machine.name is BehaviorName.HOVER
     assert not bench.reference["velocity_w"].any()
+
+
+@pytest.mark.parametrize(("axis", "wall"), [("x", 0.7), ("z", 1.2)])
+def test_an_overshoot_far_out_of_the_flight_volume_is_braked(axis, wall):
+    bench = Bench(**{f"volume_{axis}_max": wall})
+    bench.excite(axis="x", amplitude=0.3)
+    bench.fly(1.0)
+    place = [POINT["x"], POINT["y"], POINT["z"]]
+    for beyond, name in ((0.19, BehaviorName.EXCITE), (0.21, BehaviorName.BRAKE)):
+        place["xyz".index(axis)] = wall + beyond
+        bench.put(*place, POINT["yaw"])
+        bench.fly(DT)
+        assert bench.machine.name is name
+    assert "outside the flight volume" in bench.machine.aborted
 
 
 def test_a_yaw_far_off_or_a_tilt_beyond_the_limit_ends_it(bench):

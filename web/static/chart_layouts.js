@@ -57,7 +57,9 @@ export class Layouts {
     return this.read(NOW, ({ name, layout: shown }) => ({ name: this.of(name) ? name : "", layout: checked(shown, this.signals) })) ?? { name: "Tracking", layout: BUILT_IN.Tracking };
   }
 
-  keep(name, shown) { localStorage.setItem(NOW, JSON.stringify({ name, layout: shown })); }
+  keep(name, shown) {
+    try { localStorage.setItem(NOW, JSON.stringify({ name, layout: shown })); } catch { /* full or forbidden: holds until the page closes */ }
+  }
 
   save(name, shown) {
     if (Object.hasOwn(BUILT_IN, name)) throw new Error(`${name} is built in; save it under a name of your own`);

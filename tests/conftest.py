@@ -1,0 +1,19 @@
+"""Which tests may run beside which, when two processes share them (`scripts/test`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+REAL_TIME = ("system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py")
+"""Whole laboratories and vehicles that fly in real time: one after the other, in one process."""
+HERE = Path(__file__).parent
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A file stays in one process, with what it made once; what flies is one group."""
+    for item in items:
+        path = item.path.relative_to(HERE).as_posix()
+        group = "real time" if path.startswith(REAL_TIME) else path
+        item.add_marker(pytest.mark.xdist_group(group))
