@@ -23,6 +23,9 @@ from vehicle_link.topics import SERVICES
 CALL_TIMEOUT = 1.0
 """s the vehicle has for an answer; clients of the station wait a little longer."""
 
+EMERGENCIES = 4
+"""At once."""
+
 FORWARDED = ("arm", "disarm", "start_behavior", "emergency")
 
 
@@ -54,7 +57,10 @@ class CommandGateway:
             name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
         }
         for name in FORWARDED:
-            node.serve(f"station/{name}", SERVICES[name], partial(self._forward, name))
+            # A cut must not wait behind a landing that the vehicle does not answer.
+            threads = EMERGENCIES if name == "emergency" else 1
+            handler = partial(self._forward, name)
+            node.serve(f"station/{name}", SERVICES[name], handler, threads=threads)
         for name, handler in (
             ("change_parameters", self._change_parameters),
             # Only here: a repeated command must reach the vehicle when the first one did not.

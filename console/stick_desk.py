@@ -85,7 +85,9 @@ class StickDesk:
             return  # of a process that stood still; the watchdog has noticed
         sticks = topics.decode_joy(message.payload)
         if not self._steers(sticks.requester, sticks.enabled):
-            # What these sticks held is dropped by their silence.
+            # What these sticks held is dropped by their silence, or at once when they let go.
+            if not sticks.enabled:
+                self._let_go(sticks, timeout)
             self._answer(sticks, False, "another has control" if sticks.enabled else "")
             return
         with self._changed:
@@ -101,6 +103,13 @@ class StickDesk:
         elif sticks.enabled and not passes:
             reason = "an experiment flies; deflect a stick to take over"
         self._answer(sticks, order.enabled, reason)
+
+    def _let_go(self, sticks: topics.Sticks, timeout: float) -> None:
+        """Who lost control lets go: else a drop of these sticks would stay for ever."""
+        with self._changed:
+            if self._last.requester == sticks.requester:
+                self._watchdog.feed(sticks.axes, False, time.monotonic(), timeout)
+                self._changed.notify()
 
     def _watch(self) -> None:
         while not self._closing:

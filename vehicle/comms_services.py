@@ -21,6 +21,8 @@ from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES
 
 ROLE = "vehicle"
+EMERGENCIES = 4
+"""At once: a cut must not wait behind a landing that the flight process does not answer."""
 
 
 def serve(
@@ -31,7 +33,8 @@ def serve(
     for service in ("emergency", "disarm", "arm", "start_behavior", "change_parameters"):
         _prepare(SERVICES[service])
         handler = _refusing(SERVICES[service], getattr(commands, service))
-        node.serve(service, SERVICES[service], Idempotent(handler))
+        threads = EMERGENCIES if service == "emergency" else 1
+        node.serve(service, SERVICES[service], Idempotent(handler), threads=threads)
     whoami = new(f"{SERVICES['whoami']}_Response", name=name, role=ROLE)
     node.serve("whoami", SERVICES["whoami"], lambda request: whoami)
     serve_time_sync(node, clock.now_ns)

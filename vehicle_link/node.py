@@ -15,6 +15,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -106,6 +107,7 @@ class Node:
         self.domain = domain
         self._identity = NodeIdentity(zid, next(self._ids), self.namespace, name, domain)
         self._entities: list[Any] = []
+        self._pools: list[ThreadPoolExecutor] = []
         self._declare_token(self._identity.token)
 
     def publisher(
@@ -181,8 +183,11 @@ class Node:
         handler: Callable[[Message], Message],
         *,
         direct: bool = False,
+        threads: int = 1,
     ) -> None:
         """Answer requests of a service, one after the other; see the module for the threads.
+
+        With `threads` above 1 as many at once: then none waits behind one that is held up.
 
         A QuadlabError of the handler is the client's LinkError with the same text; anything else
         is logged with its traceback, and the client told that the service failed.
@@ -204,8 +209,16 @@ class Node:
                     log.exception("service %s failed", name)
                     query.reply_err(f"the service failed: {error!r}; see its log".encode())
 
-        callback = Callback(answer, indirect=not direct)
-        self._entities.append(self.session.declare_queryable(key, callback, complete=True))
+        handler_of_queries: Any
+        if threads > 1:
+            pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
+            self._pools.append(pool)
+            handler_of_queries = Callback(lambda query: pool.submit(answer, query), indirect=False)
+        else:
+            handler_of_queries = Callback(answer, indirect=not direct)
+        self._entities.append(
+            self.session.declare_queryable(key, handler_of_queries, complete=True)
+        )
 
     def client(
         self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
@@ -221,6 +234,8 @@ class Node:
         """Undeclare all of this node; its session stays open."""
         while self._entities:
             self._entities.pop().undeclare()
+        for pool in self._pools:
+            pool.shutdown(wait=False, cancel_futures=True)
 
     def _announce(self, kind: EntityKind, name: str, type_name: str, qos: Qos) -> tuple[str, bytes]:
         """The key of a new endpoint and its GID; its token is declared."""

@@ -19,7 +19,7 @@ from console.vehicle_parameters import VehicleParameters
 
 JUDGED = ("sticks", "tracker")
 """Alarms of what has a line of its own in the list."""
-NOTICES = ("catalogue", "beacons", "history", "disk", "trash")
+NOTICES = ("catalogue", "beacons", "history", "disk", "trash", "stick")
 """Alarms that are no reason to stay on the ground."""
 
 

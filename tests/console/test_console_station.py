@@ -90,6 +90,7 @@ class FakeVehicle:
         serve_time_sync(node, vehicle_now)
         self.inbox = Inbox(node, "tracker_pose", "bearings", "joy", "station_heartbeat")
         self._closing = threading.Event()
+        self._sending = threading.Lock()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -113,13 +114,15 @@ class FakeVehicle:
         self._out[name].put(payload, vehicle_now() if stamp_ns is None else stamp_ns)
 
     def send_telemetry(self, newest_ns: int | None = None) -> Record:
-        newest_ns = vehicle_now() if newest_ns is None else newest_ns
-        ticks = np.zeros(5, TICK)
-        ticks["imu"]["stamp_ns"] = newest_ns + 2_000_000 * np.arange(-4, 1)
-        ticks["state"]["quaternion_wb"][:, 0] = 1
-        ticks["state"]["position_w"][:, 0] = self.sequence
-        self.put("telemetry", pack(ticks, self.sequence), newest_ns)
-        self.sequence += 1
+        """By the test and by our own thread: one after the other, in the order of their stamps."""
+        with self._sending:
+            newest_ns = vehicle_now() if newest_ns is None else newest_ns
+            ticks = np.zeros(5, TICK)
+            ticks["imu"]["stamp_ns"] = newest_ns + 2_000_000 * np.arange(-4, 1)
+            ticks["state"]["quaternion_wb"][:, 0] = 1
+            ticks["state"]["position_w"][:, 0] = self.sequence
+            self.put("telemetry", pack(ticks, self.sequence), newest_ns)
+            self.sequence += 1
         return ticks
 
     def send_status(self) -> None:
@@ -364,6 +367,36 @@ def test_sticks_of_one_without_control_do_not_reach_the_vehicle(bench: Bench) ->
     assert 0.25 not in came()
     send("grace", 0.0, held=False)
     assert until(lambda: came()[-1] == 0.0)
+
+
+def test_sticks_held_when_control_is_taken_are_let_go_by_their_own_release(bench: Bench) -> None:
+    status = Inbox(bench.page, "stick_status")
+
+    def send(requester: str, held: bool = True) -> None:
+        joy = new(
+            "sensor_msgs/Joy",
+            header=header(time.time_ns(), requester), axes=[0, 0, 0, 0], buttons=[held],
+        )  # fmt: skip
+        bench.stick.put(encode(joy), time.time_ns())
+
+    def answers(requester: str) -> list[tuple[bool, str]]:
+        got = status.decoded("stick_status")
+        return [(one.enabled, one.reason) for one in got if one.header.frame_id == requester]
+
+    def is_alarm() -> bool:
+        lines = bench.inbox.decoded("station_status")[-1].alarms
+        return any("sticks of ada dropped" in line for line in lines)
+
+    assert bench.call("control", action="ask").accepted
+    assert until(lambda: (send("ada"), (True, "") in answers("ada"))[1])
+    assert bench.call("control", action="take", requester="grace").accepted
+    assert until(is_alarm)
+    send("ada", held=False)
+    assert until(lambda: not is_alarm())
+    send("grace")
+    assert until(lambda: answers("grace"))
+    assert answers("grace") == [(True, "")]
+    send("grace", held=False)
 
 
 def test_a_refusal_comes_back_with_the_vehicles_reason(bench: Bench) -> None:

@@ -250,6 +250,30 @@ def test_a_service_that_is_slow_or_absent_is_a_link_error(link: Link) -> None:
         absent.call(new(REQUEST))
 
 
+def test_a_service_of_several_threads_answers_beside_a_request_that_is_held_up(link: Link) -> None:
+    entered, proceed = threading.Event(), threading.Event()
+
+    def emergency(request: Message) -> Message:
+        if request.request_id == "land":
+            entered.set()
+            proceed.wait(WAIT)
+        return _ok(request)
+
+    link.vehicle.serve("two", SERVICES["arm"], emergency, threads=2)
+    client = link.web.client("two", SERVICES["arm"])
+    assert client.wait(WAIT)
+    answers: list[Message] = []
+    landing = new(REQUEST, request_id="land")
+    thread = threading.Thread(target=lambda: answers.append(client.call(landing, WAIT)))
+    thread.start()
+    assert entered.wait(WAIT)
+    assert client.call(new(REQUEST, request_id="cut"), WAIT).accepted
+    assert not answers
+    proceed.set()
+    thread.join(WAIT)
+    assert answers[0].accepted
+
+
 def test_a_slow_service_does_not_delay_another(link: Link) -> None:
     entered, proceed = threading.Event(), threading.Event()
 

@@ -106,6 +106,13 @@ async def test_a_lost_answer_is_asked_for_again_under_the_same_id(bench: Bench) 
 
 
 @benched
+async def test_a_cut_under_the_id_of_a_landing_is_no_repetition_of_it(bench: Bench) -> None:
+    for action in ("land", "cut"):
+        assert await bench.desk.press(action, "a program", "stop") == "stop"
+    assert len({request_id for *_, request_id in bench.calls}) == 2
+
+
+@benched
 async def test_a_refusal_is_not_tried_again_and_says_why(bench: Bench) -> None:
     bench.answers = [RefusedError("emergency land refused: the motors are off")]
     with pytest.raises(RefusedError, match="the motors are off"):

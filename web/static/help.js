@@ -1,5 +1,5 @@
-// What to press first, and the keys: one key away, and open by itself on the first visit.
-// It covers a part of the 3D view and nothing else: the controls in the bar stay in reach.
+// What to press first, and the keys: one key away, and open by itself on the first visit of the
+// console. It covers a part of the 3D view and nothing else: the controls in the bar stay in reach.
 
 import { element } from "./format.js";
 import { keys, onKey } from "./keys.js";
@@ -18,16 +18,18 @@ function seen() { try { return localStorage.getItem(SEEN) !== null; } catch { re
 function remember() { try { localStorage.setItem(SEEN, "1"); } catch { /* a private window forgets; the help opens again */ } }
 
 export class Help {
-  constructor(button, isOperator) {
+  // place: what it lies over; guides: it begins with the first steps, as on the console.
+  constructor(button, isOperator, { place = document.getElementById("view"), guides = true } = {}) {
     this.button = button;
     this.isOperator = isOperator;
+    this.guides = guides;
     this.dialog = element("dialog", { id: "help-panel", ariaLabel: "help" });
-    document.getElementById("view").append(this.dialog);
+    place.append(this.dialog);
     button.addEventListener("click", () => this.toggle());
-    this.dialog.addEventListener("close", () => { remember(); button.setAttribute("aria-expanded", "false"); });
+    this.dialog.addEventListener("close", () => { if (guides) remember(); button.setAttribute("aria-expanded", "false"); });
     onKey("?", "this help", () => this.toggle());
     document.addEventListener("keydown", (event) => { if (event.key === "Escape") this.dialog.close(); });
-    if (!seen()) this.open();
+    if (guides && !seen()) this.open();
   }
 
   toggle() { if (this.dialog.open) this.dialog.close(); else this.open(); }
@@ -35,12 +37,15 @@ export class Help {
   open() {
     const steps = this.isOperator ? STEPS : [STEPS[0], ["Watch", "You are a viewer: everything is shown, and Emergency land is yours too. An operator's invitation lets you command."]];
     const item = ({ key, meaning, hold }) => element("div", {}, element("dt", {}, element("kbd", {}, NAMES[key] ?? key), hold ? " held" : ""), element("dd", {}, meaning));
-    this.dialog.replaceChildren(
-      element("header", {}, element("h1", {}, this.isOperator ? "Your first flight" : "What you see"), element("button", { className: "small", onclick: () => this.dialog.close() }, "Close")),
-      element("ol", {}, ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`))),
-      element("h1", {}, "Keys"),
-      element("dl", {}, ...keys().map(item)),
-      element("p", {}, "Keys pressed inside the 3D view stay there: click beside it first."));
+    const close = element("button", { className: "small", onclick: () => this.dialog.close() }, "Close");
+    const title = (text, ...more) => element("header", {}, element("h1", {}, text), ...more);
+    const list = element("dl", {}, ...keys().map(item));
+    if (this.guides) {
+      this.dialog.replaceChildren(
+        title(this.isOperator ? "Your first flight" : "What you see", close),
+        element("ol", {}, ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`))),
+        element("h1", {}, "Keys"), list, element("p", {}, "Keys pressed inside the 3D view stay there: click beside it first."));
+    } else this.dialog.replaceChildren(title("Keys", close), list);
     this.button.setAttribute("aria-expanded", "true");
     this.dialog.show();
   }

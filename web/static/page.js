@@ -2,19 +2,22 @@
 
 import { addEmergency } from "./emergency.js";
 import { element } from "./format.js";
+import { Help } from "./help.js";
 
 const PAGES = [["/", "Fly"], ["/runs", "Runs"], ["/setup", "Set-up"]];
 
 // session: of /api/session; here: the path of this page; events: of this page, if it has them.
 export function head(session, here, events = null) {
   const links = PAGES.map(([path, label]) => element("a", { href: path, ...(path === here ? { ariaCurrent: "page" } : {}) }, label));
+  const help = element("button", { id: "help", className: "link", title: "the keys of this page (?)", ariaExpanded: "false" }, "Help");
   const bar = element("header", { id: "head" },
     element("div", { className: "name" }, element("b", {}, "quadlab"), element("span", { id: "vehicle" }, session.vehicle)),
     element("nav", { ariaLabel: "pages" }, ...links),
     element("div", { id: "head-controls" }),
-    element("span", { className: "who", title: session.role }, session.label));
+    element("span", { className: "who", title: session.role }, session.label), help);
   document.body.prepend(bar);
   addEmergency(document.getElementById("head-controls"), events, session);
+  new Help(help, session.role !== "viewer", { place: bar, guides: false });
   document.title = `${PAGES.find(([path]) => path === here)?.[1] ?? "quadlab"} · ${session.vehicle}`;
   return bar;
 }

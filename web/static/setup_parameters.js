@@ -13,27 +13,32 @@ export class SetupParameters extends EventTarget {
     this.known = new Map(); // name → description, with its confirmed value
     events.on("hello", () => this.load());
     events.on("parameters", () => this.load());
-    events.on("parameter", ({ name, value }) => this.confirm({ [name]: value }));
+    events.on("parameter", (news) => { this.confirm(news); this.dispatchEvent(new Event("change")); });
   }
 
   async load() {
-    const { parameters } = await get("/api/parameters").catch(() => ({ parameters: null }));
+    const { parameters, generation } = await get("/api/parameters").catch(() => ({ parameters: null }));
     if (parameters === null) return; // the hello of web's return loads again
-    this.known = new Map(parameters.map((one) => [one.name, one]));
+    const before = this.known;
+    this.known = new Map(parameters.map((one) => [one.name, { ...one, generation }]));
+    for (const one of before.values()) this.confirm(one); // came while this was under way
     this.dispatchEvent(new Event("change"));
   }
 
-  confirm(values) {
-    for (const [name, value] of Object.entries(values)) if (this.known.has(name)) this.known.get(name).value = value;
-    this.dispatchEvent(new Event("change"));
+  // An answer and the news of it overtake each other: what is older than what is known does not count.
+  confirm({ name, value, generation, revision }) {
+    const one = this.known.get(name);
+    if (!one || generation < one.generation || (generation === one.generation && revision < one.revision)) return;
+    Object.assign(one, { value, generation, revision });
   }
 
   value(name) { return this.known.get(name)?.value; }
 
   // All or nothing; an error's message is the reason.
   async set(values) {
-    const { applied } = await request("PUT", "/api/parameters", { values });
-    this.confirm(applied);
+    const { applied, revisions, generation } = await request("PUT", "/api/parameters", { values });
+    for (const [name, value] of Object.entries(applied)) this.confirm({ name, value, generation, revision: revisions[name] });
+    this.dispatchEvent(new Event("change"));
   }
 }
 
