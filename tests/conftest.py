@@ -7,13 +7,25 @@ from pathlib import Path
 import pytest
 
 REAL_TIME = ("system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py")
-"""Whole laboratories and vehicles that fly in real time: one after the other, in one process."""
+"""Whole laboratories and vehicles that fly in real time: one after the other, when the rest is
+nearly done, for they need both cores."""
+BROWSER = "web/browser/"
 HERE = Path(__file__).parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A file stays in one process, with what it made once; what flies is one group."""
+    """A file stays in one process, with what it made once; what flies is one group, the last."""
+
+    def turn(item: pytest.Item) -> int:
+        path = _path(item)
+        return 2 if path.startswith(REAL_TIME) else 0 if path.startswith(BROWSER) else 1
+
+    items.sort(key=turn)
     for item in items:
-        path = item.path.relative_to(HERE).as_posix()
+        path = _path(item)
         group = "real time" if path.startswith(REAL_TIME) else path
         item.add_marker(pytest.mark.xdist_group(group))
+
+
+def _path(item: pytest.Item) -> str:
+    return item.path.relative_to(HERE).as_posix()

@@ -11,10 +11,15 @@ from typing import Any
 import pytest
 
 CHROMIUM = Path("/usr/bin/chromium")
-FLAGS = [
-    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--no-first-run",
+PLAIN = [
+    "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--no-first-run",
+]  # fmt: skip
+"""Pages whose 3D view is blanked: a graphics card emulated for them takes most of a core."""
+WITH_WEBGL = [
+    *(flag for flag in PLAIN if flag != "--disable-gpu"),
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
 ]  # fmt: skip
 BOUND = 20_000  # ms, for a broken page only
 
@@ -44,12 +49,14 @@ class Look:
 
 
 @pytest.fixture(scope="module")  # its event loop must not outlive the module: others run theirs
-def chromium() -> Iterator[Any]:
+def chromium(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """A module that sets `NEEDS_WEBGL` gets a browser with it."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if not CHROMIUM.exists():
         pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
+    flags = WITH_WEBGL if getattr(request.module, "NEEDS_WEBGL", False) else PLAIN
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=FLAGS)
+        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=flags)
         yield browser
         browser.close()
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+NEEDS_WEBGL = True
+
 
 def test_the_3d_view_shows_the_scene_and_reconnects(chromium: Any, site: Any, flying: Any) -> None:
     context = chromium.new_context(viewport={"width": 640, "height": 400})
