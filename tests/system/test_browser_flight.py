@@ -103,8 +103,8 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     page.mouse.move(box["x"] + share * box["width"], middle)
     page.mouse.down()
     page.mouse.move(box["x"] + (share + 0.1) * box["width"], middle, steps=8)
+    wanted = float(slider.input_value())  # released, the thumb goes where the vehicle is
     page.mouse.up()
-    wanted = float(slider.input_value())
     assert wanted > before
     confirmed = page.locator(f"input[aria-label='{GAIN}, value']")
     expect(confirmed).to_have_value(re.compile(rf"^{wanted:g}$"), timeout=BOUND)

@@ -70,7 +70,7 @@ def test_a_test_is_flown_fetched_judged_and_kept(bench: Bench) -> None:
     assert (status["phase"], status["text"]) == ("done", "")
     run = bench.newest()
     assert run["id"] == status["id"]
-    assert run["requester"] == "admin 1"
+    assert run["requester"] == bench.admin.get("/api/session").json()["label"]
     assert run["plan"] == {
         "axis": "x", "shape": "step", "amplitude": 0.3, "duration": 2.0, "repeats": 1,
     }  # fmt: skip
