@@ -264,7 +264,7 @@ class Site:
         )
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     data = tmp_path_factory.mktemp("data")
     catalogue = Catalogue(data)
@@ -286,7 +286,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield running
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """A site whose station has the parameters of bearings, and compares estimators."""
     data = tmp_path_factory.mktemp("beacons")
@@ -305,7 +305,7 @@ def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield running
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def tune_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     """A site whose vehicle flies step tests: `site.vehicle`, see step_vehicle.py beside this."""
     spec = importlib.util.spec_from_file_location(

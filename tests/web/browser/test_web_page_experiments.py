@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,9 @@ START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))
 
 
 @pytest.fixture
-def section(page: Any, station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
+def section(
+    page: Any, station: Any, until: Callable[..., None], monkeypatch: pytest.MonkeyPatch
+) -> Any:
     """The page with its section open, on a station that knows its experiments."""
     plain = station._call_blocking
 
@@ -41,6 +43,7 @@ def section(page: Any, station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     # Not by a click, which would close what a flight told by the test before has opened.
     page.evaluate("document.getElementById('experiment').open = true")
     page.wait_for_selector("#experiment .options input")
+    until(lambda: page.is_enabled(START))  # a press on it before it is does nothing
     return page
 
 
