@@ -1,6 +1,7 @@
 // The list of runs, newest first: thousands of them, of which only those in sight are drawn.
 
 import { bytes, element } from "./format.js";
+import { characterOf } from "./keys.js";
 import { experiment, lasted, startOf, state } from "./runs_words.js";
 
 const PAGE = 100; // runs asked for at once
@@ -200,8 +201,8 @@ export class RunList extends EventTarget {
     else if (event.key === "Enter") this.tell("open");
     else if (event.key === "Delete") this.tell("remove");
     else if (event.key === "Escape") { this.chosenIds.clear(); this.move(this.cursor); }
-    else if (event.key === "n") this.tell("edit", "notes");
-    else if (event.key === "t") this.tell("edit", "tags");
+    else if (characterOf(event) === "n") this.tell("edit", "notes");
+    else if (characterOf(event) === "t") this.tell("edit", "tags");
     else return;
     event.preventDefault();
     event.stopPropagation();
