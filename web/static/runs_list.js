@@ -60,11 +60,11 @@ export class RunList extends EventTarget {
 
   async load(isNew) {
     const generation = ++this.generation;
-    const seen = this.current?.id;
     const first = isNew ? 0 : Math.floor(this.frame.scrollTop / ROW / PAGE) * PAGE;
     try {
       const answer = await this.page(first, PAGE);
       if (generation !== this.generation) return;
+      const seen = this.current?.id; // now, not when it was asked: the cursor may have moved since
       this.problem = "";
       this.runs = [];
       this.asked = new Set([first]);

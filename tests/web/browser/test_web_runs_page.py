@@ -172,6 +172,22 @@ def test_deleting_can_be_undone_at_once_and_from_the_trash(
     assert runs.resolve(THIRD).exists()
 
 
+def test_an_answer_under_way_does_not_take_the_cursor_back(
+    runs: Catalogue, runs_page: Any, sees: Any, lab: Any, until: Any
+) -> None:
+    held: list[Any] = []
+    runs_page.route("**/api/runs/search*", lambda route: held.append(route))
+    lab.station._hub.publish_from_thread({"type": "runs"})
+    until(lambda: (runs_page.wait_for_timeout(20), held)[1])
+    runs_page.click("#run-2 .start")
+    with runs_page.expect_response("**/api/runs/search*"):
+        runs_page.unroute("**/api/runs/search*")  # lets those held go on
+    runs_page.evaluate("() => new Promise(requestAnimationFrame)")
+    runs_page.click("#detail button:has-text('Delete')")
+    sees.text("#notice", f"Deleted {THIRD};")
+    until(lambda: [run.id for run in deleted_runs(runs)] == [THIRD])
+
+
 def test_the_trash_is_emptied_by_a_hold_and_not_by_a_click(
     runs: Catalogue, runs_page: Any, sees: Any, until: Any
 ) -> None:
