@@ -1,0 +1,177 @@
+"""Matrix T and bias b of the accelerometer from poses held still (Sec. 5.2 of the paper).
+
+At rest T a_m - T b = g R^T z = g up_b: linear in T and T b, solved by least squares. Four poses
+that differ in direction determine it; how well, the condition number of [a_m^T, -1] says (5.7 for
+six faces, 141 for poses within 30 deg, whose noise it multiplies as much).
+
+A wrong attitude turns g up_b but leaves its length: along it the equation is as good as the
+sensor, across it only as good as the attitude. Weighted so, twelve poses within 70 deg leave 0.6
+of the error of print's plain least squares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.calibration.still_poses import StillPose
+from quadrotor.errors import DegenerateGeometryError, MeasurementError
+from quadrotor.vehicle_model import GRAVITY
+
+Array = npt.NDArray[np.float64]
+
+POSES_MIN = 4
+CONDITION_MAX = 120.0
+RANK_TOLERANCE = 1e-3
+"""Of the smallest over the largest singular value; below, the poses lie in one plane."""
+FORCE_ERROR = 0.01
+"""m/s^2, of a pose's mean: what is left of noise and counts."""
+FACES = {
+    "upright": (0.0, 0.0, 1.0),
+    "upside down": (0.0, 0.0, -1.0),
+    "nose up": (1.0, 0.0, 0.0),
+    "nose down": (-1.0, 0.0, 0.0),
+    "left side up": (0.0, 1.0, 0.0),
+    "right side up": (0.0, -1.0, 0.0),
+}
+"""World z in body axes (x forward, y left, z up) of the vehicle's six faces."""
+FACE_COSINE = 0.9
+"""A pose within 26 deg of a face is that face."""
+
+
+@dataclass(frozen=True)
+class AccelerometerCalibration:
+    """f_b = T (a_m - b), with what tells how good it is."""
+
+    matrix: Array  # T (3, 3)
+    bias: Array  # b (3,), m/s^2, sensor axes
+    residuals: Array  # (N, 3) m/s^2, body axes: T (a_m - b) - g up_b of each pose
+    condition_number: float
+    measured: Array  # (N, 3) m/s^2
+    up_b: Array  # (N, 3) unit
+
+    @property
+    def rms(self) -> float:
+        """m/s^2, of a pose's residual."""
+        return float(np.sqrt(np.square(self.residuals).sum(axis=1).mean()))
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What the poses so far are good for.
+
+    Attributes:
+        next_face: the face whose pose would help most; empty when enough is known.
+    """
+
+    rank: int
+    condition_number: float
+    next_face: str
+
+
+def coverage(measured: Array, condition_max: float = CONDITION_MAX) -> Coverage:
+    """Of poses (N, 3) in m/s^2; N may be 0."""
+    rank, condition = _condition(measured)
+    missing = len(measured) < POSES_MIN or rank < 4 or condition > condition_max
+    return Coverage(rank, condition, _best_face(measured) if missing else "")
+
+
+def face_of(measured: Array) -> str:
+    """The face whose up is nearest to a still accelerometer's reading (3,).
+
+    Raises MeasurementError when it stands on none of the six.
+    """
+    direction = measured / np.linalg.norm(measured)
+    name = max(FACES, key=lambda face: float(direction @ np.array(FACES[face])))
+    cosine = float(direction @ np.array(FACES[name]))
+    if cosine < FACE_COSINE:
+        tilt = np.degrees(np.arccos(cosine))
+        raise MeasurementError(
+            f"pose is {tilt:.0f} deg from '{name}', the nearest of the six faces; allowed are "
+            f"{np.degrees(np.arccos(FACE_COSINE)):.0f} deg. Put it flat on a face, or use a tracker"
+        )
+    return name
+
+
+def identify_accelerometer(
+    poses: Sequence[StillPose], *, attitude_error: float = math.radians(0.2),
+    condition_max: float = CONDITION_MAX,
+) -> AccelerometerCalibration:  # fmt: skip
+    """T and b; where a pose has no attitude from a tracker, its face is taken for it.
+
+    Args:
+        attitude_error: rad, standard deviation of the attitudes.
+
+    Raises MeasurementError for too few poses or one on no face, DegenerateGeometryError for
+    poses that do not determine the result; both say which pose is missing.
+    """
+    measured = np.array([pose.measured for pose in poses]).reshape(-1, 3)
+    state = coverage(measured, condition_max)
+    if len(poses) < POSES_MIN:
+        raise MeasurementError(
+            f"{len(poses)} poses, needed are {POSES_MIN} or more in different directions; "
+            f"next: {state.next_face}"
+        )
+    if state.rank < 4:
+        raise DegenerateGeometryError(
+            f"the {len(poses)} poses have rank {state.rank} of 4: turned about one axis only, they "
+            f"leave T undetermined; next: {state.next_face}"
+        )
+    if state.condition_number > condition_max:
+        raise DegenerateGeometryError(
+            f"the {len(poses)} poses have the condition number {state.condition_number:.0f}, "
+            f"allowed {condition_max:.0f}: too near to each other; next: {state.next_face}"
+        )
+    ups = np.array([_up_of(pose) for pose in poses])
+    matrix, product = _solve(measured, ups, GRAVITY * attitude_error)
+    bias = np.asarray(np.linalg.solve(matrix, product), dtype=np.float64)
+    residuals: Array = (measured - bias) @ matrix.T - GRAVITY * ups
+    return AccelerometerCalibration(matrix, bias, residuals, state.condition_number, measured, ups)
+
+
+def _solve(measured: Array, ups: Array, across: float) -> tuple[Array, Array]:
+    """T and T b of the weighted equations; `across` in m/s^2 is their error across up."""
+    system, rows, right = _system(measured), [], []
+    for row, up in zip(system, ups, strict=True):
+        along = np.outer(up, up)
+        weight = along / FORCE_ERROR + (np.eye(3) - along) / max(across, FORCE_ERROR)
+        rows.append(np.kron(weight, row))  # of the rows of [T, T b], one after the other
+        right.append(weight @ (GRAVITY * up))
+    solution, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(right), rcond=None)
+    found = np.asarray(solution, dtype=np.float64).reshape(3, 4)
+    return found[:, :3].copy(), found[:, 3].copy()
+
+
+def _up_of(pose: StillPose) -> Array:
+    if pose.up_b is not None:
+        return pose.up_b
+    return np.array(FACES[face_of(pose.measured)])
+
+
+def _system(measured: Array) -> Array:
+    return np.column_stack([measured, -np.ones(len(measured))])
+
+
+def _condition(measured: Array) -> tuple[int, float]:
+    """Rank and condition number of [a_m^T, -1], infinite below rank 4."""
+    if not len(measured):
+        return 0, float("inf")
+    values = np.linalg.svd(_system(measured), compute_uv=False)
+    rank = int((values > RANK_TOLERANCE * values[0]).sum())
+    return rank, float(values[0] / values[3]) if rank == 4 else float("inf")
+
+
+def _best_face(measured: Array) -> str:
+    """The face that, added, leaves the least uncertainty."""
+
+    def smallest(face: str) -> tuple[float, ...]:
+        added = np.vstack([measured, GRAVITY * np.array(FACES[face])])
+        values = np.linalg.svd(_system(added), compute_uv=False)
+        # The rank first (poses before the fourth), then the weakest direction.
+        return tuple(np.round(np.flip(np.pad(values, (0, 4 - len(values)))), 9))
+
+    return max(FACES, key=smallest)

@@ -1,0 +1,61 @@
+"""Gyroscope drift: the mean of still samples, refused when they were not still (Sec. 5.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+SAMPLES_MIN = 50
+"""Fewer do not tell a turn from noise."""
+
+
+@dataclass(frozen=True)
+class GyroscopeCalibration:
+    """A drift and how well it is known; all in rad/s, body axes."""
+
+    bias_b: Array  # (3,)
+    deviation_b: Array  # (3,), of one sample
+    samples: int
+
+    @property
+    def error_b(self) -> Array:
+        """Standard error (3,) of the bias."""
+        error: Array = self.deviation_b / np.sqrt(self.samples)
+        return error
+
+
+def identify_gyroscope(
+    angular_velocity_b: Array, deviation_max: float, *, motors_on: bool = False
+) -> GyroscopeCalibration:
+    """The drift from (N, 3) uncorrected samples in rad/s.
+
+    Args:
+        deviation_max: rad/s, largest standard deviation on any axis.
+
+    Raises MeasurementError when motors run, the samples are too few or were not still.
+    """
+    if motors_on:
+        raise MeasurementError(
+            "gyroscope not calibrated: motors are on, and what they shake is no drift; "
+            "disarm, then try again"
+        )
+    count = len(angular_velocity_b)
+    if count < SAMPLES_MIN:
+        raise MeasurementError(
+            f"gyroscope not calibrated: {count} samples, needed are {SAMPLES_MIN}; "
+            "keep the vehicle still for longer"
+        )
+    deviation = angular_velocity_b.std(axis=0)
+    if not np.isfinite(deviation).all() or deviation.max() > deviation_max:
+        raise MeasurementError(
+            "gyroscope not calibrated: standard deviation "
+            f"{np.degrees(deviation.max()):.2f} deg/s, "
+            f"allowed {np.degrees(deviation_max):.2f}; keep the vehicle still"
+        )
+    return GyroscopeCalibration(angular_velocity_b.mean(axis=0), deviation, count)

@@ -1,0 +1,97 @@
+"""The motor bench: which references are held when, and what each step came to (Sec. 5.3).
+
+References from 30 to 190 in steps of 10, held for 5 s, a rest of 10 s at low speed before each so
+that the propeller does not overheat. Force and torque of a step are means over the end of its
+hold, when the rotor has settled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+SETTLING = 1.0
+"""s at the start of a hold that do not count: many time constants."""
+SAMPLES_MIN = 20
+
+
+@dataclass(frozen=True)
+class BenchSchedule:
+    """References over time.
+
+    Attributes:
+        first, last, step, rest_reference: counts.
+        hold, rest: s.
+    """
+
+    first: int = 30
+    last: int = 190
+    step: int = 10
+    hold: float = 5.0
+    rest: float = 10.0
+    rest_reference: int = 25
+
+    @property
+    def references(self) -> tuple[int, ...]:
+        return tuple(range(self.first, self.last + 1, self.step))
+
+    @property
+    def duration(self) -> float:
+        """s, of all."""
+        return len(self.references) * (self.hold + self.rest)
+
+    def reference(self, time: float) -> float:
+        """Counts at `time` (s since the start); the rest's after the end."""
+        index, into = divmod(time, self.hold + self.rest)
+        if into < self.rest or not 0 <= index < len(self.references):
+            return float(self.rest_reference)
+        return float(self.references[int(index)])
+
+    def hold_of(self, index: int) -> tuple[float, float]:
+        """Start and end (s) of a step's hold."""
+        end = (index + 1) * (self.hold + self.rest)
+        return end - self.hold, end
+
+
+@dataclass(frozen=True)
+class BenchSteps:
+    """One row a step, all shapes (N,)."""
+
+    reference: Array  # counts
+    force: Array  # N
+    torque: Array  # N m
+    force_error: Array  # N, standard error of the mean
+    samples: npt.NDArray[np.int64]
+
+
+def average_steps(schedule: BenchSchedule, time: Array, force: Array, torque: Array) -> BenchSteps:
+    """What a recording of (N,) samples came to; force and torque are relative to the sensor's
+    reading with the motor off.
+
+    Raises MeasurementError when a step has too few samples: the sensor was unplugged, or the
+    recording ended early.
+    """
+    rows = []
+    for index, reference in enumerate(schedule.references):
+        start, end = schedule.hold_of(index)
+        inside = (time >= start + SETTLING) & (time < end)
+        inside &= np.isfinite(force) & np.isfinite(torque)
+        count = int(inside.sum())
+        if count < SAMPLES_MIN:
+            raise MeasurementError(
+                f"step {reference} has {count} force samples between {start + SETTLING:.1f} and "
+                f"{end:.1f} s, needed are {SAMPLES_MIN}; is the sensor plugged in? "
+                "Run the bench again"
+            )
+        held = force[inside]
+        error = held.std() / np.sqrt(count)
+        rows.append((reference, held.mean(), torque[inside].mean(), error, count))
+    columns = np.array(rows, dtype=np.float64).T
+    references, forces, torques, errors, counts = columns
+    return BenchSteps(references, forces, torques, errors, counts.astype(np.int64))

@@ -1,0 +1,101 @@
+"""The law of motor, controller and propeller from a bench's steps (Sec. 5.3 of the paper).
+
+A rotor's speed is affine in the reference and its force quadratic in the speed, so that
+ref = alpha + beta sqrt(f); the paper's fit, ref quadratic in f, is given beside it, for it misses
+by counts what the root law meets (docs/deviations.md). The steps outside the range of flight are
+left out, as in print.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.calibration.motor_bench import BenchSteps
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+USABLE = (30.0, 180.0)
+"""Counts: the range the paper keeps."""
+STEPS_MIN = 5
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Reference as a function of force, and how far it misses, in counts."""
+
+    coefficients: tuple[float, ...]
+    residuals: Array  # (N,) of the steps used
+
+    @property
+    def worst(self) -> float:
+        return float(np.abs(self.residuals).max())
+
+    @property
+    def rms(self) -> float:
+        return float(np.sqrt(np.mean(np.square(self.residuals))))
+
+
+@dataclass(frozen=True)
+class MotorCalibration:
+    """The law f = (slope (ref + offset))^2 and the torque ratio.
+
+    Attributes:
+        slope: sqrt(N) per count. offset: counts. torque_ratio: m.
+        root: ref = alpha + beta sqrt(f), coefficients (alpha, beta).
+        quadratic: ref = a f^2 + b f + c, coefficients (a, b, c).
+        torque_residual: N m, largest miss of torque = torque_ratio * force.
+        steps: those used; thrust_min, thrust_max: N at the ends of the usable range.
+    """
+
+    slope: float
+    offset: float
+    torque_ratio: float
+    root: Fit
+    quadratic: Fit
+    torque_residual: float
+    steps: BenchSteps
+    thrust_min: float
+    thrust_max: float
+
+
+def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> MotorCalibration:
+    """Raises MeasurementError when the steps are too few or their forces do not rise."""
+    inside = (steps.reference >= usable[0]) & (steps.reference <= usable[1])
+    used = BenchSteps(
+        steps.reference[inside], steps.force[inside], steps.torque[inside],
+        steps.force_error[inside], steps.samples[inside],
+    )  # fmt: skip
+    if len(used.reference) < STEPS_MIN:
+        raise MeasurementError(
+            f"{len(used.reference)} steps between {usable[0]:.0f} and {usable[1]:.0f} counts, "
+            f"needed are {STEPS_MIN}; run the bench over more references"
+        )
+    order = np.argsort(used.reference)
+    force = used.force[order]
+    wrong = np.flatnonzero(np.diff(force, prepend=0.0) <= 0.0)
+    if len(wrong):
+        first = int(wrong[0])
+        raise MeasurementError(
+            f"the force at {used.reference[order][first]:.0f} counts is {force[first]:.3f} N; it "
+            "must be above 0 and rise from step to step. Check the sensor's sign and zero, and "
+            "that the propeller blows away from it"
+        )
+    root = _fit(np.column_stack([np.ones(len(used.force)), np.sqrt(used.force)]), used.reference)
+    quadratic = _fit(np.vander(used.force, 3), used.reference)
+    alpha, beta = root.coefficients
+    slope, offset = 1.0 / beta, -alpha
+    ratio = float(used.force @ used.torque / (used.force @ used.force))
+    ends = [(slope * (reference + offset)) ** 2 for reference in usable]
+    return MotorCalibration(
+        slope, offset, abs(ratio), root, quadratic,
+        float(np.abs(used.torque - ratio * used.force).max()), used, ends[0], ends[1],
+    )  # fmt: skip
+
+
+def _fit(system: Array, reference: Array) -> Fit:
+    solution, *_ = np.linalg.lstsq(system, reference, rcond=None)
+    return Fit(tuple(solution.tolist()), system @ solution - reference)

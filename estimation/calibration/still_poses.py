@@ -1,0 +1,126 @@
+"""Poses held still, found in a stream of samples: what the accelerometer is calibrated from.
+
+A pose counts once the sensor has been still for the whole of a window, and again only after it
+has been turned: a vehicle left on the bench gives one pose, not a hundred.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class StillPose:
+    """Means over the window."""
+
+    measured: Array  # (3,) specific force as the sensor gave it, m/s^2, sensor axes
+    up_b: Array | None  # (3,) unit, world z in body axes, by the tracker; None without one
+    deviation: float  # m/s^2, largest of the three axes
+
+
+@dataclass(frozen=True)
+class Stillness:
+    """How far the pose under way is.
+
+    Attributes:
+        share: of the window, 0…1; back to 0 whenever the sensor moves.
+        moving: what is too large at present, in words; empty when still.
+    """
+
+    share: float
+    moving: str
+
+
+class StillPoses:
+    """Collects poses.
+
+    Args:
+        rate: Hz, of the samples.
+        duration: s, of the window.
+        force_deviation_max: m/s^2, largest standard deviation on any axis within the window.
+        turn_max: rad/s, largest angular velocity.
+        apart: rad, by how much a pose must differ from the last one.
+        saturation: m/s^2; at or beyond it on any axis, the sensor shows less than there is.
+    """
+
+    def __init__(
+        self,
+        rate: float,
+        *,
+        duration: float = 1.0,
+        force_deviation_max: float = 0.15,
+        turn_max: float = math.radians(3.0),
+        apart: float = math.radians(10.0),
+        saturation: float = 19.4,
+    ) -> None:
+        self.poses: list[StillPose] = []
+        self._window = np.empty((max(2, round(rate * duration)), 3))
+        self._ups = np.empty_like(self._window)
+        self._with_up = 0
+        self._count = 0
+        self._force_deviation_max = force_deviation_max
+        self._turn_max = turn_max
+        self._apart = math.cos(apart)
+        self._saturation = saturation
+        self._taken: Array | None = None
+
+    def add(
+        self, measured: Array, angular_velocity_b: Array, up_b: Array | None = None
+    ) -> Stillness:
+        """One sample: (3,) m/s^2, (3,) rad/s less the drift, (3,) by the tracker's attitude.
+
+        When it completes a pose, that is the last one of `poses`.
+        """
+        moving = self._moving(measured, angular_velocity_b)
+        if moving:
+            self._restart()
+            return Stillness(0.0, moving)
+        self._window[self._count] = measured
+        if up_b is not None:
+            self._ups[self._with_up] = up_b
+            self._with_up += 1
+        self._count += 1
+        if self._count < len(self._window):
+            return Stillness(self._count / len(self._window), "")
+        mean, deviation = self._window.mean(axis=0), float(self._window.std(axis=0).max())
+        if deviation > self._force_deviation_max:
+            self._restart()
+            limit = self._force_deviation_max
+            return Stillness(0.0, f"it shakes by {deviation:.2f} m/s², allowed {limit:.2f}")
+        direction = mean / np.linalg.norm(mean)
+        if self._taken is None or direction @ self._taken < self._apart:
+            self._taken = direction
+            self.poses.append(StillPose(mean, self._up(), deviation))
+        self._restart()
+        return Stillness(1.0, "")
+
+    def _moving(self, measured: Array, angular_velocity_b: Array) -> str:
+        turn = float(np.linalg.norm(angular_velocity_b))
+        if not (np.isfinite(measured).all() and math.isfinite(turn)):
+            return "the samples are not finite"
+        if turn > self._turn_max:
+            return (
+                f"it turns at {math.degrees(turn):.1f} deg/s, "
+                f"allowed {math.degrees(self._turn_max):.1f}"
+            )
+        largest = float(np.abs(measured).max())
+        if largest >= self._saturation:
+            return f"the accelerometer is saturated at {largest:.1f} m/s²"
+        return ""
+
+    def _up(self) -> Array | None:
+        """The mean of the tracker's, when it was there at least half of the time."""
+        if 2 * self._with_up < self._count:
+            return None
+        mean = self._ups[: self._with_up].mean(axis=0)
+        up: Array = mean / np.linalg.norm(mean)
+        return up
+
+    def _restart(self) -> None:
+        self._count = self._with_up = 0
