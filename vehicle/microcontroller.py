@@ -7,32 +7,25 @@ and request is repeated each 25 ms until answered, 40 times, then given up and r
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import msgspec
 
 from quadrotor.errors import LinkError
 from vehicle.microcontroller_clock import MicrocontrollerClock
-from vehicle_link.serial.commands import (
-    VALUE,
-    decode_data,
-    decode_mirrored,
-    decode_value,
-    encode_command,
-    encode_mirror,
-    encode_request,
-    encode_set,
+from vehicle_link.serial.commands import decode_data, encode_command
+from vehicle_link.serial.exchange import (
+    MIRROR_KEY,
+    Exchange,
+    confirm,
+    decode_reply,
+    mirror,
+    set_value,
 )
 from vehicle_link.serial.frames import Frame, FrameDecoder
 from vehicle_link.serial.ids import MIRROR, PRESSURE_OFFSET, FlightControlMode, Id, MotorState
 from vehicle_link.serial.port import Port
 
-REPEAT_S = 0.025
-TRIES = 40
-SLOW_REPEAT_S = 1.0
-"""What it must confirm before it may fly is asked on, for it may be switched on later."""
 ROBOT_ID = 1
 FIRMWARE_REVISION = 1
 
@@ -49,23 +42,6 @@ class RawSample(msgspec.Struct, frozen=True, order=True):
     battery_voltage: float  # V
     pressure: float  # Pa
     motor_state: MotorState
-
-
-@dataclass(slots=True)
-class _Request:
-    """Something to repeat until it is answered."""
-
-    key: int  # the id a reply names; _MIRROR_KEY for the list of mirrored ids
-    expected: int | None  # value that settles it, None for any
-    build: Callable[[Sequence[int]], bytes]
-    name: str
-    tries: int = 0
-    due_s: float = -math.inf
-    answer: str = "nothing"
-    given_up: bool = False
-
-
-_MIRROR_KEY = -1
 
 
 class Microcontroller:
@@ -102,20 +78,23 @@ class Microcontroller:
         self._newest_ns = -1
         self._references: Sequence[int] = _STOPPED
         self._mirrored = False
-        self._requests = [
-            _Request(_MIRROR_KEY, None, lambda r: encode_mirror(r, MIRROR), "mirror the IMU"),
-            _ask(Id.ROBOT_ID, robot_id),
-            _ask(Id.FIRMWARE_REVISION, firmware_revision),
-            _set(Id.FLIGHT_CONTROL_MODE, FlightControlMode.DIRECT),
-        ]
-        self._motors: _Request | None = None
-        for request in self._requests:
+        self._handshake = Exchange(
+            [
+                mirror(MIRROR),
+                confirm(Id.ROBOT_ID, robot_id),
+                confirm(Id.FIRMWARE_REVISION, firmware_revision),
+                set_value(Id.FLIGHT_CONTROL_MODE, FlightControlMode.DIRECT),
+            ],
+            self.failures,
+        )
+        self._motors = Exchange([], self.failures)
+        for request in self._handshake.open:
             self._ports[0].write(request.build(_STOPPED))
 
     @property
     def connected(self) -> bool:
         """Whether it is the right microcontroller, mirrors the IMU and flies in direct mode."""
-        return not self._requests
+        return not self._handshake.open
 
     @property
     def damaged(self) -> int:
@@ -171,14 +150,17 @@ class Microcontroller:
         """
         if state is not MotorState.ON:
             self._references = _STOPPED
-        self._motors = _set(Id.MOTOR_STATE, state)
+        self._motors.put(set_value(Id.MOTOR_STATE, state, persistent=state is not MotorState.ON))
 
     def service(self, now_s: float) -> None:
         """Send and repeat what is due; `now_s` is any clock that does not go back."""
-        for request in self._requests:
-            self._repeat(request, now_s)
-        if self._motors is not None:
-            self._repeat(self._motors, now_s)
+        for frame in self._handshake.service(now_s, self._references):
+            self._ports[0].write(frame)
+        for request in self._motors.open:
+            starting = request.expected == MotorState.ON and not self.connected
+            request.hold = "it is not recognised yet" if starting else ""
+        for frame in self._motors.service(now_s, self._references):
+            self._ports[0].write(frame)
 
     # ------------------------------------------------------------------ parts
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
@@ -211,57 +193,12 @@ class Microcontroller:
                 self.late += 1
         return kept
 
-    def _repeat(self, request: _Request, now_s: float) -> None:
-        """Send the request if it is due; report it once when all tries were in vain."""
-        if now_s < request.due_s or request.given_up:
-            return
-        if request.tries == TRIES:
-            request.given_up = request.key == Id.MOTOR_STATE and request.expected == MotorState.ON
-            request.tries += 1
-            self.failures.append(
-                f"microcontroller: could not {request.name} in {TRIES} tries, "
-                f"{TRIES * REPEAT_S:.1f} s; it answered {request.answer}. "
-                "Check the cables, the ports and its firmware"
-            )
-            return
-        request.tries += request.tries < TRIES
-        request.due_s = now_s + (REPEAT_S if request.tries <= TRIES else SLOW_REPEAT_S)
-        if request is self._motors and request.expected == MotorState.ON and not self.connected:
-            request.answer = "nothing: it is not recognised yet"
-            return
-        self._ports[0].write(request.build(self._references))
-
     def _take_reply(self, frame: Frame) -> None:
-        if frame.command == VALUE:
-            reply = decode_value(frame)
-            if reply is not None:
-                self._settle(reply[0], reply[1], f"{reply[1]}")
+        reply = decode_reply(frame)
+        if reply is None:
             return
-        ids = decode_mirrored(frame)
-        if ids is not None:
-            self._mirrored = ids == MIRROR
-            if self._mirrored:
-                self._settle(_MIRROR_KEY, None, "")
-
-    def _settle(self, key: int, value: int | None, answer: str) -> None:
-        for request in self._requests:
-            if request.key == key:
-                request.answer = answer
-                if request.expected in (None, value):
-                    self._requests.remove(request)
-                    break
-        motors = self._motors
-        if motors is not None and key == motors.key:
-            motors.answer = answer
-            if motors.expected == value:
-                self._motors = None
-
-
-def _set(id: Id, value: int) -> _Request:
-    name = f"set {id.name.lower()} to {value}"
-    return _Request(id, value, lambda references: encode_set(references, id, value), name)
-
-
-def _ask(id: Id, expected: int) -> _Request:
-    name = f"confirm that {id.name.lower()} is {expected}"
-    return _Request(id, expected, lambda references: encode_request(references, id), name)
+        key, answer = reply
+        if key == MIRROR_KEY:
+            self._mirrored = answer == MIRROR
+        self._handshake.settle(key, answer)
+        self._motors.settle(key, answer)

@@ -73,13 +73,13 @@ class Noise:
         self.block = np.empty((BLOCK, CHANNELS))
         self._row = BLOCK
 
-    def next_row(self) -> int:
-        """Row of `block` to use for the next sample."""
+    def next_rows(self, count: int) -> int:
+        """First of `count` rows of `block` to use for the next samples."""
         row = self._row
-        if row == BLOCK:
+        if row + count > BLOCK:
             self._generator.standard_normal(out=self.block)
             row = 0
-        self._row = row + 1
+        self._row = row + count
         return row
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import STATE, Record
-from vehicle.simulator.firmware import Firmware
+from vehicle.simulator.firmware.firmware import Firmware
+from vehicle.simulator.firmware.program import period
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, configure_plant, new_plant
 from vehicle.simulator.sensors import Noise, new_sensors, sample
@@ -18,14 +20,32 @@ from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
 PORTS = 2
 
 
+PERIOD_MAX_S = 0.001
+"""s; the microcontroller estimates and controls at least this often, whatever it sends."""
+
+
 @compiled
-def _period(
-    plant: Record, references: tuple[int, int, int, int], duration: float, sensors: Record,
-    noise: npt.NDArray[np.float64], row: int, registers: npt.NDArray[np.int16],
+def _run(
+    plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
+    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], periods: int, dt: float,
 ) -> None:  # fmt: skip
-    """One IMU period in one compiled call."""
-    advance(plant, references, duration)
+    """`periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
+    p = program[0]
+    for k in range(periods):
+        r = p.references
+        advance(plant, (r[0], r[1], r[2], r[3]), dt)
+        sample(plant, sensors, noise, row + k, registers)
+        period(p, registers, command, dt)
+
+
+@compiled
+def _begin(
+    plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
+    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], dt: float,
+) -> None:  # fmt: skip
+    """The very first period: nothing has moved yet."""
     sample(plant, sensors, noise, row, registers)
+    period(program[0], registers, command, dt)
 
 
 class SimulatedVehicle:
@@ -59,7 +79,8 @@ class SimulatedVehicle:
         self._noise = Noise(parameters.seed)
         self._samples = 0
         self._rate = parameters.imu_rate
-        self._duration = 1.0 / parameters.imu_rate
+        self._periods = math.ceil(1.0 / (PERIOD_MAX_S * parameters.imu_rate) - 1e-9)
+        self._period = 1.0 / (parameters.imu_rate * self._periods)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
 
     @property
@@ -88,14 +109,19 @@ class SimulatedVehicle:
         self.stamp_ns = stamp_ns = self.next_stamp_ns
         firmware.advance(stamp_ns // 1_000_000)
         noise = self._noise
-        row = noise.next_row()
         if self._samples:
-            _period(
-                self._plant, firmware.references, self._duration, self._sensors,
-                noise.block, row, firmware.registers,
+            row = noise.next_rows(self._periods)
+            _run(
+                self._plant, self._sensors, noise.block, row, firmware.program,
+                firmware.registers, firmware.command, self._periods, self._period,
             )  # fmt: skip
+            firmware.statistics.steps(stamp_ns // 1_000_000, self._periods, 1)
         else:
-            sample(self._plant, self._sensors, noise.block, row, firmware.registers)
+            row = noise.next_rows(1)
+            _begin(
+                self._plant, self._sensors, noise.block, row, firmware.program,
+                firmware.registers, firmware.command, self._period,
+            )  # fmt: skip
         self._samples += 1
         port_index, frame = firmware.next_data()
         self._outlets[port_index].write(frame)
@@ -111,10 +137,11 @@ class SimulatedVehicle:
 
     def warm_up(self) -> None:
         """Compile what `step` calls, so that the first one takes no seconds; changes nothing."""
-        plant, registers = self._plant.copy(), self.firmware.registers.copy()
-        noise = np.zeros_like(self._noise.block)
-        _period(plant, (0, 0, 0, 0), self._duration, self._sensors, noise, 0, registers)
-        sample(plant, self._sensors, noise, 0, registers)
+        plant, program = self._plant.copy(), self.firmware.program.copy()
+        registers, noise = self.firmware.registers.copy(), np.zeros_like(self._noise.block)
+        rest = program, registers, (0, 0, 0, 0)
+        _begin(plant, self._sensors, noise, 0, *rest, self._period)
+        _run(plant, self._sensors, noise, 0, *rest, 1, self._period)
 
     def disturb(self, force_w: Sequence[float]) -> None:
         """Push the vehicle with this force (N, world axes) from now on; zeros end it."""
