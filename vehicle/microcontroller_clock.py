@@ -3,7 +3,8 @@
 The microcontroller sends its time in ms modulo 60 s. The vehicle's clock is that time counted on
 without wrapping, plus a constant: the host's epoch time at which the first sample was taken. A
 sample can only arrive late, so the constant is the least (arrival - elapsed) over the first
-samples; those are spent on it. In simulated time the constant is given, usually 0.
+samples, less the time its frame takes on the line; those are spent on it. In simulated time the
+constant is given, usually 0.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import time
 from collections.abc import Callable
 
 from vehicle_link.serial.ids import TIME_PERIOD_MS
+from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
 LATE_MS = 1_000
@@ -23,6 +25,8 @@ SLACK_MS = 1_000
 RESTART_MS = 1_000
 """Times refused for so long are those of a microcontroller that began anew."""
 MS = 1_000_000
+FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
+"""On the line, a `D` frame of 34 bytes."""
 
 
 class MicrocontrollerClock:
@@ -100,7 +104,7 @@ class MicrocontrollerClock:
         self._least_ns = least_ns if self._least_ns is None else min(self._least_ns, least_ns)
         self._settling += samples
         if self._settling >= SETTLING_SAMPLES:
-            self._epoch_ns = self._least_ns
+            self._epoch_ns = self._least_ns - FRAME_NS
 
     def _host_ms(self) -> int | None:
         """Since the first sample, by the host's clock; None in simulated time."""

@@ -293,5 +293,5 @@ def test_a_full_ring_costs_records_not_ticks(bench: Bench) -> None:
 
 
 def test_a_port_that_never_comes_is_one_clear_line() -> None:
-    with pytest.raises(LinkError, match="cannot open serial port /nowhere/mcu0"):
+    with pytest.raises(LinkError, match="serial port /nowhere/mcu0 cannot be opened"):
         open_ports(["/nowhere/mcu0"], patience_s=0.0)

@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle.microcontroller import TRIES, Microcontroller, RawSample
-from vehicle.simulator.firmware import Firmware
+from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import (
@@ -16,6 +16,7 @@ from vehicle_link.serial.commands import (
     encode_mirrored,
     encode_value,
 )
+from vehicle_link.serial.exchange import TRIES
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import MIRROR, Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair

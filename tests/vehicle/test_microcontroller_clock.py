@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from vehicle.microcontroller_clock import MS, SETTLING_SAMPLES, MicrocontrollerClock
+from vehicle.microcontroller_clock import FRAME_NS, MS, SETTLING_SAMPLES, MicrocontrollerClock
 
 
 def test_time_goes_on_through_the_wrap() -> None:
@@ -33,7 +33,7 @@ def test_the_epoch_is_the_least_arrival_less_the_elapsed_time() -> None:
         assert elapsed is not None
         clock.settle(elapsed, 1)
     assert clock.settled
-    assert clock.stamp_ns(0) == 1_700_000_000_000_000_000 + min(delays)
+    assert clock.stamp_ns(0) == 1_700_000_000_000_000_000 + min(delays) - FRAME_NS
 
 
 def test_samples_that_waited_unread_do_not_shift_the_epoch() -> None:
@@ -42,7 +42,7 @@ def test_samples_that_waited_unread_do_not_shift_the_epoch() -> None:
     for k in range(120):  # 240 ms of samples, read in one go
         newest = clock.elapsed_ns(2 * k) or 0
     clock.settle(newest, 120)
-    assert clock.stamp_ns(newest) == 5_000 * MS
+    assert clock.stamp_ns(newest) == 5_000 * MS - FRAME_NS
 
 
 def test_a_given_epoch_needs_no_host_clock() -> None:

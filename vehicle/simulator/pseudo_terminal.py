@@ -52,9 +52,10 @@ class PseudoTerminal:
                 "choose a folder that can be written, with --data"
             ) from None
 
-    def read(self) -> bytes:
+    def read(self, most: int = _CHUNK) -> bytes:
+        """At most so many of the bytes that wait."""
         try:
-            return os.read(self._master, _CHUNK)
+            return os.read(self._master, most)
         except BlockingIOError:
             return b""
 

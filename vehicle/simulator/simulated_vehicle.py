@@ -20,6 +20,7 @@ from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
 PORTS = 2
 
 
+SECOND_NS = 1_000_000_000
 PERIOD_MAX_S = 0.001
 """s; the microcontroller estimates and controls at least this often, whatever it sends."""
 
@@ -77,10 +78,10 @@ class SimulatedVehicle:
         self._plant = new_plant(parameters)
         self._sensors = new_sensors(parameters)
         self._noise = Noise(parameters.seed)
-        self._samples = 0
-        self._rate = parameters.imu_rate
+        self._count = 0  # periods begun
         self._periods = math.ceil(1.0 / (PERIOD_MAX_S * parameters.imu_rate) - 1e-9)
-        self._period = 1.0 / (parameters.imu_rate * self._periods)
+        self._rate = parameters.imu_rate * self._periods
+        self._period = 1.0 / self._rate
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
 
     @property
@@ -95,10 +96,19 @@ class SimulatedVehicle:
         return speeds
 
     def step(self) -> None:
-        """Obey the bytes that arrived, move by one IMU period, send one sample.
+        """Obey the bytes that arrived, move on to the next sample and send it.
 
         The first call sends the sample at time 0 without moving.
         """
+        self._obey()
+        self._advance(self._periods - (self._count - 1) % self._periods if self._count else 1)
+
+    def step_period(self) -> None:
+        """As `step`, but for one period of the microcontroller only, the first one included."""
+        self._obey()
+        self._advance(1)
+
+    def _obey(self) -> None:
         firmware = self.firmware
         for index, port in self._lines:
             data = port.read()
@@ -106,34 +116,40 @@ class SimulatedVehicle:
                 replies = firmware.receive(index, data)
                 if replies:
                     port.write(replies)
-        self.stamp_ns = stamp_ns = self.next_stamp_ns
+
+    def _advance(self, periods: int) -> None:
+        """Move by so many periods, the last of which may send a sample."""
+        firmware, noise, first = self.firmware, self._noise, not self._count
+        last = self._count + periods - 1
+        self.stamp_ns = stamp_ns = last * SECOND_NS // self._rate
         firmware.advance(stamp_ns // 1_000_000)
-        noise = self._noise
-        if self._samples:
-            row = noise.next_rows(self._periods)
-            _run(
-                self._plant, self._sensors, noise.block, row, firmware.program,
-                firmware.registers, firmware.command, self._periods, self._period,
-            )  # fmt: skip
-            firmware.statistics.steps(stamp_ns // 1_000_000, self._periods, 1)
+        arguments = (
+            self._plant, self._sensors, noise.block, noise.next_rows(periods), firmware.program,
+            firmware.registers, firmware.command,
+        )  # fmt: skip
+        if first:
+            _begin(*arguments, self._period)
         else:
-            row = noise.next_rows(1)
-            _begin(
-                self._plant, self._sensors, noise.block, row, firmware.program,
-                firmware.registers, firmware.command, self._period,
-            )  # fmt: skip
-        self._samples += 1
-        port_index, frame = firmware.next_data()
-        self._outlets[port_index].write(frame)
+            _run(*arguments, periods, self._period)
+            firmware.statistics.steps(stamp_ns // 1_000_000, periods, 1)
+        self._count = last + 1
+        if last % self._periods == 0:
+            port_index, frame = firmware.next_data()
+            self._outlets[port_index].write(frame)
 
     @property
-    def next_stamp_ns(self) -> int:
-        """Time of the sample that the next `step` sends."""
-        return self._samples * 1_000_000_000 // self._rate
+    def next_period_ns(self) -> int:
+        """Time of the microcontroller's next period."""
+        return self._count * SECOND_NS // self._rate
+
+    @property
+    def period(self) -> float:
+        """s, of the microcontroller."""
+        return self._period
 
     def skip(self, samples: int) -> None:
         """Let the clock run on by this many samples that are never sent, without motion."""
-        self._samples += samples
+        self._count += samples * self._periods
 
     def warm_up(self) -> None:
         """Compile what `step` calls, so that the first one takes no seconds; changes nothing."""

@@ -33,6 +33,9 @@ Item = Any
 
 GAIN_FLYING, GAIN_RESTING = 0.1, 4.0
 """rad/s: how fast the accelerometer's direction is taken over."""
+GAIN_TURNED, TURNED = 0.01, 0.1
+"""rad/s instead, in flight, when the two differ by more than this sine: a vehicle on its way
+leans, and its accelerometer does not see it."""
 DRIFT_GAIN = 0.005
 """rad/s^2 a rad: how fast the drift follows in flight."""
 FORCE_MARGIN = 0.3
@@ -59,9 +62,10 @@ def estimate_attitude(p: Item, omega_b: Vector, force_b: Vector, dt: float) -> N
     if abs(size - GRAVITY) < FORCE_MARGIN * GRAVITY:
         up_b = to_body(axes_of(quaternion(p.quaternion_wb)), (0.0, 0.0, 1.0))
         correction = cross(scale(1.0 / size, force_b), up_b)
-    gain = GAIN_FLYING if p.turning else GAIN_RESTING
+    gain = GAIN_RESTING
     if p.turning:
-        bias = along(bias, -DRIFT_GAIN * dt, correction)
+        gain = GAIN_FLYING if length(correction) < TURNED else GAIN_TURNED
+        bias = along(bias, -DRIFT_GAIN / GAIN_FLYING * gain * dt, correction)
     store(bias, p.gyroscope_bias)
     phi = scale(dt, along(rate, gain, correction))
     q = normalized(turned(quaternion(p.quaternion_wb), phi))

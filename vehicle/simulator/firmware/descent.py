@@ -15,16 +15,16 @@ from quadrotor.compiled import compiled
 from quadrotor.vehicle_model import GRAVITY, thrust_of_reference
 from vehicle.simulator.firmware.attitude import angles
 from vehicle.simulator.firmware.hovering import hold_angles
-from vehicle_link.serial.attitude_command import THRUST_MAX, HOVER_THRUST
+from vehicle_link.serial.attitude_command import HOVER_THRUST, THRUST_MAX
 from vehicle_link.serial.ids import Id
 
 Item = Any
 """One record `array[k]` inside compiled code."""
 Registers = npt.NDArray[np.int16]
 
-SINK, FLARE_SINK = 0.5, 0.35
+SINK, FLARE_SINK = 0.7, 0.35
 """m/s, down."""
-FLARE_HEIGHT = 0.6
+FLARE_HEIGHT = 0.7
 """m over where it stood: below it FLARE_SINK."""
 SLOWING = 2.0
 """m/s^2: from the climb rate it had to the one it wants."""

@@ -25,6 +25,8 @@ GAIN_SCALE = 0.1
 """1 of a gain's register."""
 INTEGRAL_MAX = 0.2
 """rad s."""
+INTEGRATED = 0.1
+"""rad: a larger error is a manoeuvre, not a trim, and is not integrated."""
 REFERENCE_MAX = 255
 
 _GAIN_P, _GAIN_D, _GAIN_I = int(Id.GAIN_P), int(Id.GAIN_D), int(Id.GAIN_I)
@@ -66,7 +68,7 @@ def hold_angles(
         * (registers[_GAIN_YAW] * error_yaw - registers[_GAIN_YAW_ACCELERATION] * yaw_acceleration),
     )
     thrusts, scaling = allocate((thrust, torque[0], torque[1], torque[2]), m)
-    if scaling == 1.0:
+    if scaling == 1.0 and abs(error_roll) + abs(error_pitch) < INTEGRATED:
         p.angle_integral[0] = _bounded(p.angle_integral[0] + error_roll * dt)
         p.angle_integral[1] = _bounded(p.angle_integral[1] + error_pitch * dt)
     for i in range(4):

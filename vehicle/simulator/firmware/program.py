@@ -38,7 +38,8 @@ _OFFSET, _DRIFT = int(Id.ACCELEROMETER_OFFSET_X), int(Id.GYROSCOPE_DRIFT_X)
 _PITCH, _ROLL, _YAW_RATE = int(Id.PITCH), int(Id.ROLL), int(Id.YAW_RATE)
 _PITCH_RATE, _ROLL_RATE = int(Id.PITCH_RATE), int(Id.ROLL_RATE)
 _PRESSURE, _THRUST = int(Id.PRESSURE), int(Id.THRUST)
-_STATE, _MODE, _MOTOR_1 = int(Id.MOTOR_STATE), int(Id.FLIGHT_CONTROL_MODE), int(Id.MOTOR_REFERENCE_1)
+_STATE, _MODE = int(Id.MOTOR_STATE), int(Id.FLIGHT_CONTROL_MODE)
+_MOTOR_1 = int(Id.MOTOR_REFERENCE_1)
 _ON, _EMERGENCY = int(MotorState.ON), int(MotorState.EMERGENCY)
 _NEAR_HOVERING = int(FlightControlMode.NEAR_HOVERING)
 _DEGREES = 180.0 / math.pi
@@ -58,7 +59,7 @@ def period(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
     )  # fmt: skip
     omega_b = (_rate(registers, 0), _rate(registers, 1), _rate(registers, 2))
     state = registers[_STATE]
-    p.turning = 1 if state == _ON or state == _EMERGENCY else 0
+    p.turning = 1 if state in (_ON, _EMERGENCY) else 0
     estimate_attitude(p, omega_b, force_b, dt)
     estimate_climb(p, -registers[_PRESSURE] / PRESSURE_LAPSE, dt)
     p.awake = 1
@@ -102,13 +103,14 @@ def _signed(byte: int) -> int:
 
 @compiled(inner=True)
 def _acceleration(registers: Registers, axis: int) -> float:
-    counts = registers[_ACCELEROMETER + axis] - ZERO - registers[_OFFSET + axis]
+    counts: float = registers[_ACCELEROMETER + axis] - ZERO - registers[_OFFSET + axis]
     return ACCELEROMETER_SCALE * counts
 
 
 @compiled(inner=True)
 def _rate(registers: Registers, axis: int) -> float:
-    return GYROSCOPE_SCALE * (registers[_GYROSCOPE + axis] - ZERO)
+    counts: float = registers[_GYROSCOPE + axis] - ZERO
+    return GYROSCOPE_SCALE * counts
 
 
 @compiled(inner=True)
