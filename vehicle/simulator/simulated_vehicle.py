@@ -13,8 +13,8 @@ from quadrotor.records import STATE, Record
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.program import period
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, configure_plant, new_plant
-from vehicle.simulator.sensors import Noise, new_sensors, sample
+from vehicle.simulator.plant import advance, blow, configure_plant, new_plant
+from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
 from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
 
 PORTS = 2
@@ -34,6 +34,7 @@ def _run(
     p = program[0]
     for k in range(periods):
         r = p.references
+        blow(plant, noise[:, GUSTS:], row + k, dt)
         advance(plant, (r[0], r[1], r[2], r[3]), dt)
         sample(plant, sensors, noise, row + k, registers)
         period(p, registers, command, dt)
@@ -82,6 +83,7 @@ class SimulatedVehicle:
         self._periods = math.ceil(1.0 / (PERIOD_MAX_S * parameters.imu_rate) - 1e-9)
         self._rate = parameters.imu_rate * self._periods
         self._period = 1.0 / self._rate
+        self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
 
     @property
@@ -168,6 +170,10 @@ class SimulatedVehicle:
         self.parameters = parameters
         configure_plant(self._plant, parameters)
         self._sensors = new_sensors(parameters)
+        self._miss(parameters.missing_motor)
+
+    def _miss(self, motor: int) -> None:
+        self.firmware.program["missing"] = 1 << motor - 1 if motor else 0
 
     def place(
         self, position_w: Sequence[float], quaternion_wb: Sequence[float] = (1.0, 0.0, 0.0, 0.0)
