@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from quadlab import serial_ports
 from quadlab.data_folder import open_data_folder
 from quadlab.page_options import PageOptions, say_authority
 from quadlab.settings import parse_settings
@@ -39,8 +40,12 @@ def check_name(name: str) -> None:
 class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
-    serial: tuple[Path, ...]
-    """the microcontroller's serial ports, one or two"""
+    serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
+    """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
+    check: bool = False
+    """only test the connection and print what was found"""
+    find: bool = False
+    """only look at all serial devices and print what is there"""
     data: Folder = None
     """data folder"""
     link_port: int = 7447
@@ -52,6 +57,10 @@ class Vehicle:
 
     def run(self) -> int:
         check_name(self.name)
+        if self.find:
+            return serial_ports.find(self.serial)
+        if self.check:
+            return serial_ports.check(self.serial)
         from vehicle.process import run_vehicle
 
         settings = {}
@@ -60,7 +69,7 @@ class Vehicle:
 
             settings = parse_settings(new_parameters(), self.set)
         return run_vehicle(
-            [str(port) for port in self.serial],
+            serial_ports.flight_ports(self.serial),
             data=open_data_folder(self.data),
             link_port=self.link_port,
             name=self.name,

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
-REAL_TIME = ("system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py")
+REAL_TIME = (
+    "system/", "vehicle/test_comms_process.py", "vehicle/test_serial_check.py",
+    "vehicle/test_simulator_process.py",
+)  # fmt: skip
 """Whole laboratories and vehicles that fly in real time: one after the other, when the rest is
 nearly done, for they need both cores."""
 BROWSER = "web/browser/"

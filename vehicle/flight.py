@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from vehicle import mailbox
@@ -27,7 +27,7 @@ from vehicle.modes import Mode
 from vehicle.process_config import FlightConfig, Rings, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
 from vehicle_link.serial.ids import MotorState
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.port import PortError, PortProblem, SerialPort
 
 if TYPE_CHECKING:
     from vehicle.kernels import Later
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 POLL_MS = 50
 SILENCE_NS = 500_000_000
 PORT_PATIENCE_S = 10.0
+TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
+"""What a user can mend while the ports are tried again; a missing one is a simulator's, as a rule.
+"""
 COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
 
 
@@ -264,20 +267,24 @@ def load_trajectories(stack: FlightStack, folder: Path) -> None:
 
 
 def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:
-    """Open the serial ports, which a simulator may still be making.
+    """Open the serial ports, which a simulator may still be making or another program holding.
 
-    Raises LinkError when they cannot be opened for `patience_s`.
+    Raises PortError when they cannot be opened for `patience_s`.
     """
     deadline = time.monotonic() + patience_s
     ports: list[SerialPort] = []
+    told: set[str] = set()
     for path in paths:
         while True:
             try:
                 ports.append(SerialPort(path))
                 break
-            except LinkError:
-                if time.monotonic() >= deadline:
+            except PortError as error:
+                if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:
                     raise
+                if error.problem in TOLD_AT_ONCE and str(error) not in told:
+                    told.add(str(error))
+                    say(f"{error}; trying for {patience_s:.0f} s")
             time.sleep(0.1)
     return ports
 

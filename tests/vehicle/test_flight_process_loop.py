@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pytest
 
@@ -16,6 +18,7 @@ from vehicle.microcontroller import RawSample
 from vehicle.modes import Mode
 from vehicle.process_config import Rings, create_rings, open_rings
 from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.port import SerialPort
 
 PERIOD_NS = 2_000_000
 
@@ -295,3 +298,35 @@ def test_a_full_ring_costs_records_not_ticks(bench: Bench) -> None:
 def test_a_port_that_never_comes_is_one_clear_line() -> None:
     with pytest.raises(LinkError, match="serial port /nowhere/mcu0 cannot be opened"):
         open_ports(["/nowhere/mcu0"], patience_s=0.0)
+
+
+def test_what_is_no_serial_device_is_not_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(LinkError, match="not a serial device"):
+        open_ports([str(tmp_path / "file")], patience_s=1e9)
+
+
+def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    master, slave = os.openpty()
+    path = os.ttyname(slave)
+    other = SerialPort(path)
+    tries = 0
+
+    def pause(seconds: float) -> None:
+        nonlocal tries
+        tries += 1
+        if tries == 3:
+            other.close()
+
+    monkeypatch.setattr(time, "sleep", pause)
+    (port,) = open_ports([path], patience_s=60.0)
+    assert tries == 3
+    assert capsys.readouterr().err == (
+        f"vehicle: serial port {path} cannot be opened: busy: another program has it open; "
+        "end that one, another `quadlab vehicle` for one; trying for 60 s\n"
+    )
+    port.close()
+    os.close(master)
+    os.close(slave)

@@ -78,6 +78,19 @@ def test_samples_count_only_once_the_mirror_is_confirmed() -> None:
     assert len(lines.mcu.receive()) == 1
 
 
+def test_a_value_of_no_id_neither_confirms_the_mirror_nor_takes_it_back() -> None:
+    lines = Lines()
+    lines.far[0].write(encode_value(-1, 0))
+    lines.mcu.receive()
+    lines.sent()
+    lines.mcu.service(0.0)
+    assert lines.sent() == "luus"
+    lines.mcu.service(0.1)
+    lines.confirm()
+    lines.far[0].write(encode_value(-1, 0) + data(1000))
+    assert len(lines.mcu.receive()) == 1
+
+
 def test_the_handshake_goes_on_for_a_microcontroller_switched_on_later() -> None:
     lines = Lines()
     for step in range(400):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import grp
 import os
 import termios
+from enum import Enum
 from pathlib import Path
 from typing import Protocol
 
@@ -14,6 +16,28 @@ from quadrotor.errors import LinkError
 
 BAUD_RATE = 115_200
 _CHUNK = 4096  # one kernel buffer of a terminal
+_CHUNKS = 16  # read at once, at most: a device that floods must not keep the reader
+
+
+class PortProblem(Enum):
+    """Why a serial device cannot be used."""
+
+    MISSING = "no such device"
+    BUSY = "busy"
+    FORBIDDEN = "permission denied"
+    NOT_SERIAL = "not a serial device"
+    FAILED = "cannot be opened"
+    GONE = "gone"
+
+
+class PortError(LinkError):
+    """A serial device cannot be opened, or is gone. `why` is the message without the path."""
+
+    def __init__(self, problem: PortProblem, path: str, why: str) -> None:
+        verb = "is gone" if problem is PortProblem.GONE else "cannot be opened"
+        super().__init__(f"serial port {path} {verb}: {why}")
+        self.problem = problem
+        self.why = why
 
 
 class Port(Protocol):
@@ -36,7 +60,7 @@ class SerialPort:
 
     `dropped` counts frames that did not fit into the kernel's output buffer.
 
-    Raises LinkError when the device cannot be opened.
+    Raises PortError when the device cannot be opened.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -52,17 +76,14 @@ class SerialPort:
             attributes[6][termios.VMIN] = 1
             termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
         except (serial.SerialException, OSError, termios.error) as error:
-            raise LinkError(
-                f"cannot open serial port {self.path}: {_reason(error)}; is the microcontroller "
-                "(or `quadlab simulator`) running, the port free, and the user in group dialout?"
-            ) from None
+            raise _refused(self.path, error) from None
 
     def read(self) -> bytes:
         data = self._read_chunk()
         if len(data) < _CHUNK:
             return data
         parts = [data]
-        while len(parts[-1]) == _CHUNK:
+        while len(parts[-1]) == _CHUNK and len(parts) < _CHUNKS:
             parts.append(self._read_chunk())
         return b"".join(parts)
 
@@ -93,10 +114,12 @@ class SerialPort:
     def close(self) -> None:
         self._serial.close()
 
-    def _gone(self, error: OSError) -> LinkError:
-        return LinkError(
-            f"serial port {self.path} is gone: {_reason(error)}; "
-            "plug it in (or start `quadlab simulator`) and start the vehicle again"
+    def _gone(self, error: OSError) -> PortError:
+        return PortError(
+            PortProblem.GONE,
+            self.path,
+            f"{error.strerror}; plug it in (or start `quadlab simulator`) "
+            "and start the vehicle again",
         )
 
 
@@ -141,6 +164,52 @@ def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:
     return one, other
 
 
-def _reason(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    return os.strerror(number) if isinstance(number, int) else str(error)
+# ---------------------------------------------------------------- why a device cannot be opened
+_PROBLEMS = {
+    errno.ENOENT: PortProblem.MISSING,
+    errno.ENXIO: PortProblem.MISSING,
+    errno.ENODEV: PortProblem.MISSING,
+    errno.EAGAIN: PortProblem.BUSY,
+    errno.EBUSY: PortProblem.BUSY,
+    errno.EACCES: PortProblem.FORBIDDEN,
+    errno.EPERM: PortProblem.FORBIDDEN,
+    errno.ENOTTY: PortProblem.NOT_SERIAL,
+    errno.EISDIR: PortProblem.NOT_SERIAL,
+}
+
+
+def _refused(path: str, error: Exception) -> PortError:
+    number = _number(error)
+    problem = _PROBLEMS.get(number or 0, PortProblem.FAILED)
+    said = os.strerror(number) if number is not None else str(error)
+    if problem is PortProblem.MISSING:
+        why = f"{said}; plug it in (or start `quadlab simulator`), `quadlab vehicle --find` looks"
+    elif problem is PortProblem.BUSY:
+        why = "busy: another program has it open; end that one, another `quadlab vehicle` for one"
+    elif problem is PortProblem.FORBIDDEN:
+        group = _group(path)
+        why = f"permission denied; join its group: `sudo usermod -aG {group} $USER`, sign in again"
+    elif problem is PortProblem.NOT_SERIAL:
+        why = "not a serial device; `quadlab vehicle --find` looks for those there are"
+    else:
+        why = f"{said}; is it plugged in and working?"
+    return PortError(problem, path, why)
+
+
+def _number(error: BaseException | None) -> int | None:
+    """The errno; pyserial keeps that of a termios.error only as what it came from."""
+    while error is not None:
+        number = getattr(error, "errno", None)
+        if number is None and isinstance(error, termios.error) and error.args:
+            number = error.args[0]
+        if isinstance(number, int):
+            return number
+        error = error.__context__
+    return None
+
+
+def _group(path: str) -> str:
+    try:
+        return grp.getgrgid(os.stat(path).st_gid).gr_name
+    except (OSError, KeyError):
+        return "dialout"
