@@ -22,7 +22,8 @@ from console.commands import CommandGateway
 from console.comparison.feed import ComparisonFeed, both
 from console.control.desk import ControlDesk
 from console.expansion import expanded, messages_of
-from console.experiment_running.runner import ExperimentRunner, settings_of
+from console.experiment_running.run_files import settings_of
+from console.experiment_running.runner import ExperimentRunner
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
 from console.parameter_history import ParameterHistory
@@ -31,6 +32,7 @@ from console.parameter_witness import ParameterWitness
 from console.run_housekeeping import PERIOD, Housekeeping
 from console.run_keeper import RunKeeper
 from console.run_marks import MarkService
+from console.slow_questions import SlowQuestions
 from console.status_sender import StatusSender
 from console.stick_desk import StickDesk
 from console.tracker_feed import TrackerFeed
@@ -44,14 +46,12 @@ from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.telemetry import unpack
-from vehicle_link.time_sync import TIME_SYNC, exchange
 from vehicle_link.topics import TOPICS
 
 log = logging.getLogger(__name__)
 
 BEAT = 0.05
 STATUS_EVERY = 4  # beats
-SLOW, EAGER = 1.0, 0.2  # s between questions to the vehicle, after and before its clock is known
 INFO, WARN = 20, 30
 CLOSE_PATIENCE = 3.0
 
@@ -143,11 +143,19 @@ class BaseStation:
             self._outbox, self.link, self._tracker, self._recorder, self._alarms,
             lambda status: setattr(self.checks.gatherer, "link_status", status),
         )  # fmt: skip
+        questions = SlowQuestions(
+            self._node, self.link, self._recorder, self._vehicle_parameters, self._witness,
+            self._layout, self._alarms,
+        )  # fmt: skip
         self._subscribe()
         self.checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
-            for name, target in (("beat", self._beat), ("slow", self._ask), ("tidy", self._tidy))
+            for name, target in (
+                ("beat", self._beat),
+                ("slow", partial(questions.run, self._closing, self._guard)),
+                ("tidy", self._tidy),
+            )
         ]
         for thread in self._threads:
             thread.start()
@@ -270,25 +278,6 @@ class BaseStation:
         self.experiments.tick(count)
         if count % STATUS_EVERY == 0:
             self._status.send()
-
-    def _ask(self) -> None:
-        """Slow questions to the vehicle: its clock, its parameters."""
-        time_sync = self._node.client("time_sync", TIME_SYNC)
-        while not self._closing.wait(SLOW if self.link.clock_known else EAGER):
-            if self._link_state() is not LinkState.LOST:
-                self._guard(self._ask_once, time_sync)
-
-    def _ask_once(self, time_sync: Any) -> None:
-        try:
-            self.link.exchanged(exchange(time_sync))
-            if not self._recorder.run_id:
-                self._vehicle_parameters.refresh()
-                if (present := self._vehicle_parameters.present()) is not None:
-                    self._witness.look(*present)
-            self._alarms.set("beacons", self._layout.agree() or None)
-        except LinkError:
-            # The link's state on the page says it; asked again in a second.
-            log.debug("the vehicle did not answer", exc_info=True)
 
     def _tidy(self) -> None:
         self._guard(self._house.tidy)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from console.catalogue import SUFFIX, Catalogue, RunEntry
 from console.log_marks import keep_marks_of_log
-from console.run_trash import undo_half_deletions
+from console.run_trash import finish_moves, is_deleted, is_in_trash
 from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.log import is_closed, recover, summarize
 from vehicle_link.log.file import is_being_written
@@ -19,7 +19,7 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
     Files being written, in whatever process, and runs named in `skip` are left alone.
     Raises StorageError when folder or catalogue cannot be used at all.
     """
-    lines = [f"run {run}: its deletion was undone" for run in undo_half_deletions(catalogue)]
+    lines = finish_moves(catalogue)
     known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
     try:
         paths = sorted(catalogue.folder.glob(f"*{SUFFIX}"))
@@ -31,14 +31,23 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
         else:
             known.pop(path.stem, None)
     for entry in known.values():
-        if entry.id not in skip and not (catalogue.folder / entry.file).exists():
+        if entry.id not in skip and _is_gone(catalogue, entry):
             catalogue.update(entry.id, complete=False, problem="the file is gone")
             if entry.problem != "the file is gone":
                 lines.append(f"run {entry.id}: the file is gone")
     return lines
 
 
+def _is_gone(catalogue: Catalogue, entry: RunEntry) -> bool:
+    """Neither there nor in the trash, where a deletion under way has put it."""
+    log = catalogue.folder / entry.file
+    # Looked at twice: it may be put back between the two looks.
+    return not (log.exists() or is_in_trash(catalogue, entry.file) or log.exists())
+
+
 def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list[str]:
+    if entry is None and is_deleted(catalogue, path.stem):
+        return []  # it is being put back
     try:
         if is_closed(path):
             if entry is not None and entry.complete:
@@ -50,6 +59,8 @@ def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list
         recovery = recover(path)
         _enter(catalogue, path, entry)
     except (LogFormatError, StorageError) as error:
+        if not path.exists():
+            return []  # it was deleted under our eyes
         catalogue.add(_unreadable(path, entry, str(error)))
         return [f"run {path.stem}: {error}"]
     return [

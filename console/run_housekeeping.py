@@ -15,7 +15,8 @@ from quadrotor.errors import StorageError
 
 PERIOD = 5.0
 """s between looks at the disk."""
-PURGE_PERIOD = 3600.0
+PURGE_PERIOD, RETRY = 3600.0, 60.0
+"""s between looks at the trash, and while something of it cannot be removed."""
 DAY = 86_400.0
 
 
@@ -42,6 +43,7 @@ class Housekeeping:
         self._say = say
         self._alarm = alarm
         self._purged = -PURGE_PERIOD
+        self._stuck: str | None = None
 
     def tidy(self) -> None:
         """Once: a flight that is under way must not wait for old files."""
@@ -55,17 +57,20 @@ class Housekeeping:
         """Every PERIOD."""
         try:
             self._alarm("disk", self._warning())
-            if time.monotonic() - self._purged >= PURGE_PERIOD:
+            if time.monotonic() - self._purged >= (RETRY if self._stuck else PURGE_PERIOD):
                 self._purged = time.monotonic()
-                self._purge()
-            self._alarm("trash", None)
+                self._stuck = self._purge()
+            self._alarm("trash", self._stuck)
         except StorageError as error:
             self._alarm("trash", str(error))
 
-    def _purge(self) -> None:
+    def _purge(self) -> str | None:
+        """What could not be removed, in one line."""
         days = self._parameters.trash_keep
-        for run_id in purge(self._catalogue, days * DAY):
+        purged = purge(self._catalogue, days * DAY)
+        for run_id in purged.done:
             self._say(f"run {run_id}: removed for good, {days:g} days after it was deleted")
+        return "; ".join(purged.refused.values()) or None
 
     def _warning(self) -> str | None:
         disk = storage(self._catalogue)

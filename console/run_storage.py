@@ -10,6 +10,7 @@ from console.catalogue import Catalogue
 from console.catalogue_search import NOT_DELETED
 from console.catalogue_tables import RunRow, TrashRow
 from console.disk import free_bytes
+from console.run_replays import replay_bytes
 
 RECENT = 10
 """Runs whose mean rate is taken while nothing is recorded."""
@@ -23,6 +24,7 @@ class Storage:
     run_bytes: int
     deleted: int
     deleted_bytes: int
+    replay_bytes: int  # of the caches
     free: int
     rate: float  # bytes/s, mean of the newest runs; 0 without any
 
@@ -50,6 +52,7 @@ def storage(catalogue: Catalogue) -> Storage:
         run_bytes=int(run_bytes),
         deleted=int(trashed),
         deleted_bytes=int(trashed_bytes),
+        replay_bytes=replay_bytes(catalogue.folder),
         free=free_bytes(catalogue.folder),
         rate=sum(row.bytes for row in newest) / seconds if seconds else 0.0,
     )

@@ -1,22 +1,28 @@
 """Deleting runs with undo: their files wait in `runs/trash/`, on the same disk, for some days.
 
 A deleted run is in no list and its file is not opened; what the vehicle logged on board is never
-touched. A crash between the line in the catalogue and the move of the file undoes the deletion.
+touched.
+
+Where the log lies decides: it is moved by one rename, the catalogue's line follows. Somebody who
+looks in between, at a start or after a crash, takes the same last step (`finish_moves`).
 """
 
 from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
 from glob import escape
 from pathlib import Path
 
 from sqlalchemy import delete, select
 
 from console.catalogue import SUFFIX, Catalogue
+from console.catalogue_search import NOT_DELETED
 from console.catalogue_tables import MarkRow, NoteRow, RunRow, TagRow, TrashRow
+from console.run_replays import remove_replay
 from console.run_reports import report_folder
 from quadrotor.errors import RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
@@ -39,6 +45,14 @@ class Deleted:
     requester: str
 
 
+@dataclass(frozen=True, slots=True)
+class Purged:
+    """What emptying the trash came to."""
+
+    done: list[str] = field(default_factory=list)  # ids
+    refused: dict[str, str] = field(default_factory=dict)  # id -> reason; these stay
+
+
 def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
     """To the trash.
 
@@ -50,25 +64,25 @@ def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
         raise RefusedError(f"run {run_id} is being recorded; stop the recording first")
     with catalogue.session() as session:
         catalogue.existing(session, run_id)
-        session.add(TrashRow(run_id=run_id, deleted_ns=time.time_ns(), requester=requester))
+    trash = catalogue.folder / TRASH
+    _move(log, trash)
     try:
-        _move(_belongings(log), catalogue.folder / TRASH)
+        _out_of_the_list(catalogue, run_id, requester)
     except StorageError:
-        _back_in_the_list(catalogue, run_id)
+        _move(trash / log.name, catalogue.folder)
         raise
     for path in list(log.parent.glob(f"{escape(log.stem)}.*")):
         if path.suffix in MADE_AGAIN:
             path.unlink(missing_ok=True)
+    remove_replay(log)
 
 
 def restore_run(catalogue: Catalogue, run_id: str) -> None:
     """Out of the trash, with notes, tags and marks. Raises StorageError."""
     log = _file_of(catalogue, run_id)
-    with catalogue.session() as session:
-        if session.get(TrashRow, run_id) is None:
-            raise StorageError(f"run {run_id!r} is not in the trash")
-    trash = catalogue.folder / TRASH
-    _move(_belongings(trash / log.name), catalogue.folder)
+    if not is_deleted(catalogue, run_id):
+        raise StorageError(f"run {run_id!r} is not in the trash")
+    _move(catalogue.folder / TRASH / log.name, catalogue.folder)
     _back_in_the_list(catalogue, run_id)
 
 
@@ -86,40 +100,73 @@ def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
         ]  # fmt: skip
 
 
-def purge(catalogue: Catalogue, older_than: float = 0.0) -> list[str]:
-    """Removes for good what was deleted more than `older_than` s ago; the ids.
+def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
+    """Removes for good what was deleted more than `older_than` s ago; what cannot be stays.
 
-    Raises StorageError; what was removed before stays removed.
+    Raises StorageError when the catalogue cannot be used at all.
     """
     before_ns = time.time_ns() - round(older_than * 1e9)
-    gone = [run.id for run in deleted_runs(catalogue) if run.deleted_ns <= before_ns]
-    for run_id in gone:
-        log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
-        try:
-            for path in _belongings(log):
-                shutil.rmtree(path) if path.is_dir() else path.unlink()
-        except OSError as error:
-            raise StorageError(
-                f"run {run_id} cannot be removed from {log.parent}: {error.strerror}"
-            ) from error
+    purged = Purged()
+    for run in deleted_runs(catalogue):
+        if run.deleted_ns <= before_ns:
+            try:
+                _remove(catalogue, run.id)
+                purged.done.append(run.id)
+            except StorageError as error:
+                if is_deleted(catalogue, run.id):  # else somebody was quicker
+                    purged.refused[run.id] = str(error)
+    return purged
+
+
+def is_deleted(catalogue: Catalogue, run_id: str) -> bool:
+    """Whether the catalogue says so. Raises StorageError."""
+    with catalogue.session() as session:
+        return session.get(TrashRow, run_id) is not None
+
+
+def is_in_trash(catalogue: Catalogue, file: str) -> bool:
+    """Whether the log lies there; `file`: its name."""
+    return (catalogue.folder / TRASH / file).exists()
+
+
+def finish_moves(catalogue: Catalogue) -> list[str]:
+    """Moves that a crash cut off, or somebody is about to end; one line for each.
+
+    A listed run whose log lies in the trash is deleted, a deleted one whose log lies among the
+    runs is listed again. Raises StorageError.
+    """
+    lines = []
+    for run in deleted_runs(catalogue):
+        log = _file_of(catalogue, run.id)
+        if log.exists() and not is_in_trash(catalogue, log.name):
+            restore_run(catalogue, run.id)
+            lines.append(f"run {run.id}: its deletion was undone")
+    for path in sorted((catalogue.folder / TRASH).glob(f"*{SUFFIX}")):
+        log = catalogue.folder / path.name
         with catalogue.session() as session:
-            for table in (TagRow, NoteRow, MarkRow, TrashRow):
-                session.execute(delete(table).where(table.run_id == run_id))
-            session.execute(delete(RunRow).where(RunRow.id == run_id))
-    return gone
+            query = select(RunRow.id).where(RunRow.file == path.name, NOT_DELETED)
+            run_id = session.scalar(query)
+        if run_id is not None and not log.exists():
+            _move(log, path.parent)
+            _out_of_the_list(catalogue, run_id, "")
+            lines.append(f"run {run_id}: its deletion was finished")
+    return lines
 
 
-def undo_half_deletions(catalogue: Catalogue) -> list[str]:
-    """Runs whose file never reached the trash are listed again; their ids. Raises StorageError."""
-    half = [
-        run.id
-        for run in deleted_runs(catalogue)
-        if (log := _file_of(catalogue, run.id)).exists()
-        and not (catalogue.folder / TRASH / log.name).exists()
-    ]
-    for run_id in half:
-        restore_run(catalogue, run_id)
-    return half
+def _remove(catalogue: Catalogue, run_id: str) -> None:
+    """For good; the log last, so that what is left can be put back. Raises StorageError."""
+    log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
+    try:
+        for path in reversed(list(_belongings(log))):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageError(
+            f"run {run_id} cannot be removed from {log.parent}: {error.strerror or error}"
+        ) from error
+    with catalogue.session() as session:
+        for table in (TagRow, NoteRow, MarkRow, TrashRow):
+            session.execute(delete(table).where(table.run_id == run_id))
+        session.execute(delete(RunRow).where(RunRow.id == run_id))
 
 
 def _file_of(catalogue: Catalogue, run_id: str) -> Path:
@@ -136,27 +183,47 @@ def _file_of(catalogue: Catalogue, run_id: str) -> Path:
 
 
 def _belongings(log: Path) -> Iterator[Path]:
-    """What of a run lies in the folder of `log`."""
+    """What of a run lies in the folder of `log`, the log first."""
     yield from (path for path in (log, report_folder(log)) if path.exists())
 
 
-def _move(paths: Iterator[Path] | Sequence[Path], folder: Path) -> None:
-    """All or nothing, within one disk. Raises StorageError."""
+def _move(log: Path, folder: Path) -> None:
+    """A run's log and then the rest of it, within one disk: all or nothing. Raises StorageError.
+
+    What has gone meanwhile was moved by whoever does the same.
+    """
     moved: list[tuple[Path, Path]] = []
     try:
         folder.mkdir(exist_ok=True)
-        for path in list(paths):
+        for path in list(_belongings(log)):
             place = folder / path.name
             if place.exists():
+                if not path.exists():
+                    continue
                 raise StorageError(f"{place} exists already; move or rename it")
-            path.rename(place)
-            moved.append((path, place))
+            with suppress(FileNotFoundError):
+                path.rename(place)
+                moved.append((path, place))
     except (OSError, StorageError) as error:
-        for path, place in moved:
+        for path, place in reversed(moved):
             place.rename(path)
         if isinstance(error, StorageError):
             raise
         raise StorageError(f"cannot move to {folder}: {error.strerror}; is it writable?") from error
+
+
+def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
+    """Once, whoever is first; a name is kept. Raises StorageError."""
+    try:
+        with catalogue.session() as session:
+            row = session.get(TrashRow, run_id)
+            if row is None:
+                row = TrashRow(run_id=run_id, deleted_ns=time.time_ns(), requester="")
+                session.add(row)
+            row.requester = requester or row.requester
+    except StorageError:  # somebody may have been quicker by a hair
+        if not is_deleted(catalogue, run_id):
+            raise
 
 
 def _back_in_the_list(catalogue: Catalogue, run_id: str) -> None:

@@ -67,7 +67,8 @@ class Comms:
         self._dropped = 0
         self._fetch_due_ns = 0
         serve(node, self._flight, self._mirror, self._clock, config.name)
-        node.serve("checks", topics.SERVICES["checks"], SelfChecks(Path(config.data)).answer)
+        self._checks = SelfChecks(Path(config.data))
+        node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
         reader = OnboardReader(self._log, config.name)
         node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
         for topic in self._inbound.handlers:
@@ -92,6 +93,7 @@ class Comms:
                 self._mirror.fetch()
             self._inbound.newest_state = ticks["state"][-1:]
             self._inbound.prepare()
+            self._checks.heard(bool(ticks["status"]["armed"][-1]))
             self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
             self._log.ticks(ticks, self._clock.at_ns(read_ns))
             self._publisher.ticks(ticks)

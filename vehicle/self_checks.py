@@ -1,11 +1,13 @@
 """What the vehicle looks at on its own computer when the station asks: rights, disk, certificate.
 
-Asked at the station's start and from the Set-up page, never while the vehicle is armed.
+Asked at the station's start and from the Set-up page. Refused while the vehicle is armed; while
+its flight loop is silent, and so may be flying, the disk is left alone.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from vehicle.microcontroller import FIRMWARE_REVISION
@@ -30,14 +32,29 @@ VERSION = "version"
 """The check whose `found` the station compares with its own revision."""
 
 
-def self_checks(data: Path) -> list[Check]:
-    """Of the computer this runs on; `data`: the vehicle's data folder."""
+HEARD = 0.5
+"""s after which the flight loop's last word on whether it is armed is no longer believed."""
+
+
+def self_checks(data: Path, *, disarmed: bool) -> list[Check]:
+    """Of the computer this runs on.
+
+    Args:
+        data: the vehicle's data folder.
+        disarmed: known to be; else the disk is not looked at.
+    """
+    disk = Check(
+        "log's disk", "unknown", "not looked at: the flight loop is silent, and may be flying",
+        advice="start the flight process and its microcontroller, then check again", place=PLACE,
+    )  # fmt: skip
+    if disarmed:
+        disk = disk_check(PLACE, "log's disk", data / "onboard", FREE_BYTES_MIN)
     return [
         clock_check(PLACE),
         real_time_check(PLACE, PRIORITY),
         memory_lock_check(PLACE),
         governor_check(PLACE),
-        disk_check(PLACE, "log's disk", data / "onboard", FREE_BYTES_MIN),
+        disk,
         certificate_check(PLACE, data / "certificates", "vehicle"),
         Check("firmware", "ok", _FIRMWARE, place=PLACE),
         Check(VERSION, "ok", provenance()["git_revision"], place=PLACE),
@@ -45,14 +62,27 @@ def self_checks(data: Path) -> list[Check]:
 
 
 class SelfChecks:
-    """Serves `checks`; `answer` runs in the service's own thread."""
+    """Serves `checks`; `answer` runs in the service's own thread. Args: `clock`, s, steady."""
 
-    def __init__(self, data: Path) -> None:
-        self._data = data
+    def __init__(self, data: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        self._data, self._clock = data, clock
+        self._told: tuple[float, bool] | None = None
+
+    def heard(self, armed: bool) -> None:
+        """What the flight loop's newest tick says."""
+        self._told = (self._clock(), armed)
+
+    @property
+    def armed(self) -> bool | None:
+        """None while it is not known."""
+        told = self._told
+        return None if told is None or self._clock() - told[0] > HEARD else told[1]
 
     def answer(self, request: Message) -> Message:
         """Looks each time: the station keeps what was found."""
-        checks = to_messages(self_checks(self._data))
-        return new(
-            f"{SERVICES['checks']}_Response", accepted=True, checked=time.time(), checks=checks
-        )
+        kind, armed = f"{SERVICES['checks']}_Response", self.armed
+        if armed:
+            reason = "the vehicle is armed; checks are made on the ground"
+            return new(kind, accepted=False, reason=reason)
+        checks = to_messages(self_checks(self._data, disarmed=armed is False))
+        return new(kind, accepted=True, checked=time.time(), checks=checks)

@@ -10,33 +10,23 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from bearing_sim.beacons import parse_layout
 from control.behaviors.ground import stand
-from control.behaviors.machine import BehaviorMachine
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
 from estimation.estimator import Estimator
-from estimation.mass_estimator import MassEstimator
 from quadrotor.errors import MeasurementError
-from quadrotor.parameters import ParameterStore
-from quadrotor.records import ACTUATORS, Record, new_tick
 from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.bearings_guard import BearingsGuard
 from vehicle.commands import CommandHandler
-from vehicle.ground_contact import GroundContact
 from vehicle.gyro_calibration import GyroCalibration
-from vehicle.imu_calibration import ImuCalibrator
 from vehicle.microcontroller import RawSample
 from vehicle.modes import Mode, check_move
-from vehicle.navigation import Navigation
 from vehicle.parameters import VehicleParameters
-from vehicle.reference_rounding import ReferenceRounding
-from vehicle.status_writer import FLYING, StatusWriter
-from vehicle.steering import Steering
-from vehicle.supervisor import Reaction, Supervisor, Verdict
+from vehicle.stack_parts import StackParts
+from vehicle.status_writer import FLYING
+from vehicle.supervisor import Reaction, Verdict
 from vehicle_link.serial.ids import MotorState
 
 LONGEST_STEP = 0.05
@@ -45,7 +35,7 @@ NOMINAL_STEP = 0.002
 MOTOR_START_GRACE_NS = 1_500_000_000
 
 
-class FlightStack:
+class FlightStack(StackParts):
     """The vehicle's behaviour between one IMU sample and the next motor references.
 
     Args:
@@ -60,49 +50,9 @@ class FlightStack:
         estimator: Estimator | None = None,
         controller: Controller | None = None,
     ) -> None:
-        self.parameters = parameters
-        self.store = ParameterStore(parameters)
-        self.steering = Steering(parameters.control, parameters.model, controller)
-        self.mass = MassEstimator(parameters.model.mass, parameters.mass)
-        self.behaviors = BehaviorMachine(parameters.behavior)
-        self.supervisor = Supervisor(parameters.safety)
-        self.imu_calibrator = ImuCalibrator(parameters.imu)
+        super().__init__(parameters, estimator, controller)
         self.commands = CommandHandler(self)
-        self.record: Record = new_tick()
-        self.imu = self.record["imu"]
-        self.state = self.record["state"]
-        self.reference = self.record["reference"]
-        self.actuators = self.record["actuators"]
-        self.estimate = self.record["estimate"]
-        self.status = self.record["status"]
-        self.mode = Mode.STARTING
-        self.ground = GroundContact()
-        self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
-        self._stamp_ns = 0
-        self._layout = parameters.beacons.layout
-        self.navigation = Navigation(
-            parameters.estimation,
-            self.say,
-            estimator,
-            parse_layout(self._layout),
-            parameters.fallback,
-        )
         self.guard = BearingsGuard(self)
-        self.motor_state_wanted = MotorState.OFF
-        self._gyro: GyroCalibration | None = None
-        self._off = np.zeros(1, ACTUATORS)
-        self._off["scaling"] = 1.0
-        self._rounding = ReferenceRounding()
-        self._status_writer = StatusWriter(self.status)
-        # Views made once: looking a field up by name in each tick costs as much as the laws.
-        self._wanted_references = self.actuators["motor_references"][0]
-        self._specific_force = self.imu["specific_force_b"][0]
-        self._wrench = self.actuators["wrench"][0]
-        self._scaling = self.actuators["scaling"]
-        self._quaternion_wb = self.state["quaternion_wb"][0]
-        self._sequence = self.record["sequence"]
-        self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
-        self._armed_ns = 0
         self.configure()
 
     # ------------------------------------------------------------------ the tick
@@ -128,7 +78,7 @@ class FlightStack:
             airborne=airborne,
             voltage=sample.battery_voltage,
             pose_age=pose_age,
-            tilt=self._tilt(),
+            tilt=self.tilt,
         )
         if verdict is not None:
             self._react(verdict)
@@ -214,40 +164,6 @@ class FlightStack:
             self.behaviors.reset()
             self.controller.reset()
         self.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
-
-    def say(self, text: str, level: int = mailbox.INFO) -> None:
-        """Put one line into the log and on the page."""
-        self.outbox.append(mailbox.Event(stamp_ns=self._stamp_ns, level=level, text=text))
-
-    @property
-    def airborne(self) -> bool:
-        """Between take-off and touch-down."""
-        return self.ground.airborne
-
-    @property
-    def stamp_ns(self) -> int:
-        """Time of the newest tick, ns of the vehicle's clock."""
-        return self._stamp_ns
-
-    @property
-    def estimator(self) -> Estimator:
-        """What is flown on."""
-        return self.navigation.active
-
-    @property
-    def controller(self) -> Controller:
-        """What is flown with."""
-        return self.steering.controller
-
-    @property
-    def has_pose(self) -> bool:
-        """Whether the pose measurement is present and fresh."""
-        return not self.estimator.stale
-
-    @property
-    def tilt(self) -> float:
-        """Angle (rad) between z_B and z_W."""
-        return self._tilt()
 
     # ------------------------------------------------------------------ parts of the tick
     def _advance_time(self, stamp_ns: int) -> float:
@@ -347,7 +263,3 @@ class FlightStack:
             voltage=sample.battery_voltage,
             pressure=sample.pressure,
         )
-
-    def _tilt(self) -> float:
-        _, x, y, _ = self._quaternion_wb.tolist()
-        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

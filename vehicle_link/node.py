@@ -213,7 +213,16 @@ class Node:
         if threads > 1:
             pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
             self._pools.append(pool)
-            handler_of_queries = Callback(lambda query: pool.submit(answer, query), indirect=False)
+
+            def hand_over(query: zenoh.Query) -> None:
+                try:
+                    pool.submit(answer, query)
+                except RuntimeError:  # a query that was on its way while `close` undeclared
+                    log.debug("service %s was asked while it closes", name)
+                    with query:
+                        query.reply_err(f"{self.full_name} is closing".encode())
+
+            handler_of_queries = Callback(hand_over, indirect=False)
         else:
             handler_of_queries = Callback(answer, indirect=not direct)
         self._entities.append(

@@ -1,7 +1,8 @@
 """The station's start-up checks: what was found of clock, rates, disk, certificates, by whom.
 
 Looked at a little after the vehicle has connected, without one a little after the start, and again
-when asked. Nothing is looked at while the vehicle is armed: the disk is written to.
+when asked. Nothing is looked at while the vehicle is armed; while it is not heard, and so may be
+flying, all but what loads the disk.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ class StartupChecks:
             station_items.vehicle_clock(facts, status),
             *station_items.rates(facts, self._parameters),
             disk_check("station", "runs' disk", runs, keep_free),
-            station_items.disk_speed(runs, self._data),
+            station_items.disk_speed(self._gatherer.facts(), runs, self._data),
             governor_check("station"),
             certificate_check("station", self._data / "certificates", "station"),
             Check("ports", "ok" if self.endpoints else "unknown", self.endpoints or "not told"),
@@ -133,6 +134,9 @@ class StartupChecks:
             found = "not asked: the vehicle does not answer"
             log.debug("the vehicle's checks: %s", error)
             return [Check("vehicle", "unknown", found, "connected", advice, "vehicle")]
+        if not answer.accepted:
+            advice = "check again when it stands disarmed"
+            return [Check("vehicle", "unknown", answer.reason, "disarmed", advice, "vehicle")]
         ours = provenance()["git_revision"]
         return [_compared(one, ours) for one in from_messages(answer.checks)]
 

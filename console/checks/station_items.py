@@ -56,9 +56,16 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
     ]  # fmt: skip
 
 
-def disk_speed(folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
-    """Writes a little, to the disk itself, and takes it away again."""
+def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
+    """Writes a little, to the disk itself, and takes it away again.
+
+    Not beside a flight: only of a vehicle that says now that it is disarmed.
+    """
     name, wanted = "disk's speed", f"at least {SLOWEST:.0f} MB/s"
+    if f.armed or f.mode is None:
+        why = "is armed" if f.armed else "is not heard, and may be flying"
+        advice = "check again with the vehicle connected and disarmed"
+        return Check(name, "unknown", f"not measured: the vehicle {why}", wanted, advice)
     path, block = folder / ".speed", os.urandom(round(1e6 * megabytes))
     try:
         began = time.perf_counter()

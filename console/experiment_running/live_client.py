@@ -116,6 +116,11 @@ class LiveClient:
         if patience and self._sending.acquire(timeout=patience):
             self._sending.release()
 
+    @property
+    def taken_over(self) -> bool:
+        """Whether a person has commanded since, or flies with the sticks."""
+        return self._taken_over.is_set()
+
     def tick(self) -> None:
         """Some times a second: sticks that the experiment stopped moving are dropped."""
         with self._watchdog_lock:

@@ -10,12 +10,12 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
 
 from console.catalogue import Catalogue
 from console.experiment_running import state as phases
 from console.experiment_running.evaluation import MODULE, Job, judge
 from console.experiment_running.live_client import SETTLE, LiveClient, VehicleServices
+from console.experiment_running.run_files import LOOK, RunFiles, Settings
 from console.experiment_running.service import ExperimentService
 from console.experiment_running.state import ExperimentState
 from console.experiment_running.stick_takeover import StickTakeover
@@ -25,7 +25,7 @@ from console.outbox import Outbox
 from console.recorder import Recorder
 from console.sticks import StickOrder
 from console.vehicle_parameters import VehicleParameters
-from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.node import Node
 
@@ -33,21 +33,10 @@ log = logging.getLogger(__name__)
 
 OFTEN, SELDOM = 4, 20
 """Beats (50 ms) between two statuses, while an experiment runs and otherwise."""
-FILE_PATIENCE = 30.0
-"""s for the recorder to close the run after touch-down, beyond what it is told to go on."""
-BEFORE = 1.0
-"""s for the run before to end, beyond what the recorder is told to go on."""
 EVALUATION = 60.0
 """s for the evaluation, and as much again as the flight is long."""
 INFO, WARN = 20, 30
-
-
-class Settings(Protocol):
-    """What of the station's parameters matters here."""
-
-    def __call__(self) -> tuple[float, float]:
-        """s: timeout of the sticks, and how long a run goes on after disarming."""
-        ...
+_BY_STICKS = "the sticks took over"
 
 
 class ExperimentRunner:
@@ -78,7 +67,7 @@ class ExperimentRunner:
         self.link_state, self.vehicle_ns, self.joy = link_state, vehicle_ns, outbox.joy
         self.asked, self.permit = asked, permit
         self._vehicle = vehicle
-        self._outbox, self._recorder, self._catalogue = outbox, recorder, catalogue
+        self._outbox, self._recorder = outbox, recorder
         self._settings, self._module = settings, module
         self._services = VehicleServices(node)
         self._lock = threading.RLock()
@@ -88,6 +77,7 @@ class ExperimentRunner:
         self._thread: threading.Thread | None = None
         self._stopped_by = ""
         self._cancelled = threading.Event()
+        self._files = RunFiles(recorder, catalogue, lambda: settings()[1], self._cancelled)
         self._takeover = StickTakeover()
         ExperimentService(node, vehicle, self)
 
@@ -154,24 +144,29 @@ class ExperimentRunner:
         self.asked(command, requester)
 
     def passes(self, order: StickOrder) -> bool:
-        """Whether a person's stick order goes to the vehicle; deflected ones take over."""
+        """Whether a person's stick order goes to the vehicle; deflected ones take over, once."""
         takes_over, client = self._takeover.seen(order), self._client
-        if client is None:
+        if client is None or client.taken_over:
             return True
         if client.pilot:
             self._takeover.by_hand()
             return True
         if takes_over:
-            client.end(ExperimentEndedError("the sticks took over"), taken_over=True)
-            threading.Thread(target=self._obey_sticks, name="sticks", daemon=True).start()
+            client.end(ExperimentEndedError(_BY_STICKS), taken_over=True)
+            threading.Thread(
+                target=self._obey_sticks, args=(client,), name="take-over", daemon=True
+            ).start()
             return True
         return False
 
-    def _obey_sticks(self) -> None:
+    def _obey_sticks(self, client: LiveClient) -> None:
+        """Beside the sticks, which must not wait for an answer."""
+        # Behind the experiment's last command, should one be on its way.
+        client.end(ExperimentEndedError(_BY_STICKS), taken_over=True, patience=SETTLE)
         try:
             self._services.call("start_behavior", "the sticks", name="velocity", arguments=[])
         except QuadlabError as error:
-            self._outbox.say(WARN, f"the sticks took over, but: {error}")
+            self._outbox.say(WARN, f"{_BY_STICKS}, but: {error}")
 
     # ------------------------------------------------------------------ the station's beat
     def tick(self, count: int) -> None:
@@ -208,7 +203,9 @@ class ExperimentRunner:
         phase, reason = phases.FAILED, ""
         try:
             self.feed.fetch()
-            self._wait_for_a_run_of_its_own(client)
+            for _ in self._files.until_free():
+                self.step("waiting for the end of the run before")
+                client.wait(LOOK)
             experiment.fly(client)
         except ExperimentEndedError as error:
             phase, reason = phases.STOPPED, str(error)
@@ -231,13 +228,6 @@ class ExperimentRunner:
         finally:
             self._client = None
 
-    def _wait_for_a_run_of_its_own(self, client: LiveClient) -> None:
-        """The run before goes on for a while after disarming; one begun by hand stays."""
-        end = time.monotonic() + self._settings()[1] + BEFORE
-        while self._recorder.run_id and time.monotonic() < end:
-            self.step("waiting for the end of the run before")
-            client.wait(0.05)
-
     def _leave(self, client: LiveClient, reason: str, phase: str) -> None:
         """It ended before its end: whatever flies is told to hover, unless a person flies it."""
         if not client.armed or self.link_state() is LinkState.LOST:
@@ -253,7 +243,7 @@ class ExperimentRunner:
             self._state.phase, run_id = phases.EVALUATING, self._state.run_id
         self.step("waiting for the run's file")
         try:
-            path = self._closed(run_id)
+            path = self._files.closed(run_id)
             self.step("judging the run")
             elapsed = time.monotonic() - self._state.started
             done = judge(Job(experiment, path, EVALUATION + elapsed), self._cancelled, self._module)
@@ -267,18 +257,6 @@ class ExperimentRunner:
             self._state.metrics, self._state.limits = done.result.metrics, done.result.limits
             self._state.reports = done.files
         self._end(done.result.verdict, done.problem)
-
-    def _closed(self, run_id: str) -> Any:
-        """The run's file, once the recorder has closed it. Raises StorageError."""
-        if not run_id:
-            raise StorageError("no run was recorded; see the alarms of the station")
-        end = time.monotonic() + self._settings()[1] + FILE_PATIENCE
-        while self._recorder.run_id == run_id or not self._recorder.wait_idle(0.1):
-            if self._cancelled.wait(0.1):
-                raise StorageError("stopped")
-            if time.monotonic() > end:
-                raise StorageError("the run is still being recorded")
-        return self._catalogue.resolve(run_id)
 
     def _end(self, phase: str, reason: str) -> None:
         with self._lock:
@@ -300,8 +278,3 @@ class ExperimentRunner:
                 self._outbox.message("experiment_status", message, stamp_ns)
             except LinkError:
                 log.debug("the session is closed", exc_info=True)
-
-
-def settings_of(parameters: Any) -> Settings:
-    """Of console.parameters.StationParameters."""
-    return lambda: (float(parameters.sticks.timeout), float(parameters.recorder.after_disarm))

@@ -6,15 +6,13 @@ accepts it, a manoeuvre is flown on it, and the tracker takes over again for the
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.emulator import BearingParameters
-from console.experiments.bearings_log import read_flight
+from console.experiments.bearings_log import papers_sensor, read_flight
 from console.experiments.client import Client, Result
 from console.experiments.stick_sequences import RATE, recorded, scripted
 from control.presets import PRESETS as CONTROL_PRESETS
@@ -22,8 +20,6 @@ from control.presets import preset
 from estimation.parameters import PRESETS as ESTIMATION_PRESETS
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
-from vehicle_link.log.reader import read_attachments, read_log
-from vehicle_link.messages import decode
 
 RAMP = 4.0
 """s, longer than the 8's ramp in or out."""
@@ -269,7 +265,7 @@ class BearingsExperiment:
         metrics = flight.metrics()
         limits: dict[str, float] = {"fallbacks": 0.0, "emergencies": 0.0}
         rms = LIMITS.get((p.estimator, p.manoeuvre))
-        if rms is not None and p.gains != "paper" and _papers_sensor(log):
+        if rms is not None and p.gains != "paper" and papers_sensor(log):
             limits["position_rms_m"] = rms
             limits["saturated_share"] = 0.0
         passed = all(metrics[name] <= limit for name, limit in limits.items())
@@ -281,23 +277,3 @@ class BearingsExperiment:
 
         flight = read_flight(log, self._vehicle, RAMP)
         return write(flight, self.parameters, self.evaluate(log), folder / log.stem)
-
-
-def _papers_sensor(log: Path) -> bool:
-    """Whether the emulated sensor was that of Sec. 7, which the limits are for.
-
-    A station's run has its own parameters beside the vehicle's, and may have changed them.
-    """
-    values = json.loads(read_attachments(log).get("parameters.json", b"{}"))
-    prefix, changed = "bearings.", False
-    if "station" in values:
-        values, prefix = dict(values["station"]), "station.bearings."
-        for message in read_log(log):
-            if message.topic.endswith("/parameter_changes"):
-                name = decode(message.payload, message.type_name).name
-                changed |= name.startswith(prefix) and name != f"{prefix}seed"
-    return not changed and all(
-        values.get(f"{prefix}{name}", default) == default
-        for name, default in BearingParameters()
-        if name != "seed"
-    )

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import ast
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from bearing_sim.emulator import BearingParameters
 from console.experiments.alignment import at_stamps
 from quadrotor.errors import LogFormatError
-from vehicle_link.log.reader import read_log
+from vehicle_link.log.reader import read_attachments, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_actuators, decode_odometry, decode_pose, decode_reference
 
@@ -203,3 +205,23 @@ def _window(
             continue
         break
     return (start, end - late) if start < end - late else (begin, end)
+
+
+def papers_sensor(log: Path) -> bool:
+    """Whether the emulated sensor was that of Sec. 7, which the limits are for.
+
+    A station's run has its own parameters beside the vehicle's, and may have changed them.
+    """
+    values = json.loads(read_attachments(log).get("parameters.json", b"{}"))
+    prefix, changed = "bearings.", False
+    if "station" in values:
+        values, prefix = dict(values["station"]), "station.bearings."
+        for message in read_log(log):
+            if message.topic.endswith("/parameter_changes"):
+                name = decode(message.payload, message.type_name).name
+                changed |= name.startswith(prefix) and name != f"{prefix}seed"
+    return not changed and all(
+        values.get(f"{prefix}{name}", default) == default
+        for name, default in BearingParameters()
+        if name != "seed"
+    )

@@ -8,7 +8,13 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from control.behaviors.behavior import Context, Joy, check_inside, read_arguments
+from control.behaviors.behavior import (
+    Context,
+    Joy,
+    TrajectoryBehavior,
+    check_inside,
+    read_arguments,
+)
 from control.behaviors.table import BehaviorName
 from control.trajectories.limits import with_margin
 from control.trajectories.multistep import AXES, LEAD, POSITION, SHAPES, Multistep
@@ -41,7 +47,7 @@ class ExciteArguments(Parameters):
     repeats: int = parameter(1, ge=1, le=5, description="how often the shape is flown")
 
 
-class Excite:
+class Excite(TrajectoryBehavior):
     """Jumps of the reference; brakes where the vehicle is when it leaves the path too far.
 
     Attributes:
@@ -58,7 +64,7 @@ class Excite:
     def __init__(self, context: Context, arguments: ExciteArguments) -> None:
         a, p = arguments, context.parameters
         _check_amplitude(a, context)
-        self._path = path = Multistep(
+        path = Multistep(
             context.point,
             axis=a.axis, shape=a.shape, amplitude=a.amplitude, duration=a.duration,
             repeats=a.repeats, lead=LEAD,
@@ -71,7 +77,7 @@ class Excite:
         check_inside(self.name, "the set-point's", np.array(path.ends()), p)
         _check_demand(a, path.swing, context)
         _check_rest(context)
-        self._elapsed = 0.0
+        super().__init__(path)
         self.aborted = ""
         margin = p.excite_error_max
         low, high = path.ends()
@@ -83,10 +89,6 @@ class Excite:
         self._yaw, self._yaw_error = context.point[3], span + p.excite_yaw_max
         self._tilt_cosine = math.cos(math.radians(context.control.limits.tilt_max))
 
-    @property
-    def progress(self) -> float:
-        return min(1.0, self._elapsed / self._path.duration)
-
     def step(
         self,
         stamp_ns: int,
@@ -96,13 +98,11 @@ class Excite:
         thrust: float,
         reference: Record,
     ) -> bool:
-        self._elapsed += dt
         self.aborted = self._breach(state)
         if self.aborted:
             _follow(state, reference)
             return True
-        self._path.sample(self._elapsed, reference)
-        return self._elapsed >= self._path.duration
+        return super().step(stamp_ns, dt, state, joy, thrust, reference)
 
     def _breach(self, state: Record) -> str:
         """Which limit the vehicle has left, and by what."""

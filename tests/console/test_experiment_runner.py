@@ -6,6 +6,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -453,6 +454,71 @@ def test_deflected_sticks_take_over_and_held_but_centred_ones_do_not(bench: Benc
     assert (done.phase, done.reason) == ("stopped", "the sticks took over")
     assert until(lambda: bench.vehicle.requests[-1] == ("start_behavior", "velocity", "the sticks"))
     assert until(lambda: any(j.axes[0] == 0.5 for j in bench.vehicle.joys[have:]))
+
+
+def test_sticks_that_took_over_ask_for_it_once_and_fly_from_then_on(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However long the experiment takes to end, and centred ones as well."""
+    runner, proceed = bench.station.experiments, threading.Event()
+    leave = runner._leave
+    monkeypatch.setattr(runner, "_leave", lambda *a: (proceed.wait(LIMIT), leave(*a)))
+    bench.flying()
+
+    def asked() -> list[Any]:
+        return [one for one in bench.vehicle.requests if one[2] == "the sticks"]
+
+    def flown(forward: float) -> bool:
+        bench.deflect(forward)
+        threading.Event().wait(0.02)
+        joys = list(bench.vehicle.joys)
+        return any(joy.axes[0] == forward and joy.enabled for joy in joys)
+
+    try:
+        bench.deflect(0.0, False)
+        assert until(lambda: flown(0.5) and asked())
+        for forward in (0.625, 0.0, 0.75):
+            assert until(partial(flown, forward))
+        assert asked() == [("start_behavior", "velocity", "the sticks")]
+    finally:
+        proceed.set()
+    assert bench.ended().reason == "the sticks took over"
+
+
+def test_sticks_take_over_behind_a_command_of_the_experiment_that_is_on_its_way(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("console.experiment_running.runner.SETTLE", LIMIT)
+    bench.flying()
+    client = bench.station.experiments._client
+    with client._sending:
+        assert bench.take_over().reason == "the sticks took over"
+        assert until(lambda: any(joy.axes[0] == 0.5 for joy in list(bench.vehicle.joys)))
+        assert not [one for one in bench.vehicle.requests if one[2] == "the sticks"]
+    assert until(lambda: bench.vehicle.requests[-1] == ("start_behavior", "velocity", "the sticks"))
+
+
+def test_sticks_do_not_change_what_a_person_has_just_commanded(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runner, proceed = bench.station.experiments, threading.Event()
+    leave = runner._leave
+    monkeypatch.setattr(runner, "_leave", lambda *a: (proceed.wait(LIMIT), leave(*a)))
+    bench.flying()
+    assert bench.call("start_behavior", name="land").accepted
+    bench.deflect(0.0, False)
+
+    def flown() -> bool:
+        bench.deflect(0.5)
+        threading.Event().wait(0.02)
+        return any(joy.axes[0] == 0.5 for joy in list(bench.vehicle.joys))
+
+    try:
+        assert until(flown)
+    finally:
+        proceed.set()
+    assert bench.ended().reason == "ada took over with start behavior"
+    assert bench.vehicle.requests[-1] == ("start_behavior", "land", "ada")
 
 
 def test_sticks_deflected_since_before_the_start_take_nothing_over(bench: Bench) -> None:

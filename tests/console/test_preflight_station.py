@@ -60,6 +60,7 @@ class FitVehicle:
         self.node = node
         self.armings: list[str] = []
         self.looked_at = 0
+        self.refusal = ""
         self.gains = {
             f"behavior.volume_{axis}_{end}": value
             for axis in "xyz"
@@ -80,7 +81,7 @@ class FitVehicle:
         self.armed = False
         self.state: dict[str, Any] = {
             "mode": "ready", "flags": [], "voltage": 16.0, "innovation": 0.002, "age": 0.004,
-            "x": 0.0, "tilt": 0.0, "revision": 1, "telemetry": True,
+            "x": 0.0, "tilt": 0.0, "revision": 1, "telemetry": True, "silent": False,
         }  # fmt: skip
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
@@ -103,6 +104,8 @@ class FitVehicle:
 
     def _checks(self, request: Any) -> Any:
         self.looked_at += 1
+        if self.refusal:
+            return new(f"{SERVICES['checks']}_Response", accepted=False, reason=self.refusal)
         found = [
             Check("real-time rights", "fail", "refused", "SCHED_FIFO 50", "write it", "vehicle"),
             Check("version", "ok", "0123456789abcdef", place="vehicle"),
@@ -132,6 +135,8 @@ class FitVehicle:
         while not self._closing.wait(0.02):
             count += 1
             now_ns, state = time.time_ns(), dict(self.state)
+            if state["silent"]:
+                continue
             ticks = np.zeros(5, TICK)
             ticks["imu"]["stamp_ns"] = now_ns + 2_000_000 * np.arange(-4, 1)
             half = state["tilt"] / 2.0
@@ -369,3 +374,31 @@ def test_checks_are_made_again_when_asked_and_never_in_flight(bench: Bench) -> N
     assert bench.vehicle.looked_at == before + 1
     assert bench.call("checks", again=False).checked == answer.checked
     assert bench.call("disarm").accepted
+
+
+def test_while_an_armed_vehicle_is_not_heard_the_disk_is_left_alone(bench: Bench) -> None:
+    assert bench.call("arm").accepted
+    assert until(lambda: bench.newest.armed)
+    bench.vehicle.state.update(silent=True)
+    assert until(lambda: bench.station.checks.gatherer.facts().mode is None)
+    answer = bench.call("checks", again=True)
+    assert answer.accepted
+    found = {one.name: one for one in from_messages(answer.checks) if one.place == "station"}
+    speed = found["disk's speed"]
+    assert speed.state == "unknown"
+    assert speed.found == "not measured: the vehicle is not heard, and may be flying"
+    assert found["runs' disk"].state != "unknown"
+    bench.vehicle.state.update(silent=False)
+    assert bench.call("disarm").accepted
+    assert until(lambda: bench.station.checks.gatherer.facts().mode == "ready")
+    again = from_messages(bench.call("checks", again=True).checks)
+    assert next(one for one in again if one.name == "disk's speed").found.endswith("MB/s")
+
+
+def test_a_vehicle_that_refuses_its_checks_is_a_line_with_its_reason(bench: Bench) -> None:
+    bench.vehicle.refusal = "the vehicle is armed; checks are made on the ground"
+    found = from_messages(bench.call("checks", again=True).checks)
+    bench.vehicle.refusal = ""
+    [line] = [one for one in found if one.place == "vehicle"]
+    assert (line.name, line.state) == ("vehicle", "unknown")
+    assert line.found == "the vehicle is armed; checks are made on the ground"

@@ -121,9 +121,9 @@ def test_after_its_time_nothing_of_a_run_is_left(catalogue: Catalogue) -> None:
     keep_mark(catalogue, Mark("r1", "mark-0001", 5, 2.0, "door", "anna"))
     (catalogue.folder / "r1.1.1.1.viser").write_text("made again when asked for")
     delete_run(catalogue, "r1", "anna")
-    assert purge(catalogue, older_than=60.0) == []
+    assert purge(catalogue, older_than=60.0).done == []
     assert (catalogue.folder / TRASH / "r1.mcap").exists()
-    assert purge(catalogue) == ["r1"]
+    assert purge(catalogue).done == ["r1"]
     assert names(catalogue.folder) == {"r0.mcap", "r10.mcap", TRASH}
     assert names(catalogue.folder / TRASH) == set()
     with catalogue.session() as session:

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -84,9 +84,9 @@ class VehicleProcesses:
         """Process id of `vehicle.flight` or `vehicle.comms`; 0 when there is none."""
         path = Path(f"/proc/{self.vehicle.pid}/task/{self.vehicle.pid}/children")
         for pid in path.read_text().split():
-            words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
-            if module.encode() in words:
-                return int(pid)
+            with suppress(OSError):  # it may end while it is looked at
+                if module.encode() in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0"):
+                    return int(pid)
         return 0
 
     def children(self) -> tuple[int, int]:
@@ -248,6 +248,9 @@ def take_off(station: FakeStation) -> None:
     other = station.command("arm", "a2")
     assert (other.accepted, other.reason) == (False, "already armed")
     wait_until(lambda: station.mode == "armed", "armed")
+    checks = station.call("checks", again=True)
+    assert not checks.accepted
+    assert checks.reason == "the vehicle is armed; checks are made on the ground"
     fields = {"name": "take_off", "arguments": to_parameters({"height": 0.8})}
     assert station.command("start_behavior", "b1", **fields).accepted
     wait_until(lambda: station.height > 0.7, "height 0.7 m")

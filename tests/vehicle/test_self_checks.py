@@ -1,30 +1,68 @@
-"""The vehicle's own checks, as the station asks for them."""
+"""The vehicle's own checks, as the station asks for them; never beside a flight."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-from vehicle.self_checks import SelfChecks, self_checks
+import pytest
+
+from vehicle.self_checks import HEARD, SelfChecks, self_checks
 from vehicle_link.authority import ensure_certificates
-from vehicle_link.checks import from_messages
+from vehicle_link.checks import Check, from_messages
 from vehicle_link.log.provenance import provenance
 from vehicle_link.messages import new
+
+REQUEST: Any = new("quadlab_msgs/srv/Checks_Request")
+
+
+def lines(answer: Any) -> dict[str, Check]:
+    return {one.name: one for one in from_messages(answer.checks)}
 
 
 def test_rights_disk_certificate_and_version_are_looked_at(tmp_path: Path) -> None:
     ensure_certificates(tmp_path / "certificates")
-    answer = SelfChecks(tmp_path).answer(new("quadlab_msgs/srv/Checks_Request"))
-    found = {one.name: one for one in from_messages(answer.checks)}
+    checks = SelfChecks(tmp_path)
+    checks.heard(False)
+    answer = checks.answer(REQUEST)
+    found = lines(answer)
     assert {
         "clock", "real-time rights", "locked memory", "processor", "log's disk",
         "link's certificate", "firmware", "version",
     } == found.keys()  # fmt: skip
     assert {one.place for one in found.values()} == {"vehicle"}
+    assert found["log's disk"].found.endswith(" free")
     assert found["version"].found == provenance()["git_revision"]
     assert answer.accepted
     assert answer.checked > 0
 
 
 def test_a_vehicle_without_its_certificate_says_so(tmp_path: Path) -> None:
-    found = {one.name: one for one in self_checks(tmp_path)}
+    found = {one.name: one for one in self_checks(tmp_path, disarmed=True)}
     assert found["link's certificate"].state == "fail"
+
+
+def test_an_armed_vehicle_refuses(tmp_path: Path) -> None:
+    checks = SelfChecks(tmp_path)
+    checks.heard(True)
+    answer = checks.answer(REQUEST)
+    assert not answer.accepted
+    assert "on the ground" in answer.reason
+    assert not answer.checks
+
+
+@pytest.mark.parametrize("told", [None, False, True])
+def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
+    tmp_path: Path, told: bool | None
+) -> None:
+    now = 0.0
+    checks = SelfChecks(tmp_path, clock=lambda: now)
+    if told is not None:
+        checks.heard(told)
+    now = 2.0 * HEARD
+    answer = checks.answer(REQUEST)
+    assert answer.accepted
+    disk = lines(answer)["log's disk"]
+    assert disk.state == "unknown"
+    assert disk.found == "not looked at: the flight loop is silent, and may be flying"
+    assert disk.advice

@@ -274,6 +274,22 @@ def test_a_service_of_several_threads_answers_beside_a_request_that_is_held_up(l
     assert answers[0].accepted
 
 
+def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
+    link: Link, caplog: pytest.LogCaptureFixture
+) -> None:
+    leaving = Node(link.vehicle.session, "/quad1", "leaving")
+    leaving.serve("leaving", SERVICES["arm"], _ok, threads=2)
+    client = link.web.client("leaving", SERVICES["arm"])
+    assert client.wait(WAIT)
+    for pool in leaving._pools:  # closed, and the question not yet stopped
+        pool.shutdown()
+    with caplog.at_level("DEBUG"), pytest.raises(LinkError, match="/quad1/leaving is closing"):
+        client.call(new(REQUEST), WAIT)
+    assert "leaving was asked while it closes" in caplog.text
+    assert "Traceback" not in caplog.text
+    leaving.close()
+
+
 def test_a_slow_service_does_not_delay_another(link: Link) -> None:
     entered, proceed = threading.Event(), threading.Event()
 

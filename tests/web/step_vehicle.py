@@ -77,7 +77,7 @@ class StepVehicle:
         return new(
             "quadlab_msgs/VehicleStatus", header=header(now_ns), mode="armed", armed=True,
             behavior=self.behavior, airborne=self.airborne,
-            parameter_revision=self._station.store.revision,
+            parameter_revision=self._station.store.revision, tick_rate=500.0, lateness_p99=1.4e-4,
         )  # fmt: skip
 
     def _call(self, service: str, request: Any) -> Any:

@@ -13,8 +13,8 @@ import pytest
 
 from benchmarks.recorded_run import STEP_NS, MadeRun, position_at, write_run
 from quadrotor.errors import LogFormatError, OutOfBoundsError
-from vehicle_link.log import read_log
-from vehicle_link.messages import decode
+from vehicle_link.log import LogWriter, read_log
+from vehicle_link.messages import decode, encode, header, new
 from web.replay.build import build
 from web.replay.derived import of_odometry
 from web.replay.pyramid import coarser, edges, level_sizes, pyramid
@@ -27,6 +27,7 @@ RUN = MadeRun(
     changes=[(9.0, "control.position.kp_xy", 4.0, 5.5)],
 )  # fmt: skip
 HEIGHT = ["state.position.z"]
+SECOND = 10**9
 
 
 @pytest.fixture(scope="module")
@@ -221,6 +222,35 @@ def test_the_time_line_says_what_happened_and_when(replay: Replay) -> None:
     assert moments["mark: gust"] == 13.0
     assert moments["follow trajectory"] == 6.0
     assert moments["ground 2"] == 23.1
+
+
+def test_of_each_mark_the_newest_text_counts_at_the_marks_own_time(tmp_path: Path) -> None:
+    """A text that follows has the stamp of its mark, and may be empty."""
+    log = tmp_path / "a.mcap"
+    told = [
+        ("a", 2.0, 2.0, "gust"), ("b", 3.0, 3.0, "door"), ("c", 4.0, 4.0, ""),
+        ("a", 2.0, 4.5, ""), ("b", 3.0, 5.0, "a door"), ("c", 4.0, 5.5, "wind"),
+    ]  # fmt: skip
+    with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
+        for t in (0.0, 1.0):
+            clock = new("std_msgs/String", data="x")
+            writer.write("/quad1/note", "std_msgs/String", encode(clock), *(2 * [SECOND + _ns(t)]))
+        for id, t, logged, text in told:
+            stamp_ns = SECOND + _ns(t)
+            mark = new(
+                "quadlab_msgs/Mark", header=header(stamp_ns), id=id, text=text, requester="anna"
+            )
+            kind = "quadlab_msgs/Mark"
+            writer.write("/quad1/marks", kind, encode(mark), SECOND + _ns(logged), stamp_ns)
+    build(log, tmp_path / "cache", lambda _: None)
+    assert Replay(tmp_path / "cache").described()["marks"] == [
+        {"t": t, "text": text, "who": "anna"}
+        for t, text in ((2.0, ""), (3.0, "a door"), (4.0, "wind"))
+    ]
+
+
+def _ns(seconds: float) -> int:
+    return round(1e9 * seconds)
 
 
 # ---------------------------------------------------------------------- clocks

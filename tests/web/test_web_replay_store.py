@@ -1,4 +1,4 @@
-"""Caches are built once, beside the loop, and again when the log has changed; all may replay."""
+"""Caches are built once, and again when the log has changed; together they stay small."""
 
 from __future__ import annotations
 
@@ -6,26 +6,27 @@ import json
 import os
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
 
 from benchmarks.recorded_run import MadeRun, write_run
 from console.catalogue import Catalogue
 from console.run_files import tidy_runs
+from console.run_replays import REPLAYS
+from console.run_trash import delete_run, restore_run
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import LogFile
 from web.replay import store as store_module
+from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay
-from web.replay.store import Building, ReplayStore
+from web.replay.store import LARGEST, Building, ReplayStore
 
 Until = Callable[..., None]
-RUN, SECOND, TORN = "20260131T093042Z_quad1", "20260131T100000Z_quad1", "20260131T110000Z_quad1"
-SHORT = MadeRun(7.0, marks=[(5.0, "gust")])
+RUN = "20260131T093042Z_quad1"
+SHORT = MadeRun(7.0)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,6 @@ def ready(store: ReplayStore, log: Path, until: Until, newer: bool = False) -> R
     return replay
 
 
-# ---------------------------------------------------------------------- the store
 def test_a_cache_is_built_once_and_found_by_another_process(log: Path, until: Until) -> None:
     store = ReplayStore(log.parent)
     with pytest.raises(StorageError, match="not ready"):
@@ -115,33 +115,90 @@ def test_what_is_no_log_says_so_in_one_line_and_leaves_nothing(
     until(is_refused, 60.0)
     assert why in told[0]
     assert "\n" not in told[0]
-    assert list((tmp_path / ".replay").iterdir()) == []
+    assert list((tmp_path / REPLAYS).iterdir()) == []
 
 
-def test_old_caches_go_and_those_of_removed_logs(
+def kept(log: Path, /, **changed: Any) -> Path:
+    """A cache of the log that says what it must, and shows nothing."""
+    folder = log.parent / REPLAYS / log.stem
+    (folder / "scratch").mkdir(parents=True)
+    stamp = {"version": VERSION, "bytes": 1, "changed_ns": 1, "log": str(log), **changed}
+    (folder / "stamp.json").write_text(json.dumps(stamp))
+    return folder
+
+
+def test_old_caches_go_and_those_of_removed_logs(log: Path, until: Until) -> None:
+    others = [log.with_name(f"{name}.mcap") for name in ("oldest", "older", "gone")]
+    for number, other in enumerate(others):
+        if other.stem != "gone":
+            other.write_bytes(log.read_bytes())
+        os.utime(kept(other) / "stamp.json", (number, number))
+    with (log.parent / REPLAYS / "oldest" / "more").open("wb") as file:
+        file.truncate(LARGEST)  # takes no room: nothing is written
+    ready(ReplayStore(log.parent), log, until)
+    assert {one.name for one in (log.parent / REPLAYS).iterdir()} == {"older", RUN}
+
+
+def test_what_a_crash_has_damaged_or_left_half_built_goes(log: Path, until: Until) -> None:
+    caches = log.parent / REPLAYS
+    for content in ("", "[]", "{}", '{"log": 1}'):
+        (caches / f"damaged {content}").mkdir(parents=True)
+        (caches / f"damaged {content}" / "stamp.json").write_text(content)
+    (caches / f"{RUN}.new" / "scratch").mkdir(parents=True)
+    (caches / "no stamp").mkdir()
+    kept(log.with_name("other.mcap"), log=str(log)).rename(caches / "other.new")
+    of_before = log.with_name("before.mcap")
+    of_before.write_bytes(b"log")
+    kept(of_before, version=VERSION - 1)
+    ready(ReplayStore(log.parent), log, until)
+    assert [one.name for one in caches.iterdir()] == [RUN]
+
+
+def test_a_replay_larger_than_all_may_be_is_given_up_with_the_reason(
     log: Path, until: Until, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = ReplayStore(log.parent)
-    others = [log.with_name(f"{name}.mcap") for name in ("old", "gone")]
-    for number, other in enumerate(others):
-        other.write_bytes(log.read_bytes())
-        ready(store, other, until)
-        os.utime(log.parent / ".replay" / other.stem / "stamp.json", (number, number))
-    others[1].unlink()
-    monkeypatch.setattr(store_module, "LARGEST", 1)
-    ready(store, log, until)
-    assert [one.name for one in (log.parent / ".replay").iterdir()] == [RUN]
+    monkeypatch.setattr(store_module, "LARGEST", 1_000)
+    store, told = ReplayStore(log.parent), []
+
+    def is_refused() -> bool:
+        try:
+            store.get(log)
+        except LogFormatError as error:
+            told.append(str(error))
+        return bool(told)
+
+    until(is_refused, 60.0)
+    assert told[0].startswith(f"the replay of {RUN} would take more than")
+    assert list((log.parent / REPLAYS).iterdir()) == []
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"log": 1}'])
-def test_a_cache_that_a_crash_has_damaged_is_in_nobodys_way(
-    log: Path, until: Until, content: str
+def test_a_run_and_a_log_of_the_vehicle_with_its_name_are_shown_each(
+    log: Path, until: Until
 ) -> None:
-    damaged = log.parent / ".replay" / "damaged"
-    damaged.mkdir(parents=True)
-    (damaged / "stamp.json").write_text(content)
-    ready(ReplayStore(log.parent), log, until)
-    assert not damaged.exists()
+    onboard = log.parent.parent / "onboard" / log.name
+    onboard.parent.mkdir()
+    write_run(onboard, MadeRun(8.0))
+    store = ReplayStore(log.parent)
+    first, second = ready(store, log, until), ready(store, onboard, until)
+    durations = [one.index["duration"] for one in (first, second)]
+    assert durations == pytest.approx([7.0, 8.0], abs=0.03)
+    assert store.opened(log) is first
+    assert store.opened(onboard) is second
+    assert {one.name for one in (log.parent / REPLAYS).iterdir()} == {RUN, f"onboard:{RUN}"}
+
+
+def test_a_deleted_runs_replay_goes_and_is_built_again_after_an_undo(
+    log: Path, until: Until
+) -> None:
+    catalogue = Catalogue(log.parent.parent)
+    tidy_runs(catalogue)
+    store = ReplayStore(log.parent)
+    ready(store, log, until)
+    delete_run(catalogue, RUN, "anna")
+    assert list((log.parent / REPLAYS).iterdir()) == []
+    restore_run(catalogue, RUN)
+    assert isinstance(store.get(log), Building)
+    assert ready(store, log, until).track.is_file()
 
 
 def test_replays_that_wait_are_bounded(
@@ -169,131 +226,3 @@ def test_a_builder_ends_when_its_page_is_gone(log: Path) -> None:
     process.communicate(timeout=60.0)
     # Ended at once, unless it was done before it looked.
     assert process.returncode in (0, 1)
-
-
-# ---------------------------------------------------------------------- the routes
-@pytest.fixture(scope="module")
-def replay_site(
-    tmp_path_factory: pytest.TempPathFactory, recorded: bytes
-) -> Iterator[Callable[[type], Any]]:
-    data = tmp_path_factory.mktemp("data")
-    catalogue = Catalogue(data)
-    for name, content in ((RUN, recorded), (SECOND, recorded), (TORN, b"")):
-        (data / "runs" / f"{name}.mcap").write_bytes(content)
-    (data / "onboard").mkdir()
-    (data / "onboard" / "quad1_flight.mcap").write_bytes(recorded)
-    tidy_runs(catalogue)
-    opened: list[Any] = []
-
-    def site(serve: type) -> Any:
-        if not opened:
-            serving = serve(data, catalogue)
-            opened.extend((serving, serving.__enter__()))
-        return opened[1]
-
-    yield site
-    if opened:
-        opened[0].__exit__()
-
-
-@pytest.fixture
-def viewer_there(replay_site: Any, serve: type) -> Iterator[httpx.Client]:
-    site = replay_site(serve)
-    with site.sign_in() as admin, site.invited(admin, "viewer") as client:
-        yield client
-
-
-def described(client: httpx.Client, run: str, until: Until) -> dict[str, Any]:
-    found: list[dict[str, Any]] = []
-
-    def is_ready() -> bool:
-        answer = client.get(f"/api/replay/{run}")
-        assert answer.status_code == 200, answer.text
-        found.append(answer.json())
-        return bool(found[-1]["state"] == "ready")
-
-    until(is_ready, 60.0)
-    assert all(0.0 <= one["progress"] <= 1.0 for one in found[:-1])
-    return found[-1]
-
-
-@pytest.mark.parametrize("run", [RUN, "onboard:quad1_flight"])
-def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
-    viewer_there: httpx.Client, until: Until, run: str
-) -> None:
-    index = described(viewer_there, run, until)
-    assert index["marks"][0]["text"] == "gust"
-    assert (index["is_growing"], index["is_current"]) == (False, True)
-    assert viewer_there.get(f"/replay/{run}").headers["content-type"].startswith("text/html")
-    track = viewer_there.get(f"/api/replay/{run}/track")
-    assert len(track.content) % (4 * index["track"]["width"]) == 0
-    query = {"start": 1.0, "end": 2.0, "signal": ["state.position.z", "thrust"]}
-    window = viewer_there.get(f"/api/replay/{run}/window", params=query)
-    length = int.from_bytes(window.content[:4], "little")
-    [group] = json.loads(window.content[4 : 4 + length])["groups"]
-    assert group["signals"] == query["signal"]
-    at = viewer_there.get(f"/api/replay/{run}/at", params={"t": 2.0, "signal": "battery.voltage"})
-    assert at.json()["battery.voltage"] == pytest.approx([15.998, 0.0], abs=0.02)
-
-
-def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:
-    assert [one["id"] for one in viewer_there.get("/api/replay").json()] == ["onboard:quad1_flight"]
-
-
-def test_an_empty_file_answers_in_one_line(viewer_there: httpx.Client, until: Until) -> None:
-    answers: list[httpx.Response] = []
-
-    def is_refused() -> bool:
-        answers.append(viewer_there.get(f"/api/replay/{TORN}"))
-        return answers[-1].status_code != 200
-
-    until(is_refused, 60.0)
-    assert 400 <= answers[-1].status_code < 500
-    assert "is empty" in answers[-1].json()["error"]
-
-
-@pytest.mark.parametrize(
-    "name", ["unknown", "onboard:unknown", "onboard:..%2fruns%2fx", "onboard:", "%2e%2e%2fdoor"]
-)
-def test_no_name_leads_out_of_the_folders(viewer_there: httpx.Client, name: str) -> None:
-    for path in ("", "/track", "/window?start=0&end=1&signal=a", "/at?t=0&signal=a"):
-        answer = viewer_there.get(f"/api/replay/{name}{path}")
-        assert answer.status_code == 404
-        assert "\n" not in answer.json()["error"]
-
-
-@pytest.mark.parametrize(
-    "query",
-    [
-        "start=nan&end=1&signal=thrust", "start=0&end=inf&signal=thrust", "start=0&end=1",
-        "start=0&end=1&signal=nothing", "start=0&end=1&signal=thrust&points=1000000",
-        "start=0&end=1&" + "&".join(["signal=thrust"] * 65),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_asked_is_refused(
-    viewer_there: httpx.Client, until: Until, query: str
-) -> None:
-    described(viewer_there, RUN, until)
-    answer = viewer_there.get(f"/api/replay/{RUN}/window?{query}")
-    assert answer.status_code == 422
-    assert "\n" not in answer.json()["error"]
-
-
-def test_others_are_answered_while_a_log_is_read(
-    viewer_there: httpx.Client, replay_site: Any, serve: type, until: Until,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    """The builder waits until somebody else was answered."""
-    heard = threading.Event()
-    real = ReplayStore._run
-
-    def slow(self: ReplayStore, log: Path, building: Building) -> None:
-        assert heard.wait(20.0)
-        real(self, log, building)
-
-    monkeypatch.setattr(ReplayStore, "_run", slow)
-    answer = viewer_there.get(f"/api/replay/{SECOND}")
-    assert answer.json() == {"state": "building", "progress": 0.0}
-    assert viewer_there.get("/api/summary").status_code == 200
-    heard.set()
-    described(viewer_there, SECOND, until)

@@ -21,7 +21,7 @@ from web.replay.spool import TopicSpool
 from web.replay.times import common_stamps, gaps
 from web.replay.track import PARTS, WIDTH, track
 
-VERSION = 1
+VERSION = 2
 """Of the cache; another one is built anew."""
 INDEX, COLUMNS, TRACK = "index.json", "columns.bin", "track.bin"
 
@@ -212,7 +212,7 @@ class CacheWriter:
         for topic, spool in self._spools.items():
             for end in timeline.WHOLE:
                 if f"/{topic}".endswith(end):
-                    lines[end] += timeline.lines_of(spool, self._times[topic])
+                    lines[end] += timeline.lines_of(spool, self._times[topic], self._orders[topic])
         marks = timeline.as_marks(lines["/marks"])
         changes = timeline.as_changes(lines["/parameter_changes"])
         parameters = timeline.parameters_of(reader.log.attachments.get("parameters.json"))

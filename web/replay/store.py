@@ -1,7 +1,7 @@
 """The replays' caches: built when first asked for, one at a time, and of bounded size together.
 
-They lie in `runs/.replay/`, one folder a log, and belong to a log's size and time of change: when
-it grows or is mended, they are built anew.
+They lie in `runs/.replay/`, one folder a log (console.run_replays), and belong to a log's size and
+time of change: when it grows or is mended, they are built anew.
 """
 
 from __future__ import annotations
@@ -16,18 +16,21 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 
+from console.run_replays import REPLAYS, folder_bytes, replay_name
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay
 
-FOLDER = ".replay"
 LARGEST = 4_000_000_000
-"""Bytes of all caches together; those looked at longest ago go first."""
+"""Bytes of all caches together, with the one on its way; those looked at longest ago go first."""
 MOST_OPEN = 6
 WAITING = 20
 """Replays that may wait for their turn: each has a thread."""
 STAMP = "stamp.json"
+ON_ITS_WAY = ".new"
+LOOK = 0.01
+"""Of the progress, between two looks at how large it has become."""
 MODULE = "web.replay.build"
 ROOT = Path(__file__).parents[2]
 
@@ -45,7 +48,8 @@ class ReplayStore:
     """Thread-safe. Args: the folder of the runs."""
 
     def __init__(self, runs: Path) -> None:
-        self._folder = runs / FOLDER
+        self._runs = runs
+        self._folder = runs / REPLAYS
         self._lock = threading.Lock()
         self._one_at_a_time = threading.Lock()
         self._building: dict[str, Building] = {}
@@ -59,7 +63,7 @@ class ReplayStore:
         RefusedError while too many wait.
         """
         stamp = _stamp(log)
-        name = log.stem
+        name = self._name(log)
         with self._lock:
             building = self._building.get(name)
             if building is not None and building.problem:
@@ -84,7 +88,7 @@ class ReplayStore:
     def opened(self, log: Path) -> Replay:
         """One that `get` gave before. Raises StorageError when it is not there (any more)."""
         with self._lock:
-            kept = self._kept(log.stem)
+            kept = self._kept(self._name(log))
         if kept is None:
             raise StorageError(f"the replay of {log.stem} is not ready; open its page again")
         return kept[1]
@@ -92,12 +96,16 @@ class ReplayStore:
     def is_current(self, log: Path) -> bool:
         """Whether the replay that is kept shows all of the log."""
         with self._lock:
-            kept = self._kept(log.stem)
+            kept = self._kept(self._name(log))
         return kept is not None and kept[0] == _stamp(log)
+
+    def _name(self, log: Path) -> str:
+        return replay_name(log, self._runs)
 
     def _kept(self, name: str) -> tuple[tuple[int, int], Replay] | None:
         found = self._open.get(name)
-        if found is None:
+        if found is None or not found[1].track.exists():  # it may have gone with its run
+            self._open.pop(name, None)
             folder = self._folder / name
             try:
                 fields = json.loads((folder / STAMP).read_text())
@@ -118,21 +126,23 @@ class ReplayStore:
         with self._one_at_a_time:
             problem = ""
             try:
+                self._tidy(self._name(log))
                 self._run(log, building)
-                self._tidy(log)
+                self._tidy(self._name(log))
             except (StorageError, LogFormatError) as error:
                 problem = str(error)
             except Exception as error:  # else it would be on its way for ever
                 problem = f"the replay of {log.stem} could not be built: {error!r}"
         with self._lock:
-            self._open.pop(log.stem, None)
+            self._open.pop(self._name(log), None)
             if problem:
                 building.problem = problem
             else:
-                del self._building[log.stem]
+                del self._building[self._name(log)]
 
     def _run(self, log: Path, building: Building) -> None:
-        new = self._folder / f"{log.stem}.new"
+        name = self._name(log)
+        new = self._folder / f"{name}{ON_ITS_WAY}"
         path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
         # Its standard input closes with this process, and then it ends too.
         process = subprocess.Popen(
@@ -140,13 +150,19 @@ class ReplayStore:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             env={**os.environ, "PYTHONPATH": path}, text=True,
         )  # fmt: skip
-        is_done, problem = False, ""
+        is_done, problem, looked = False, "", -1.0
         with process:
             assert process.stdout is not None
             for line in process.stdout:
                 said = json.loads(line)
                 building.progress = said.get("progress", building.progress)
                 problem, is_done = said.get("error", problem), is_done or "done" in said
+                if is_done or building.progress >= looked + LOOK:
+                    looked = building.progress
+                    if not self._make_room(name):
+                        is_done, problem = False, _too_large(log)
+                        process.kill()
+                        break
         if not is_done:
             shutil.rmtree(new, ignore_errors=True)
             raise StorageError(
@@ -158,34 +174,51 @@ class ReplayStore:
         (new / STAMP).write_text(
             json.dumps({"version": VERSION, "bytes": size, "changed_ns": changed, "log": str(log)})
         )
-        shutil.rmtree(self._folder / log.stem, ignore_errors=True)
-        new.rename(self._folder / log.stem)
+        shutil.rmtree(self._folder / name, ignore_errors=True)
+        new.rename(self._folder / name)
 
-    def _tidy(self, log: Path) -> None:
-        """Caches whose log is gone, and the oldest above LARGEST, are removed."""
-        ages: list[tuple[float, int, Path]] = []
-        for stamp in self._folder.glob(f"*/{STAMP}"):
-            folder = stamp.parent
-            if not _is_wanted(stamp):
+    def _tidy(self, name: str) -> None:
+        """Caches whose log is gone, what a crash has left, and the oldest above LARGEST, go.
+
+        Args:
+            name: of the cache that stays.
+        """
+        for folder in self._folder.glob("*"):
+            if not _is_wanted(folder, self._runs):
                 shutil.rmtree(folder, ignore_errors=True)
-                continue
-            size = sum(file.stat().st_size for file in folder.iterdir())
-            ages.append((stamp.stat().st_mtime, size, folder))
-        total = sum(size for _, size, _ in ages)
-        for _, size, folder in sorted(ages):
-            if total <= LARGEST:
-                return
-            if folder.name != log.stem:
-                shutil.rmtree(folder, ignore_errors=True)
-                total -= size
+        self._make_room(name)
+
+    def _make_room(self, name: str) -> bool:
+        """The oldest caches above LARGEST go, but not `name`; whether that was enough."""
+        excess = folder_bytes(self._folder) - LARGEST
+        if excess <= 0:
+            return True
+        mine = (name, f"{name}{ON_ITS_WAY}")
+        stamps = [one for one in self._folder.glob(f"*/{STAMP}") if one.parent.name not in mine]
+        for stamp in sorted(stamps, key=lambda one: one.stat().st_mtime):
+            if excess <= 0:
+                break
+            excess -= folder_bytes(stamp.parent)
+            shutil.rmtree(stamp.parent, ignore_errors=True)
+        return excess <= 0
 
 
-def _is_wanted(stamp: Path) -> bool:
-    """Whether the cache's log is there still; one that a crash has damaged is not wanted."""
+def _is_wanted(folder: Path, runs: Path) -> bool:
+    """Whether it can still be shown: its log is there, and no crash has damaged it."""
     try:
-        return Path(json.loads(stamp.read_text())["log"]).is_file()
+        fields = json.loads((folder / STAMP).read_text())
+        log = Path(fields["log"])
+        is_found_again = folder.name == replay_name(log, runs) and fields["version"] == VERSION
+        return is_found_again and log.is_file()
     except (OSError, ValueError, KeyError, TypeError):
         return False
+
+
+def _too_large(log: Path) -> str:
+    return (
+        f"the replay of {log.stem} would take more than {LARGEST / 1e9:g} GB; "
+        "download the log and look at it in another program"
+    )
 
 
 def _stamp(log: Path) -> tuple[int, int]:

@@ -31,10 +31,20 @@ Times = npt.NDArray[np.float64]
 Moment = dict[str, Any]
 
 
-def lines_of(spool: TopicSpool, times: Times) -> list[dict[str, Any]]:
-    """Each message of one of WHOLE with its time t, its words, who and its other fields."""
+def lines_of(
+    spool: TopicSpool, times: Times, order: npt.NDArray[np.int64] | None
+) -> list[dict[str, Any]]:
+    """Each message of one of WHOLE with its time t, its words, who and its other fields.
+
+    Of one instant they stay as they were logged: a mark's later text has the mark's own stamp.
+
+    Args:
+        times: s, in order.
+        order: which message of the log has which time; None where they lie in it in order.
+    """
     found = []
-    for t, payload in sorted(zip(times.tolist(), spool.payloads, strict=False))[:MOST_LINES]:
+    payloads = spool.payloads if order is None else [spool.payloads[k] for k in order]
+    for t, payload in zip(times[:MOST_LINES].tolist(), payloads, strict=False):
         fields = text_fields(payload, spool.type_name)
         texts = {k: v for k, v in fields.items() if isinstance(v, str) and v}
         words = next((texts[name] for name in _WORDS if name in texts), "")
@@ -54,12 +64,12 @@ def as_events(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One a mark: a later message of the same id brings its words."""
+    """One a mark: of the messages of one id the newest text counts, an empty one as well."""
     found: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(lines):
         key = str(line["fields"].get("id") or number)
         mark = found.setdefault(key, {"t": line["t"], "text": "", "who": line["who"]})
-        mark["text"] = line["text"] or mark["text"]
+        mark["text"] = line["text"]
     return list(found.values())
 
 

@@ -67,11 +67,11 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/trash/empty")
     def empty(session: Admin) -> dict[str, Any]:
-        """Removes what is in the trash for good, now."""
-        gone = purge(catalogue)
-        if gone:
-            tell_changed(parts.hub, gone)
-        return {"done": gone, "refused": {}}
+        """Removes what is in the trash for good, now; `refused`: id → reason of those that stay."""
+        purged = purge(catalogue)
+        if purged.done:
+            tell_changed(parts.hub, purged.done)
+        return asdict(purged)
 
     def _each(run_ids: list[str], act: Callable[[str], None]) -> dict[str, Any]:
         done: list[str] = []

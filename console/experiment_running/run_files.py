@@ -1,0 +1,65 @@
+"""The run that the recorder makes of an experiment's flight: its beginning and its file."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, Protocol
+
+from console.catalogue import Catalogue
+from console.recorder import Recorder
+from quadrotor.errors import StorageError
+
+FILE_PATIENCE = 30.0
+"""s for the recorder to close the run after touch-down, beyond what it is told to go on."""
+BEFORE = 1.0
+"""s for the run before to end, beyond what the recorder is told to go on."""
+LOOK = 0.05
+"""s between two looks at the run before."""
+
+
+class Settings(Protocol):
+    """What of the station's parameters matters to an experiment."""
+
+    def __call__(self) -> tuple[float, float]:
+        """s: timeout of the sticks, and how long a run goes on after disarming."""
+        ...
+
+
+def settings_of(parameters: Any) -> Settings:
+    """Of console.parameters.StationParameters."""
+    return lambda: (float(parameters.sticks.timeout), float(parameters.recorder.after_disarm))
+
+
+class RunFiles:
+    """Args: `after_disarm`, s that a run goes on after disarming; `cancelled` ends a wait."""
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        catalogue: Catalogue,
+        after_disarm: Callable[[], float],
+        cancelled: threading.Event,
+    ) -> None:
+        self._recorder, self._catalogue = recorder, catalogue
+        self._after_disarm, self._cancelled = after_disarm, cancelled
+
+    def until_free(self) -> Iterator[None]:
+        """Once for each look while the run before goes on; one begun by hand stays."""
+        end = time.monotonic() + self._after_disarm() + BEFORE
+        while self._recorder.run_id and time.monotonic() < end:
+            yield
+
+    def closed(self, run_id: str) -> Path:
+        """The run's file, once the recorder has closed it. Raises StorageError."""
+        if not run_id:
+            raise StorageError("no run was recorded; see the alarms of the station")
+        end = time.monotonic() + self._after_disarm() + FILE_PATIENCE
+        while self._recorder.run_id == run_id or not self._recorder.wait_idle(0.1):
+            if self._cancelled.wait(0.1):
+                raise StorageError("stopped")
+            if time.monotonic() > end:
+                raise StorageError("the run is still being recorded")
+        return self._catalogue.resolve(run_id)

@@ -1,0 +1,41 @@
+"""The replays' caches beside the runs: where they lie, what they take, gone with their run.
+
+`web.replay` makes them, and again when asked for; nothing is lost with one.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+REPLAYS = ".replay"
+"""In the folder of the runs; a cache is a folder named after its log."""
+
+
+def replay_name(log: Path, runs: Path) -> str:
+    """Of a log's cache: a run's own name, any other log's with its folder (`onboard:NAME`)."""
+    is_run = log.parent.resolve() == runs.resolve()
+    return log.stem if is_run else f"{log.parent.name}:{log.stem}"
+
+
+def remove_replay(log: Path) -> None:
+    """Of a run. What cannot be removed is of no use to anybody, and goes with the oldest."""
+    shutil.rmtree(log.parent / REPLAYS / log.stem, ignore_errors=True)
+
+
+def replay_bytes(runs: Path) -> int:
+    """Of all caches together; those on their way count."""
+    return folder_bytes(runs / REPLAYS)
+
+
+def folder_bytes(folder: Path) -> int:
+    """Of all files below, as far as they can be seen: others may be removing them."""
+    total = 0
+    for root, _, names in os.walk(folder):
+        for name in names:
+            try:
+                total += os.lstat(os.path.join(root, name)).st_size
+            except OSError:
+                continue
+    return total

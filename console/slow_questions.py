@@ -1,0 +1,59 @@
+"""What the station asks the vehicle again and again: its clock, its parameters, its beacons."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from console.alarms import AlarmBoard
+from console.beacon_layout import BeaconLayout
+from console.link_monitor import LinkMonitor
+from console.parameter_witness import ParameterWitness
+from console.recorder import Recorder
+from console.vehicle_parameters import VehicleParameters
+from quadrotor.errors import LinkError
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.node import Node
+from vehicle_link.time_sync import TIME_SYNC, exchange
+
+log = logging.getLogger(__name__)
+
+SLOW, EAGER = 1.0, 0.2  # s between questions to the vehicle, after and before its clock is known
+
+
+class SlowQuestions:
+    """Asked in a thread of their own: an answer may take a second."""
+
+    def __init__(
+        self,
+        node: Node,
+        link: LinkMonitor,
+        recorder: Recorder,
+        parameters: VehicleParameters,
+        witness: ParameterWitness,
+        layout: BeaconLayout,
+        alarms: AlarmBoard,
+    ) -> None:
+        self._link, self._recorder, self._parameters = link, recorder, parameters
+        self._witness, self._layout, self._alarms = witness, layout, alarms
+        self._time_sync = node.client("time_sync", TIME_SYNC)
+
+    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Until `closing`; `guard` calls and survives what is called."""
+        while not closing.wait(SLOW if self._link.clock_known else EAGER):
+            if self._link.state(time.time_ns()) is not LinkState.LOST:
+                guard(self._ask)
+
+    def _ask(self) -> None:
+        try:
+            self._link.exchanged(exchange(self._time_sync))
+            if not self._recorder.run_id:
+                self._parameters.refresh()
+                if (present := self._parameters.present()) is not None:
+                    self._witness.look(*present)
+            self._alarms.set("beacons", self._layout.agree() or None)
+        except LinkError:
+            # The link's state on the page says it; asked again in a second.
+            log.debug("the vehicle did not answer", exc_info=True)

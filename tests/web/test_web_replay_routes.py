@@ -1,0 +1,153 @@
+"""What the replay page asks for: all may replay, and nothing leads out of the folders."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from benchmarks.recorded_run import MadeRun, write_run
+from console.catalogue import Catalogue
+from console.run_files import tidy_runs
+from web.replay.store import Building, ReplayStore
+
+Until = Callable[..., None]
+RUN, SECOND, TORN = "20260131T093042Z_quad1", "20260131T100000Z_quad1", "20260131T110000Z_quad1"
+SHORT = MadeRun(7.0, marks=[(5.0, "gust")])
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    return write_run(tmp_path_factory.mktemp("made") / "a.mcap", SHORT).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def replay_site(
+    tmp_path_factory: pytest.TempPathFactory, recorded: bytes
+) -> Iterator[Callable[[type], Any]]:
+    data = tmp_path_factory.mktemp("data")
+    catalogue = Catalogue(data)
+    for name, content in ((RUN, recorded), (SECOND, recorded), (TORN, b"")):
+        (data / "runs" / f"{name}.mcap").write_bytes(content)
+    (data / "onboard").mkdir()
+    (data / "onboard" / "quad1_flight.mcap").write_bytes(recorded)
+    tidy_runs(catalogue)
+    opened: list[Any] = []
+
+    def site(serve: type) -> Any:
+        if not opened:
+            serving = serve(data, catalogue)
+            opened.extend((serving, serving.__enter__()))
+        return opened[1]
+
+    yield site
+    if opened:
+        opened[0].__exit__()
+
+
+@pytest.fixture
+def viewer_there(replay_site: Any, serve: type) -> Iterator[httpx.Client]:
+    site = replay_site(serve)
+    with site.sign_in() as admin, site.invited(admin, "viewer") as client:
+        yield client
+
+
+def described(client: httpx.Client, run: str, until: Until) -> dict[str, Any]:
+    found: list[dict[str, Any]] = []
+
+    def is_ready() -> bool:
+        answer = client.get(f"/api/replay/{run}")
+        assert answer.status_code == 200, answer.text
+        found.append(answer.json())
+        return bool(found[-1]["state"] == "ready")
+
+    until(is_ready, 60.0)
+    assert all(0.0 <= one["progress"] <= 1.0 for one in found[:-1])
+    return found[-1]
+
+
+@pytest.mark.parametrize("run", [RUN, "onboard:quad1_flight"])
+def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
+    viewer_there: httpx.Client, until: Until, run: str
+) -> None:
+    index = described(viewer_there, run, until)
+    assert index["marks"][0]["text"] == "gust"
+    assert (index["is_growing"], index["is_current"]) == (False, True)
+    assert viewer_there.get(f"/replay/{run}").headers["content-type"].startswith("text/html")
+    track = viewer_there.get(f"/api/replay/{run}/track")
+    assert len(track.content) % (4 * index["track"]["width"]) == 0
+    query = {"start": 1.0, "end": 2.0, "signal": ["state.position.z", "thrust"]}
+    window = viewer_there.get(f"/api/replay/{run}/window", params=query)
+    length = int.from_bytes(window.content[:4], "little")
+    [group] = json.loads(window.content[4 : 4 + length])["groups"]
+    assert group["signals"] == query["signal"]
+    at = viewer_there.get(f"/api/replay/{run}/at", params={"t": 2.0, "signal": "battery.voltage"})
+    assert at.json()["battery.voltage"] == pytest.approx([15.998, 0.0], abs=0.02)
+
+
+def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:
+    assert [one["id"] for one in viewer_there.get("/api/replay").json()] == ["onboard:quad1_flight"]
+
+
+def test_an_empty_file_answers_in_one_line(viewer_there: httpx.Client, until: Until) -> None:
+    answers: list[httpx.Response] = []
+
+    def is_refused() -> bool:
+        answers.append(viewer_there.get(f"/api/replay/{TORN}"))
+        return answers[-1].status_code != 200
+
+    until(is_refused, 60.0)
+    assert 400 <= answers[-1].status_code < 500
+    assert "is empty" in answers[-1].json()["error"]
+
+
+@pytest.mark.parametrize(
+    "name", ["unknown", "onboard:unknown", "onboard:..%2fruns%2fx", "onboard:", "%2e%2e%2fdoor"]
+)
+def test_no_name_leads_out_of_the_folders(viewer_there: httpx.Client, name: str) -> None:
+    for path in ("", "/track", "/window?start=0&end=1&signal=a", "/at?t=0&signal=a"):
+        answer = viewer_there.get(f"/api/replay/{name}{path}")
+        assert answer.status_code == 404
+        assert "\n" not in answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "start=nan&end=1&signal=thrust", "start=0&end=inf&signal=thrust", "start=0&end=1",
+        "start=0&end=1&signal=nothing", "start=0&end=1&signal=thrust&points=1000000",
+        "start=0&end=1&" + "&".join(["signal=thrust"] * 65),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_asked_is_refused(
+    viewer_there: httpx.Client, until: Until, query: str
+) -> None:
+    described(viewer_there, RUN, until)
+    answer = viewer_there.get(f"/api/replay/{RUN}/window?{query}")
+    assert answer.status_code == 422
+    assert "\n" not in answer.json()["error"]
+
+
+def test_others_are_answered_while_a_log_is_read(
+    viewer_there: httpx.Client, replay_site: Any, serve: type, until: Until,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """The builder waits until somebody else was answered."""
+    heard = threading.Event()
+    real = ReplayStore._run
+
+    def slow(self: ReplayStore, log: Path, building: Building) -> None:
+        assert heard.wait(20.0)
+        real(self, log, building)
+
+    monkeypatch.setattr(ReplayStore, "_run", slow)
+    answer = viewer_there.get(f"/api/replay/{SECOND}")
+    assert answer.json() == {"state": "building", "progress": 0.0}
+    assert viewer_there.get("/api/summary").status_code == 200
+    heard.set()
+    described(viewer_there, SECOND, until)

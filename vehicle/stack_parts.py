@@ -1,0 +1,123 @@
+"""What the flight stack is made of: its parts, the record they fill, what others read of them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bearing_sim.beacons import parse_layout
+from control.behaviors.machine import BehaviorMachine
+from control.controller import Controller
+from estimation.estimator import Estimator
+from estimation.mass_estimator import MassEstimator
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import ACTUATORS, Record, new_tick
+from vehicle import mailbox
+from vehicle.ground_contact import GroundContact
+from vehicle.gyro_calibration import GyroCalibration
+from vehicle.imu_calibration import ImuCalibrator
+from vehicle.modes import Mode
+from vehicle.navigation import Navigation
+from vehicle.parameters import VehicleParameters
+from vehicle.reference_rounding import ReferenceRounding
+from vehicle.status_writer import StatusWriter
+from vehicle.steering import Steering
+from vehicle.supervisor import Supervisor
+from vehicle_link.serial.ids import MotorState
+
+
+class StackParts:
+    """Made once, before the first tick.
+
+    Args:
+        parameters: the vehicle's tree.
+        estimator, controller: plugins; defaults are those that the parameters name.
+
+    Attributes:
+        record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
+        outbox: what others are to be told, taken by the caller between ticks.
+    """
+
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        estimator: Estimator | None = None,
+        controller: Controller | None = None,
+    ) -> None:
+        self.parameters = parameters
+        self.store = ParameterStore(parameters)
+        self.steering = Steering(parameters.control, parameters.model, controller)
+        self.mass = MassEstimator(parameters.model.mass, parameters.mass)
+        self.behaviors = BehaviorMachine(parameters.behavior)
+        self.supervisor = Supervisor(parameters.safety)
+        self.imu_calibrator = ImuCalibrator(parameters.imu)
+        self.record: Record = new_tick()
+        self.imu = self.record["imu"]
+        self.state = self.record["state"]
+        self.reference = self.record["reference"]
+        self.actuators = self.record["actuators"]
+        self.estimate = self.record["estimate"]
+        self.status = self.record["status"]
+        self.mode = Mode.STARTING
+        self.ground = GroundContact()
+        self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
+        self._stamp_ns = 0
+        self._layout = parameters.beacons.layout
+        self.navigation = Navigation(
+            parameters.estimation,
+            self.say,
+            estimator,
+            parse_layout(self._layout),
+            parameters.fallback,
+        )
+        self.motor_state_wanted = MotorState.OFF
+        self._gyro: GyroCalibration | None = None
+        self._off = np.zeros(1, ACTUATORS)
+        self._off["scaling"] = 1.0
+        self._rounding = ReferenceRounding()
+        self._status_writer = StatusWriter(self.status)
+        # Views made once: looking a field up by name in each tick costs as much as the laws.
+        self._wanted_references = self.actuators["motor_references"][0]
+        self._specific_force = self.imu["specific_force_b"][0]
+        self._wrench = self.actuators["wrench"][0]
+        self._scaling = self.actuators["scaling"]
+        self._quaternion_wb = self.state["quaternion_wb"][0]
+        self._sequence = self.record["sequence"]
+        self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
+        self._armed_ns = 0
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None:
+        """Put one line into the log and on the page."""
+        self.outbox.append(mailbox.Event(stamp_ns=self._stamp_ns, level=level, text=text))
+
+    @property
+    def airborne(self) -> bool:
+        """Between take-off and touch-down."""
+        return self.ground.airborne
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time of the newest tick, ns of the vehicle's clock."""
+        return self._stamp_ns
+
+    @property
+    def estimator(self) -> Estimator:
+        """What is flown on."""
+        return self.navigation.active
+
+    @property
+    def controller(self) -> Controller:
+        """What is flown with."""
+        return self.steering.controller
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether the pose measurement is present and fresh."""
+        return not self.estimator.stale
+
+    @property
+    def tilt(self) -> float:
+        """Angle (rad) between z_B and z_W."""
+        _, x, y, _ = self._quaternion_wb.tolist()
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
