@@ -1,8 +1,12 @@
-"""The microcontroller as the flight loop sees it: samples in, motor references out, no waiting.
+"""The microcontroller as the flight loop sees it: samples in, commands out, no waiting.
 
 It is first told what to mirror and to fly in direct mode, and asked who it is; samples count from
 when it has confirmed what they contain, motors may be started once it is the right one. Every set
 and request is repeated each 25 ms until answered, 40 times, then given up and reported.
+
+A command means another thing in another flight control mode. While a change of it is not echoed,
+commands are sent as sets of the mode, which the microcontroller takes together: never are bytes of
+one mode read in the other. A port that is gone is left out, as long as another one is there.
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ import msgspec
 
 from quadrotor.errors import LinkError
 from vehicle.microcontroller_clock import MicrocontrollerClock
-from vehicle_link.serial.commands import decode_data, encode_command
+from vehicle_link.serial.commands import decode_data, encode_command, encode_set
 from vehicle_link.serial.exchange import (
     MIRROR_KEY,
     Exchange,
@@ -30,6 +34,7 @@ ROBOT_ID = 1
 FIRMWARE_REVISION = 1
 
 _MOTOR_STATES = tuple(MotorState)
+_MODES = frozenset(FlightControlMode)
 _STOPPED = (0, 0, 0, 0)
 
 
@@ -54,7 +59,10 @@ class Microcontroller:
         robot_id, firmware_revision: what it must be before motors may start.
 
     Attributes:
-        failures: lines about sets and requests given up, for the caller to report and clear.
+        failures: lines about sets and requests given up and ports that are gone, for the caller
+            to report and clear.
+        flight_control_mode: what the microcontroller has confirmed last.
+        lost_ports: how many are gone.
         refused: D frames with impossible values; late: samples dropped as older than the newest.
     """
 
@@ -71,12 +79,15 @@ class Microcontroller:
         self.failures: list[str] = []
         self.refused = 0
         self.late = 0
-        self._ports = tuple(ports)
-        self._decoders = tuple((port, FrameDecoder()) for port in ports)
+        self.flight_control_mode = FlightControlMode.NEAR_HOVERING  # as at power-up
+        self.lost_ports = 0
+        self._ports = list(ports)
+        self._decoders = [(port, FrameDecoder()) for port in ports]
+        self._damaged_before = 0  # on ports that are gone
         self._turn = 0
         self._clock = MicrocontrollerClock(epoch_ns)
         self._newest_ns = -1
-        self._references: Sequence[int] = _STOPPED
+        self._command: Sequence[int] = _STOPPED
         self._mirrored = False
         self._handshake = Exchange(
             [
@@ -89,7 +100,7 @@ class Microcontroller:
         )
         self._motors = Exchange([], self.failures)
         for request in self._handshake.open:
-            self._ports[0].write(request.build(_STOPPED))
+            self._write(request.build(_STOPPED))
 
     @property
     def connected(self) -> bool:
@@ -99,7 +110,7 @@ class Microcontroller:
     @property
     def damaged(self) -> int:
         """Pieces of bytes, on all ports, that were not frames."""
-        return sum(decoder.damaged for _, decoder in self._decoders)
+        return self._damaged_before + sum(decoder.damaged for _, decoder in self._decoders)
 
     def filenos(self) -> tuple[int, ...]:
         """For poll(). Raises LinkError for ports in memory."""
@@ -108,12 +119,16 @@ class Microcontroller:
     def receive(self) -> list[RawSample]:
         """The samples that arrived, oldest first, each newer than all before.
 
-        Raises LinkError when a port is gone.
+        Raises LinkError when the last port is gone.
         """
         samples: list[RawSample] = []
         settled = self._clock.settled
-        for port, decoder in self._decoders:
-            data = port.read()
+        for port, decoder in tuple(self._decoders):
+            try:
+                data = port.read()
+            except LinkError as error:
+                self._lose(port, error)
+                continue
             if data:
                 for frame in decoder.feed(data):
                     values = decode_data(frame)
@@ -134,14 +149,21 @@ class Microcontroller:
         samples.sort()
         return self._in_order(samples)
 
-    def command(self, references: Sequence[int]) -> None:
-        """Send four motor references (counts, front, left, rear, right).
+    def command(
+        self, command: Sequence[int], mode: FlightControlMode = FlightControlMode.DIRECT
+    ) -> None:
+        """Send the four command bytes (0…255) of a flight control mode, and change to it.
 
-        Raises OutOfBoundsError or, when a port is gone, LinkError.
+        In direct mode they are motor references (counts, front, left, rear, right), else those of
+        vehicle_link.serial.attitude_command.
+
+        Raises OutOfBoundsError or, when the last port is gone, LinkError.
         """
-        self._references = references
-        self._ports[self._turn].write(encode_command(references))
-        self._turn = (self._turn + 1) % len(self._ports)
+        self._command = command
+        if mode is self.flight_control_mode:
+            self._write(encode_command(command), in_turn=True)
+        else:
+            self._write(encode_set(command, Id.FLIGHT_CONTROL_MODE, mode), in_turn=True)
 
     def set_motor_state(self, state: MotorState) -> None:
         """Ask for this motor state from the next `service` on, until it is echoed.
@@ -149,20 +171,48 @@ class Microcontroller:
         Motors are switched on only once `connected`; any other state is asked for at once.
         """
         if state is not MotorState.ON:
-            self._references = _STOPPED
+            self._command = _STOPPED
         self._motors.put(set_value(Id.MOTOR_STATE, state, persistent=state is not MotorState.ON))
+
+    def set_value(self, id: Id, value: int) -> None:
+        """Ask for this value of an id from the next `service` on, until it is echoed."""
+        self._motors.put(set_value(id, value))
 
     def service(self, now_s: float) -> None:
         """Send and repeat what is due; `now_s` is any clock that does not go back."""
-        for frame in self._handshake.service(now_s, self._references):
-            self._ports[0].write(frame)
+        for frame in self._handshake.service(now_s, self._command):
+            self._write(frame)
         for request in self._motors.open:
-            starting = request.expected == MotorState.ON and not self.connected
-            request.hold = "it is not recognised yet" if starting else ""
-        for frame in self._motors.service(now_s, self._references):
-            self._ports[0].write(frame)
+            starting = request.key == Id.MOTOR_STATE and request.expected == MotorState.ON
+            request.hold = "it is not recognised yet" if starting and not self.connected else ""
+        for frame in self._motors.service(now_s, self._command):
+            self._write(frame)
 
     # ------------------------------------------------------------------ parts
+    def _write(self, frame: bytes, in_turn: bool = False) -> None:
+        """On the first port, or on all in turn. Raises LinkError when the last one is gone."""
+        while True:
+            port = self._ports[self._turn % len(self._ports) if in_turn else 0]
+            try:
+                port.write(frame)
+            except LinkError as error:
+                self._lose(port, error)
+                continue
+            self._turn += in_turn
+            return
+
+    def _lose(self, port: Port, error: LinkError) -> None:
+        """Leave a port out that is gone; raises its error when it was the last one."""
+        if len(self._ports) == 1:
+            raise error
+        self.lost_ports += 1
+        self._ports.remove(port)
+        self._damaged_before += next(d.damaged for p, d in self._decoders if p is port)
+        self._decoders = [
+            (other, decoder) for other, decoder in self._decoders if other is not port
+        ]
+        self.failures.append(f"{error}; flying on with the other port, at half the rate")
+
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
         """A sample of the values of MIRROR; stamped by elapsed time until the clock is settled."""
         ms, a_x, a_y, a_z, g_x, g_y, g_z, battery, state, pressure = values
@@ -200,5 +250,7 @@ class Microcontroller:
         key, answer = reply
         if key == MIRROR_KEY:
             self._mirrored = answer == MIRROR
+        elif key == Id.FLIGHT_CONTROL_MODE and answer in _MODES:
+            self.flight_control_mode = FlightControlMode(answer)
         self._handshake.settle(key, answer)
         self._motors.settle(key, answer)
