@@ -13,18 +13,20 @@ from control.behaviors.table import (
 from quadrotor.errors import RefusedError
 
 # Rows: present. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake,
-# excite.
+# excite, near_hovering, emergency_landing.
 # "+" allowed, "a" allowed only when airborne, "-" refused.
 EXPECTED = {
-    BehaviorName.GROUND: "-+-------",
-    BehaviorName.TAKE_OFF: "--a---+a-",
-    BehaviorName.HOVER: "--++++++a",
-    BehaviorName.FLY_TO: "--++-+++-",
-    BehaviorName.FOLLOW_TRAJECTORY: "--++-+++-",
-    BehaviorName.VELOCITY: "--++-+++-",
-    BehaviorName.LAND: "--a---+a-",
-    BehaviorName.BRAKE: "--++-+++-",
-    BehaviorName.EXCITE: "--++-+++-",
+    BehaviorName.GROUND: "-+---------",
+    BehaviorName.TAKE_OFF: "--a---+a--+",
+    BehaviorName.HOVER: "--++++++a++",
+    BehaviorName.FLY_TO: "--++-+++-++",
+    BehaviorName.FOLLOW_TRAJECTORY: "--++-+++-++",
+    BehaviorName.VELOCITY: "--++-+++-++",
+    BehaviorName.LAND: "--a---+a--+",
+    BehaviorName.BRAKE: "--++-+++-++",
+    BehaviorName.EXCITE: "--++-+++-++",
+    BehaviorName.NEAR_HOVERING: "--+--+++-++",
+    BehaviorName.EMERGENCY_LANDING: "--+--+++-++",
 }
 CELLS = [
     (present, wanted, EXPECTED[present][wanted])
