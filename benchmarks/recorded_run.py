@@ -196,7 +196,7 @@ class _Writer:
                 at, kind, content = once.pop(0)
                 head_at = header(START_NS + round(1e9 * at) + run.clock_ns)
                 marked += 1
-                yield at, *_single(kind, content, head_at, marked)
+                yield at, *_single(kind, content, head_at, marked, at)
             pose = {"position": position_at(run, t) + run.noise * random.standard_normal(3),
                     "orientation": (0.0, 0.0, 0.0, 1.0)}  # fmt: skip
             yield t, "tracker_pose", new("geometry_msgs/PoseStamped", header=head, pose=pose)
@@ -229,11 +229,12 @@ def _whole(messages: Any) -> Any:
     return messages.view(f"V{messages.dtype.itemsize}")
 
 
-def _single(kind: str, content: Any, head: Any, number: int) -> tuple[str, Any]:
+def _single(kind: str, content: Any, head: Any, number: int, at: float) -> tuple[str, Any]:
     if kind == "mark":
         return "marks", new(
-            "quadlab_msgs/Mark", header=head, id=str(number), text=content, requester="anna"
-        )
+            "quadlab_msgs/Mark", header=head, id=str(number), text=content, time=at,
+            requester="anna",
+        )  # fmt: skip
     if kind == "change":
         name, old, value = content
         return "parameter_changes", new(

@@ -23,6 +23,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -77,15 +78,36 @@ class Room:
         self.up.wait(60)
 
 
-async def one_page(base: str, cookie: str, name: str, seconds: float) -> list[float]:
-    """Times (s) at which frames of the 3D view came."""
-    import viser
-
-    web, came = base.replace("http", "ws"), []
-    options: dict[str, Any] = {
+def options_of(base: str, cookie: str) -> dict[str, Any]:
+    return {
         "additional_headers": {"Cookie": cookie}, "origin": base, "max_size": None,
         "compression": None, "proxy": None,
     }  # fmt: skip
+
+
+def view(base: str, cookie: str, name: str) -> Any:
+    """A websocket of the 3D view."""
+    import viser
+
+    protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
+    url = f"{base.replace('http', 'ws')}/viser?view={name}"
+    return connect(url, subprotocols=[protocol], **options_of(base, cookie))
+
+
+async def backlog(base: str, cookie: str) -> int:
+    """Bytes a page gets in its first half second: what viser keeps for those who come."""
+    size = 0
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(0.5), view(base, cookie, "backlog") as socket:
+            async for frame in socket:
+                size += len(frame)
+    return size
+
+
+async def one_page(base: str, cookie: str, name: str, seconds: float) -> list[float]:
+    """Times (s) at which frames of the 3D view came."""
+    web, came = base.replace("http", "ws"), []
+    options = options_of(base, cookie)
     signals = ["state.position.x", "state.position.y", "state.position.z"]
 
     async def drain(path: str, first: str | None = None) -> None:
@@ -99,12 +121,8 @@ async def one_page(base: str, cookie: str, name: str, seconds: float) -> list[fl
         asyncio.create_task(drain("/ws/events")),
         asyncio.create_task(drain("/ws/telemetry", json.dumps({"id": 1, "signals": signals}))),
     ]
-    protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
     with contextlib.suppress(TimeoutError):
-        async with (
-            asyncio.timeout(seconds),
-            connect(f"{web}/viser?view={name}", subprotocols=[protocol], **options) as socket,
-        ):
+        async with asyncio.timeout(seconds), view(base, cookie, name) as socket:
             async for _ in socket:
                 came.append(time.perf_counter())
     for task in others:
@@ -180,7 +198,8 @@ def soak(room: Room, minutes: float) -> None:
 
     room.fly()
     invited = room.browser.post("/api/invitations", json={"role": "viewer"}).json()["url"]
-    with sync_playwright() as api:
+    # Playwright's own event loop is this thread's.
+    with sync_playwright() as api, ThreadPoolExecutor(1) as beside:
         browser = api.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1440, "height": 900})
         page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
@@ -189,16 +208,17 @@ def soak(room: Room, minutes: float) -> None:
         page.keyboard.press("Escape")
         session = page.context.new_cdp_session(page)
         session.send("HeapProfiler.enable")
-        print("minute  heap MB  nodes  listeners  web MB  all MB")
+        print("minute  heap MB  nodes  listeners  web MB  all MB  3D backlog kB")
         for sample in range(11):
             page.wait_for_timeout(6e3 * minutes if sample else 20_000)
             session.send("HeapProfiler.collectGarbage")
             counted = session.send("Memory.getDOMCounters")
             heap = session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
             sizes = resident_mb(processes(room.up.pid))
+            kept = beside.submit(asyncio.run, backlog(room.base, room.cookie)).result()
             print(f"{sample * minutes / 10:6.1f} {heap:8.2f} {counted['nodes']:6d} "
                   f"{counted['jsEventListeners']:10d} {sizes['web']:7.1f} "
-                  f"{sum(sizes.values()):7.1f}", flush=True)  # fmt: skip
+                  f"{sum(sizes.values()):7.1f} {kept / 1e3:14.1f}", flush=True)  # fmt: skip
         browser.close()
 
 

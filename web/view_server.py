@@ -22,6 +22,8 @@ from viser import _messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from web.view_frames import share_frames
+
 if TYPE_CHECKING:
     from web.beacons.drag import Drag
 
@@ -42,6 +44,7 @@ class ViewServer:
         self.draggable: frozenset[str] = frozenset()
         self.on_drag: Callable[[Drag], None] = lambda _: None
         self.secret = secrets.token_urlsafe(24)
+        share_frames()
         with _guarded_listener(self.secret), contextlib.redirect_stdout(io.StringIO()):
             self.viser = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self.port = self.viser.get_port()

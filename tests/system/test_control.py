@@ -80,7 +80,11 @@ def test_one_commands_and_control_is_asked_for_given_and_lost_by_leaving(
     def holder() -> str:
         return (lab.summary().get("control") or {}).get("holder", "?")
 
-    until("the parameters", lambda: lab.get("/api/parameters")["parameters"], 20)
+    def known() -> bool:
+        names = {parameter["name"] for parameter in lab.get("/api/parameters")["parameters"]}
+        return {GAIN, "station.sticks.timeout"} <= names
+
+    until("the parameters of vehicle and station", known, 20)
     before = lab.get("/api/parameters")
     with anna.page():
         assert anna.control("ask") == 200

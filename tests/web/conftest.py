@@ -239,6 +239,10 @@ class Site:
         url = by.post("/api/invitations", json={"role": role}).json()["url"]
         return self.sign_in(parse_qs(urlsplit(url).query)["token"][0])
 
+    def cookies_of(self, client: httpx.Client) -> list[dict[str, str]]:
+        """As Playwright takes them."""
+        return [{"name": n, "value": v, "url": self.base} for n, v in client.cookies.items()]
+
     def cookie(self, client: httpx.Client) -> str:
         return "; ".join(f"{name}={value}" for name, value in client.cookies.items())
 
@@ -305,17 +309,31 @@ def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         yield running
 
 
+@pytest.fixture(scope="session")
+def helper() -> Callable[[str], Any]:
+    """`helper("step_vehicle")`: the module step_vehicle.py beside this, which is no test."""
+
+    def load(path: str) -> Any:
+        name = path.rpartition("/")[2]
+        if name in sys.modules:
+            return sys.modules[name]
+        spec = importlib.util.spec_from_file_location(name, Path(__file__).parent / f"{path}.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module  # where pydantic looks names up
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
 @pytest.fixture(scope="module")
-def tune_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+def tune_site(
+    tmp_path_factory: pytest.TempPathFactory, helper: Callable[[str], Any]
+) -> Iterator[Site]:
     """A site whose vehicle flies step tests: `site.vehicle`, see step_vehicle.py beside this."""
-    spec = importlib.util.spec_from_file_location(
-        "step_vehicle", Path(__file__).with_name("step_vehicle.py")
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # where pydantic looks names up
-    spec.loader.exec_module(module)
+    module = helper("step_vehicle")
     data, ended = tmp_path_factory.mktemp("tune"), threading.Event()
     with serving(data, Catalogue(data)) as running:
         running.vehicle = module.StepVehicle(running.station)

@@ -13,7 +13,6 @@ import { Fly } from "./fly.js";
 import { Gains } from "./gains.js";
 import { element } from "./format.js";
 import { Help } from "./help.js";
-import { onKey } from "./keys.js";
 import { LinkPanel } from "./link.js";
 import { EventList } from "./log.js";
 import { Marks } from "./marks.js";
@@ -22,6 +21,7 @@ import { Preflight } from "./preflight.js";
 import { Events, Telemetry } from "./sockets.js";
 import { addSticks } from "./stick_panel.js";
 import { StateTable } from "./table.js";
+import { tabs } from "./tabs.js";
 import { Tune } from "./tune.js";
 import { View } from "./view.js";
 
@@ -58,30 +58,6 @@ async function start() {
   new ControlStrip($("control"), events, session, fly);
   connection(events);
   new Help($("help"), isOperator); // last: it lists the keys of all
-}
-
-// Arrow keys go from tab to tab, as in every tab list; only the open one is on the tab key's way.
-function tabs() {
-  const buttons = [...document.querySelectorAll("[role=tab]")];
-  const open = (wanted) => {
-    for (const button of buttons) {
-      button.setAttribute("aria-selected", String(button === wanted));
-      button.tabIndex = button === wanted ? 0 : -1;
-      $(`tab-${button.dataset.tab}`).hidden = button !== wanted;
-    }
-    document.dispatchEvent(new CustomEvent("tab", { detail: wanted.dataset.tab }));
-  };
-  buttons.forEach((button, i) => {
-    onKey(String(i + 1), `open ${button.textContent}`, () => button.click());
-    button.addEventListener("click", () => open(button));
-    button.addEventListener("keydown", (event) => {
-      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
-      if (!step) return;
-      const next = buttons[(i + step + buttons.length) % buttons.length];
-      next.focus();
-      open(next);
-    });
-  });
 }
 
 // A strip across the top while quadlab web is away; everything grows old below it.

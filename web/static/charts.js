@@ -34,6 +34,7 @@ export class Charts {
     setInterval(() => this.drawBar(), 500);
     new ResizeObserver(() => this.cover()).observe(document.getElementById("view"));
     place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.expand(null); });
+    document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); }); // one column: nothing to cover
   }
 
   bar() {

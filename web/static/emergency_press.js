@@ -20,6 +20,7 @@ export class EmergencyPress {
     this.events = events;
     this.label = label;
     this.own = null; // our last press, until the web process tells of it
+    this.last = null; // our last press; answers to older ones are about what was
     this.told = null; // what the web process told last, with `since` on our clock
     events.on("hello", ({ emergency }) => this.hear(emergency));
     events.on("emergency", ({ press }) => this.hear(press));
@@ -33,7 +34,7 @@ export class EmergencyPress {
   // Sent under one id until quadlab web has answered, for 3 s.
   async press(action) {
     const own = { id: newId(), action, by: this.label, phase: "sent", since: performance.now(), web: true, reason: "", tries: 1 };
-    this.own = own;
+    this.own = this.last = own;
     for (;;) {
       try {
         const { id } = await Promise.race([
@@ -60,8 +61,10 @@ export class EmergencyPress {
 
   // The events do not come, but the API answers.
   async ask(own) {
-    while (!this.events.connected && performance.now() - own.since < 15_000) {
+    const isAsked = () => this.last === own && !this.events.connected;
+    while (isAsked() && performance.now() - own.since < 15_000) {
       const summary = await get("/api/summary").catch(() => null);
+      if (!isAsked()) return; // a newer press, or the events, know better by now
       if (summary?.emergency) this.hear(summary.emergency);
       if (this.told && !["sent", "accepted"].includes(this.told.phase)) return;
       await pause(ASK);

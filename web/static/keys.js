@@ -13,8 +13,18 @@ export function onKey(key, meaning, act, { hold = 0 } = {}) {
 
 export const keys = () => [...ACTIONS.values()];
 
-// With Shift or caps lock a letter comes as its capital.
-const actionOf = ({ key }) => ACTIONS.get(key) ?? ACTIONS.get(key.toLowerCase());
+// What a key writes, small: with Shift or caps lock a letter comes as its capital. Where a layout
+// writes no Latin letter (Cyrillic, Greek, …) it is what an American keyboard has at that place.
+export function characterOf({ key, code = "", shiftKey }) {
+  if (key.length > 1) return key; // ArrowLeft
+  if (key <= "~") return key.toLowerCase();
+  const [, plain] = /^(?:Key|Digit)(.)$/.exec(code) ?? [];
+  if (plain) return plain.toLowerCase();
+  if (code === "Slash") return shiftKey ? "?" : "/";
+  return { BracketLeft: "[", BracketRight: "]" }[code] ?? key;
+}
+
+const actionOf = (event) => ACTIONS.get(characterOf(event));
 
 function stop(action) { clearTimeout(action.timer); action.timer = null; }
 

@@ -1,6 +1,7 @@
 // The list of runs, newest first: thousands of them, of which only those in sight are drawn.
 
 import { bytes, element } from "./format.js";
+import { characterOf } from "./keys.js";
 import { experiment, lasted, startOf, state } from "./runs_words.js";
 
 const PAGE = 100; // runs asked for at once
@@ -59,11 +60,11 @@ export class RunList extends EventTarget {
 
   async load(isNew) {
     const generation = ++this.generation;
-    const seen = this.current?.id;
     const first = isNew ? 0 : Math.floor(this.frame.scrollTop / ROW / PAGE) * PAGE;
     try {
       const answer = await this.page(first, PAGE);
       if (generation !== this.generation) return;
+      const seen = this.current?.id; // now, not when it was asked: the cursor may have moved since
       this.problem = "";
       this.runs = [];
       this.asked = new Set([first]);
@@ -200,8 +201,8 @@ export class RunList extends EventTarget {
     else if (event.key === "Enter") this.tell("open");
     else if (event.key === "Delete") this.tell("remove");
     else if (event.key === "Escape") { this.chosenIds.clear(); this.move(this.cursor); }
-    else if (event.key === "n") this.tell("edit", "notes");
-    else if (event.key === "t") this.tell("edit", "tags");
+    else if (characterOf(event) === "n") this.tell("edit", "notes");
+    else if (characterOf(event) === "t") this.tell("edit", "tags");
     else return;
     event.preventDefault();
     event.stopPropagation();

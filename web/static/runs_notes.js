@@ -11,6 +11,7 @@ export class RunNotes {
     this.page = page;
     this.run = null;
     this.drafts = new Map(); // run id → { text, seen }: typed and not yet saved
+    this.saving = new Set(); // run ids; one request a run at a time, each run for itself
     this.newest = new Map(); // run id → { notes, notes_by }: our own last, which a list may not know yet
     this.text = element("textarea", { ariaLabel: "notes", rows: 4, maxLength: 10000, placeholder: page.isOperator ? "Notes; saved by themselves" : "No notes", readOnly: !page.isOperator });
     this.status = element("p", { className: "said", role: "status" });
@@ -41,35 +42,43 @@ export class RunNotes {
     const text = draft ? draft.text : run.notes;
     if (this.text.value !== text) this.text.value = text;
     if (draft && version > draft.seen && author) this.foreign(run);
-    else if (!draft && !this.busy && (isOther || newest?.notes_by.version !== version)) this.said(author, stamp); // else: Saved
+    else if (draft && isOther) this.wait(); // it could not be saved when it was left
+    else if (!draft && !this.saving.has(run.id) && (isOther || newest?.notes_by.version !== version)) this.said(author, stamp); // else: Saved
   }
 
   typed() {
     const { id, notes_by: by } = this.run, draft = this.drafts.get(id);
     this.drafts.set(id, { text: this.text.value, seen: draft ? draft.seen : by.version });
+    this.wait();
+  }
+
+  wait() {
     this.say("Not saved yet");
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.save(), PAUSE);
   }
 
-  async save() {
-    clearTimeout(this.timer);
-    const run = this.run, draft = run && this.drafts.get(run.id);
-    if (!draft || this.busy) return;
-    this.busy = true;
+  // A draft goes to the run it was written for, whichever is shown by then.
+  async save(run = this.run) {
+    if (run?.id === this.run?.id) clearTimeout(this.timer);
+    const draft = run && this.drafts.get(run.id);
+    if (!draft || this.saving.has(run.id)) return;
+    this.saving.add(run.id);
     try {
       const answer = await this.send(run.id, draft);
       this.newest.set(run.id, { notes: answer.notes, notes_by: answer.notes_by });
       Object.assign(this.run?.id === run.id ? this.run : run, this.newest.get(run.id));
       const newer = this.drafts.get(run.id);
       if (newer === draft) this.drafts.delete(run.id);
-      else this.drafts.set(run.id, { text: newer.text, seen: answer.notes_by.version });
+      else if (newer) this.drafts.set(run.id, { text: newer.text, seen: answer.notes_by.version });
       if (this.run?.id === run.id) this.saved(answer, newer === draft);
     } catch (error) {
       if (this.run?.id === run.id) this.say(`Not saved: ${error.message}. The text stays here; change it to try again.`, true);
+      else this.page.say(`Notes of ${run.id} not saved: ${error.message}. The text is kept with that run.`);
     }
-    this.busy = false;
-    if (this.run?.id === run.id && this.drafts.get(run.id) && this.drafts.get(run.id) !== draft) this.save();
+    this.saving.delete(run.id);
+    const newer = this.drafts.get(run.id);
+    if (newer && newer !== draft) this.save(run); // typed while that was under way
   }
 
   send(id, { text, seen }) { return request("PUT", `/api/runs/${encodeURIComponent(id)}/notes`, { notes: text, seen }); }

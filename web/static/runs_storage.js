@@ -22,15 +22,15 @@ export class Gauge {
   }
 
   async refresh() {
-    const { run_bytes: used, deleted_bytes: deleted, free, warn_free: warn, keep_free: keep, lasts, recording, trash_days: days } = await get("/api/storage");
+    const { run_bytes: used, deleted_bytes: deleted, replay_bytes: replays, free, warn_free: warn, keep_free: keep, lasts, recording, trash_days: days } = await get("/api/storage");
     this.days = Number(days.toFixed(2));
-    const all = used + deleted + free, share = all ? (used + deleted) / all : 0;
+    const taken = used + deleted + replays, all = taken + free, share = all ? taken / all : 0;
     this.fill.style.width = `${(100 * share).toFixed(1)}%`;
     const isLow = free < warn;
     const left = lasts === null ? "" : lasts === 0 ? " · no recording any more" : ` · recording lasts ${lasting(lasts)}`;
     this.text.textContent = `${isLow ? "Disk nearly full: " : ""}${bytes(used)} in runs · ${bytes(free)} free${left}`;
     this.bar.ariaLabel = `${Math.round(100 * share)} % of the room is taken by runs`;
     this.place.classList.toggle("warn", isLow);
-    this.place.title = `${bytes(deleted)} more in the trash. Warning below ${bytes(warn)} free, no recording below ${bytes(keep)}; the time is at the rate of ${recording ? "the present recording" : "the newest runs"}.`;
+    this.place.title = `${bytes(deleted)} more in the trash, ${bytes(replays)} in prepared replays. Warning below ${bytes(warn)} free, no recording below ${bytes(keep)}; the time is at the rate of ${recording ? "the present recording" : "the newest runs"}.`;
   }
 }

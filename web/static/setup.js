@@ -28,7 +28,7 @@ async function start() {
   new CheckSection($("checks"), $("checks-summary"), isOperator, (checks) => vehicles.showChecks(checks));
   connection(events);
   // The sections have their heights now: go where the address points.
-  if (location.hash) document.querySelector(location.hash)?.scrollIntoView();
+  if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
 }
 
 function connection(events) {

@@ -3,6 +3,7 @@
 import { get, request } from "./api.js";
 import { badge, checkList, count } from "./check_list.js";
 import { element } from "./format.js";
+import { moment } from "./runs_words.js";
 
 const AGAIN = 2000; // ms, while the station has not looked yet
 const PLACES = [["station", "Station"], ["vehicle", "Vehicle"], ["page", "Page"], ["browser", "This browser"]];
@@ -27,7 +28,7 @@ export class CheckSection {
     try {
       const { checked, checks } = await ask();
       this.show([...checks, ...browserChecks()]);
-      this.when.textContent = checked ? `looked at ${new Date(checked * 1e3).toLocaleTimeString()}` : "the station has not looked yet";
+      this.when.textContent = checked ? `looked at ${moment(checked).slice(11)}` : "the station has not looked yet";
       if (!checked) this.timer = setTimeout(() => this.look(() => get("/api/setup/checks")), AGAIN);
     } catch (error) {
       this.when.textContent = error.message;

@@ -44,7 +44,7 @@ export class VehicleSection {
 
   row({ name, ours, link, runs, last_seen }) {
     const { status } = this.events.summary, isHere = ours && (link === "good" || link === "degraded");
-    const state = !ours ? "of earlier runs" : isHere && status ? `${words(status.mode)}${status.armed ? ", armed" : ""}` : "not connected";
+    const state = !ours ? "of earlier runs" : isHere && status ? `${words(status.mode)}${status.airborne ? ", in the air" : ""}` : "not connected";
     return element("tr", { className: isHere ? "" : "away" },
       element("td", {}, element("b", {}, name)), element("td", {}, ours ? link || "not heard" : "–"),
       element("td", {}, state), element("td", {}, String(runs)), element("td", {}, isHere ? "now" : ago(last_seen)));

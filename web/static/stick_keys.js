@@ -1,5 +1,6 @@
 // The keyboard as sticks: a key that goes down moves its axis smoothly, not at once.
 
+import { characterOf } from "./keys.js";
 import { AXES } from "./stick_mapping.js";
 
 const KEYS = {
@@ -8,6 +9,7 @@ const KEYS = {
 };
 const DEAD_MAN = "shift";
 const RISE = 0.5, FALL = 0.2; // s from centre to full, and back
+const nameOf = (event) => characterOf(event).toLowerCase();
 const TYPING = "input, select, textarea, [contenteditable]";
 
 export class StickKeys {
@@ -15,12 +17,12 @@ export class StickKeys {
     this.pressed = new Set();
     this.axes = [0, 0, 0, 0];
     addEventListener("keydown", (event) => {
-      const key = event.key.toLowerCase();
+      const key = nameOf(event);
       if (event.target.closest?.(TYPING) || !(key in KEYS || key === DEAD_MAN) || event.ctrlKey || event.metaKey || event.altKey) return;
       if (key in KEYS && this.deadMan) event.preventDefault();
       this.pressed.add(key);
     });
-    addEventListener("keyup", (event) => this.pressed.delete(event.key.toLowerCase()));
+    addEventListener("keyup", (event) => this.pressed.delete(nameOf(event)));
     addEventListener("blur", () => this.clear());
   }
 

@@ -2,6 +2,7 @@
 
 import { request } from "./api.js";
 import { element } from "./format.js";
+import { moment } from "./runs_words.js";
 import { describe } from "./tune_units.js";
 
 export class TuneRuns {
@@ -22,7 +23,7 @@ export class TuneRuns {
 
   row(run, letter, color) {
     const text = describe(run.plan), at = new Date(run.started);
-    const when = `${at.toLocaleDateString() === new Date().toLocaleDateString() ? "" : `${at.toLocaleDateString()} `}${at.toLocaleTimeString()}`;
+    const when = at.toDateString() === new Date().toDateString() ? moment(at).slice(11) : moment(at);
     const box = element("input", { type: "checkbox", checked: this.chosen.has(run.id), ariaLabel: `draw ${text} of ${when}`, onchange: () => {
       if (box.checked) this.chosen.add(run.id);
       else this.chosen.delete(run.id);

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -21,7 +22,9 @@ WITH_WEBGL = [
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 ]  # fmt: skip
+RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 BOUND = 20_000  # ms, for a broken page only
+SCENE = "<!doctype html><html lang=en><title>3D view</title><body style='background:#0d1115'>"
 
 
 class Look:
@@ -119,3 +122,76 @@ def look(page: Any) -> Look:
 @pytest.fixture
 def look_at() -> type[Look]:
     return Look
+
+
+@pytest.fixture(scope="module")
+def lab_of_pages(helper: Any) -> Any:
+    """The module page_lab.py beside this."""
+    return helper("browser/page_lab")
+
+
+@pytest.fixture(scope="module")
+def flying_lab(
+    tmp_path_factory: pytest.TempPathFactory, serve: Any, helper: Any, lab_of_pages: Any
+) -> Iterator[Any]:
+    """A site in flight, with runs, a history of gains and an account: what pages can show."""
+    data = tmp_path_factory.mktemp("pages")
+    with lab_of_pages.flying_lab(data, serve, helper("step_vehicle")) as site:
+        yield site
+
+
+@pytest.fixture(scope="module")
+def axe() -> Callable[[Any], list[str]]:
+    """`axe(page)`: the serious and critical violations axe-core finds, one line each. The 3D view
+    is viser's page, and left out."""
+    package = pytest.importorskip("axe_playwright_python", reason="axe-core is not installed")
+    script = (Path(package.__file__).parent / "axe.min.js").read_text()
+
+    def violations(page: Any) -> list[str]:
+        if not page.evaluate("'axe' in window"):
+            page.evaluate(script)
+        found = page.evaluate(
+            """(tags) => axe.run({ exclude: ["#scene"] },
+            { runOnly: tags, resultTypes: ["violations"], iframes: false })""",
+            RULES,
+        )
+        return [
+            f"{one['id']}: {' '.join(node['target'])} "
+            f"{node['failureSummary'].splitlines()[-1].strip()}"
+            for one in found["violations"]
+            if one["impact"] in ("serious", "critical")
+            for node in one["nodes"]
+        ]
+
+    return violations
+
+
+@pytest.fixture(scope="session")
+def blank_scene() -> Callable[[Any], None]:
+    """`blank_scene(page)`: an empty document in place of the 3D view."""
+
+    def blank(page: Any) -> None:
+        page.route("**/viser/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
+
+    return blank
+
+
+@pytest.fixture(scope="session")
+def keep_picture() -> Callable[[Any, Path], None]:
+    """`keep_picture(page, path)`: a PNG of at most 256 colours, the rare ones true."""
+
+    def keep(page: Any, path: Path) -> None:
+        from PIL import Image
+
+        shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        most, plain = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
+        shot.quantize(256, method=most, kmeans=3, dither=plain).save(path, optimize=True)
+
+    return keep
+
+
+@pytest.fixture(scope="session")
+def crooked() -> Callable[[Any], list[str]]:
+    """`crooked(page)`: what does not fit its window, one line each."""
+    script = Path(__file__).with_name("crooked.js").read_text()
+    return lambda page: page.evaluate(script)  # type: ignore[no-any-return]

@@ -245,8 +245,10 @@ def test_a_hidden_page_draws_nothing_and_has_it_all_when_it_is_back(
       Object.defineProperty(document, 'hidden', { configurable: true, get });
     }""")
     until(lambda: page.evaluate("window.strokes") > 0)
-    page.evaluate("window.away = true")
-    page.wait_for_timeout(100)  # a drawing under way
+    page.evaluate(
+        """() => { window.away = true; // and a drawing under way is done two frames later
+        return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))); }"""
+    )
     before = page.evaluate("window.strokes = 0")
     look.text("#charts .bar button >> nth=0", "Pause")
     assert (

@@ -111,12 +111,18 @@ def test_the_pads_buttons_land_at_a_press_and_cut_when_held(
     still.evaluate(
         """() => { window.pad = { id: 'x', mapping: 'standard', connected: true,
         axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
-        window.pad.buttons[1].pressed = true; navigator.getGamepads = () => [window.pad]; }"""
+        window.pad.buttons[1].pressed = true;
+        navigator.getGamepads = () => { window.looked?.(); return [window.pad]; }; }"""
     )
 
     def press(button: int, pressed: bool) -> None:
-        still.evaluate("([b, on]) => { window.pad.buttons[b].pressed = on; }", [button, pressed])
-        still.wait_for_timeout(60)
+        still.evaluate(
+            """([button, pressed]) => { window.pad.buttons[button].pressed = pressed;
+            let looks = 0; // at the second the first has been acted upon
+            return new Promise((done) => { window.looked = () => { if (++looks > 1) done(); }; });
+            }""",
+            [button, pressed],
+        )
 
     press(8, False)
     assert actions(station) == [], "held since before the page saw the pad"
@@ -142,6 +148,68 @@ def test_without_quadlab_web_the_page_says_so_tries_again_and_gives_up(
     still.unroute("**/api/commands/emergency")
     look.text("#emergency-state", "accepted, not yet shown")
     assert actions(station) == ["land"]
+
+
+def test_an_answer_to_an_older_press_does_not_hide_the_newer_one(still: Any) -> None:
+    said = still.evaluate(
+        """async () => {
+        const { EmergencyPress } = await import('/static/emergency_press.js');
+        const asked = []; // the questions to quadlab web, in their order
+        window.fetch = (path) => new Promise((done) => asked.push({ path, answer: (body) =>
+          done(new Response(JSON.stringify(body), { status: 200,
+            headers: { 'Content-Type': 'application/json' } })) }));
+        const turn = () => new Promise((done) => setTimeout(done));
+        const nth = async (n) => { while (asked.length <= n) await turn(); return asked[n]; };
+        const told = (id, action, phase) => ({ emergency: { id, action, phase, by: '', age: 0.5,
+          after: 0.4, reason: '', try: 1, tries: 3 } });
+        const events = { connected: false, age: () => 0, on() {} }; // they do not come: it asks
+        const sent = new EmergencyPress(events, '');
+        sent.press('land');
+        (await nth(0)).answer({ id: 'older' });
+        const late = await nth(1); // of the summary
+        const pressed = sent.press('cut');
+        (await nth(2)).answer({ id: 'newer' });
+        await pressed;
+        (await nth(3)).answer(told('newer', 'cut', 'acknowledged'));
+        while (!sent.state.said.startsWith('motors cut')) await turn();
+        late.answer(told('older', 'land', 'sent'));
+        for (let i = 0; i < 20; i++) await turn();
+        return [sent.state.said, asked.length];
+        }"""
+    )
+    assert said == ["motors cut, acknowledged after 0.40 s", 4]
+
+
+def test_keys_work_on_keyboards_that_write_no_latin_letters(
+    still: Any, station: Any, until: Any
+) -> None:
+    cases = {
+        ("e", "KeyE", False): "e", ("E", "KeyE", True): "e", ("у", "KeyE", False): "e",
+        ("Ч", "KeyX", True): "x", ("ε", "KeyE", False): "e", ("х", "BracketLeft", False): "[",
+        ("é", "Digit2", False): "2", ("؟", "Slash", True): "?", ("ж", "Semicolon", False): "ж",
+        ("e", "KeyD", False): "e", ("ArrowLeft", "ArrowLeft", False): "ArrowLeft",
+    }  # fmt: skip
+    found = still.evaluate(
+        """async (cases) => { const { characterOf } = await import('/static/keys.js');
+        return cases.map(([key, code, shiftKey]) => characterOf({ key, code, shiftKey })); }""",
+        [list(case) for case in cases],
+    )
+    assert dict(zip(cases, found, strict=True)) == cases
+    still.evaluate(
+        """document.dispatchEvent(new KeyboardEvent('keydown', { key: 'у', code: 'KeyE' }))"""
+    )
+    until(lambda: (still.wait_for_timeout(20), actions(station) == ["land"])[1])
+    moving = still.evaluate(
+        """async () => { const { StickKeys } = await import('/static/stick_keys.js');
+        const sticks = new StickKeys(), seen = [];
+        for (const type of ['keydown', 'keyup']) {
+          const key = { key: 'ц', code: 'KeyW', bubbles: true };
+          document.dispatchEvent(new KeyboardEvent(type, key));
+          seen.push(sticks.moving);
+        }
+        return seen; }"""
+    )
+    assert moving == [True, False]
 
 
 def test_a_viewer_may_land_but_not_cut(

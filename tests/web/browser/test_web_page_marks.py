@@ -37,6 +37,7 @@ def marked(page: Any, station: Any, look: Any, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(station, "put", put_of_run)
     monkeypatch.setattr(station, "times", {}, raising=False)
     monkeypatch.setattr(station, "_call_blocking", call)
+    look.text("#record-note", "^r1$")  # before that, its marks are those of another run
     page.wait_for_selector("#mark:not([disabled])")
     return page
 

@@ -211,14 +211,24 @@ def test_the_start_up_checks_stand_with_a_word_and_what_to_do(
     ground.found = [LINK, RIGHTS]
 
 
-def test_vehicle_tracker_and_beacons_are_told(ground: Ground, open_tab: Any, look_at: Any) -> None:
-    page = open_tab("/setup")
+def test_vehicle_tracker_and_beacons_are_told_wherever_the_address_points(
+    ground: Ground, open_tab: Any, look_at: Any, context: Any
+) -> None:
+    context.add_init_script(
+        """window.strips = []; // all that the strip on top ever says
+        document.addEventListener('readystatechange', () => {
+          const strip = document.getElementById('offline');
+          new MutationObserver(() => strips.push(strip.textContent)).observe(strip,
+            { childList: true }); }, { once: true })"""
+    )
+    page = open_tab("/setup#1")  # the name of nothing, and no CSS identifier
     look = look_at(page)
     look.text("#vehicles tbody tr >> nth=0", "quad1 *good *ready")
     look.text("#vehicles dl >> nth=1", "Mass *1.308 kg")
     look.text("#tracker dl", "simulated tracker.*100 Hz")
     look.value("#beacons tbody tr >> nth=0 >> input >> nth=1", "1.000")
     assert page.get_attribute("#vehicles p a", "href") == "/#tab=gains&search=model."
+    assert page.evaluate("strips.filter((said) => said.includes('could not start'))") == []
 
 
 def test_an_admin_adds_a_user_changes_the_role_and_deletes(

@@ -172,6 +172,22 @@ def test_deleting_can_be_undone_at_once_and_from_the_trash(
     assert runs.resolve(THIRD).exists()
 
 
+def test_an_answer_under_way_does_not_take_the_cursor_back(
+    runs: Catalogue, runs_page: Any, sees: Any, lab: Any, until: Any
+) -> None:
+    held: list[Any] = []
+    runs_page.route("**/api/runs/search*", lambda route: held.append(route))
+    lab.station._hub.publish_from_thread({"type": "runs"})
+    until(lambda: (runs_page.wait_for_timeout(20), held)[1])
+    runs_page.click("#run-2 .start")
+    with runs_page.expect_response("**/api/runs/search*"):
+        runs_page.unroute("**/api/runs/search*")  # lets those held go on
+    runs_page.evaluate("() => new Promise(requestAnimationFrame)")
+    runs_page.click("#detail button:has-text('Delete')")
+    sees.text("#notice", f"Deleted {THIRD};")
+    until(lambda: [run.id for run in deleted_runs(runs)] == [THIRD])
+
+
 def test_the_trash_is_emptied_by_a_hold_and_not_by_a_click(
     runs: Catalogue, runs_page: Any, sees: Any, until: Any
 ) -> None:
@@ -229,6 +245,43 @@ def test_what_one_writes_appears_at_the_other_and_never_replaces_what_that_one_t
     grace.click("#detail .said button:has-text('Take theirs')")
     look_at(grace).value("#detail textarea", "from anna again")
     assert runs.get(FIRST).notes == "from anna again"
+
+
+def test_a_draft_goes_to_its_own_run_though_another_is_chosen_while_it_is_saved(
+    runs: Catalogue, runs_page: Any, until: Any
+) -> None:
+    held: list[Any] = []
+    runs_page.route(f"**/runs/{FIRST}/notes", lambda route: held.append(route), times=1)
+    runs_page.click("#run-0 .notes")
+    runs_page.fill("#detail textarea", "one")
+    runs_page.keyboard.press("Escape")
+    until(lambda: (runs_page.wait_for_timeout(20), len(held) == 1)[1])
+    runs_page.fill("#detail textarea", "one and more")  # while "one" is under way
+    runs_page.click("#run-1 .notes")
+    runs_page.fill("#detail textarea", "two")
+    runs_page.keyboard.press("Escape")
+    until(lambda: (runs_page.wait_for_timeout(20), runs.get(SECOND).notes == "two")[1])
+    held[0].continue_()
+    until(lambda: (runs_page.wait_for_timeout(20), runs.get(FIRST).notes == "one and more")[1])
+    assert runs.get(SECOND).notes == "two"
+    assert runs_page.input_value("#detail textarea") == "two"
+
+
+def test_a_draft_that_could_not_be_saved_is_kept_with_its_run_and_saved_on_the_way_back(
+    runs: Catalogue, runs_page: Any, sees: Any, until: Any
+) -> None:
+    held: list[Any] = []
+    runs_page.route(f"**/runs/{FIRST}/notes", lambda route: held.append(route), times=1)
+    runs_page.click("#run-0 .notes")
+    runs_page.fill("#detail textarea", "gust")
+    runs_page.click("#run-1 .start")
+    sees.value("#detail textarea", "")
+    until(lambda: (runs_page.wait_for_timeout(20), len(held) == 1)[1])
+    held[0].abort()
+    sees.text("#notice", f"^Notes of {FIRST} not saved: .*The text is kept with that run")
+    runs_page.click("#run-0 .start")
+    sees.value("#detail textarea", "gust")
+    until(lambda: (runs_page.wait_for_timeout(20), runs.get(FIRST).notes == "gust")[1])
 
 
 def test_tags_are_added_suggested_and_removed_for_all_that_are_chosen(

@@ -1,0 +1,155 @@
+"""The laboratory whose pages are looked at: two runs, a history of gains, an account, and a
+vehicle that flies a circle without end. `flying_lab` is used through conftest's fixture `helper`.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from bearing_sim.emulator import BearingParameters
+from bearing_sim.tracker import TrackerParameters
+from benchmarks.recorded_run import MadeRun, write_run
+from console.catalogue import Catalogue
+from console.catalogue_notes import write_notes
+from console.catalogue_tags import change_tags
+from console.comparison.parameters import ComparisonParameters
+from console.parameter_history import ParameterChange, ParameterHistory
+from console.run_files import tidy_runs
+from control.behaviors.parameters import BehaviorParameters
+from control.parameters import ControlParameters
+from estimation.parameters import EstimationParameters
+from quadrotor.parameters import Parameters, ParameterStore
+from quadrotor.vehicle_model import VehicleModel
+from vehicle.parameters import SafetyParameters
+from vehicle_link.checks import Check, to_messages
+from vehicle_link.messages import header, new
+from web.access.accounts import Accounts
+from web.access.database import AccessDatabase
+from web.access.passwords import Passwords
+from web.access.roles import Role
+
+RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
+NAME, PASSWORD = "anna", "correct horse battery"
+PERIOD = 0.02  # s, between two samples
+CHANGES = (
+    ("control.position.kp_xy", 4.0, 4.4), ("control.position.kp_z", 8.0, 8.6),
+    ("control.position.kp_xy", 4.4, 4.8),
+)  # fmt: skip
+FOUND = [
+    Check("link", "ok", "good", "good"),
+    Check("clock", "warn", "not synchronised", "synchronised", "start chrony", "vehicle"),
+    Check("real-time rights", "fail", "refused", "SCHED_FIFO 50", "write limits.d", "vehicle"),
+]
+
+
+class _Station(Parameters):
+    bearings: BearingParameters = BearingParameters()
+    comparison: ComparisonParameters = ComparisonParameters()
+    tracker: TrackerParameters = TrackerParameters()
+
+
+class _Root(Parameters):
+    model: VehicleModel = VehicleModel()
+    control: ControlParameters = ControlParameters()
+    behavior: BehaviorParameters = BehaviorParameters()
+    estimation: EstimationParameters = EstimationParameters()
+    safety: SafetyParameters = SafetyParameters()
+    station: _Station = _Station()
+
+
+def circle(station: Any, t: float) -> None:
+    """One sample of a vehicle that flies a circle under anna's control; t in s."""
+    stamp, angle, lag = header(time.time_ns()), 0.8 * t, 0.06
+    wobble = 0.012 * math.sin(3.1 * t)
+
+    def place(a: float) -> tuple[float, float, float]:
+        return (1.2 * math.cos(a), 1.2 * math.sin(a), 1.2 + 0.15 * math.sin(0.5 * a))
+
+    x, y, z = place(angle - lag)
+    half = 0.5 * 0.12
+    pose = {"pose": {"position": (x + wobble, y, z), "orientation": (half, half, 0.0, 0.995)}}
+    truth = {"pose": {"position": (x, y + 0.004, z), "orientation": (half, half, 0.0, 0.995)}}
+    twist = {"twist": {"linear": (-0.96 * math.sin(angle), 0.96 * math.cos(angle), wobble),
+                       "angular": (wobble, 0.4 * wobble, 0.1)}}  # fmt: skip
+    put = station.put
+    ours = ("state", "truth", "reference", "link_status", "station_status")
+    station.put = lambda topic, message: None if topic in ours else put(topic, message)
+    station.fly()
+    station.put = put
+    put("state", new("nav_msgs/Odometry", header=stamp, pose=pose, twist=twist))
+    put("truth", new("nav_msgs/Odometry", header=stamp, pose=truth, twist=twist))
+    put("reference", new("quadlab_msgs/Reference", header=stamp, position=place(angle)))
+    put(
+        "link_status",
+        new("quadlab_msgs/LinkStatus", header=stamp, state="good", age=0.006 + 0.2 * abs(wobble),
+            round_trip=0.004 + 0.1 * abs(wobble), jitter=0.0007 + 0.02 * abs(wobble),
+            clock_offset=0.0002 + 0.003 * wobble, telemetry_rate=100.0, state_duration=t % 3600.0),
+    )  # fmt: skip
+    put(
+        "station_status",
+        new("quadlab_msgs/StationStatus", header=stamp, tracker_rate=100.0, recording=True,
+            recording_duration=t % 3600.0, recording_bytes=round(2.5e5 * (t % 3600.0)),
+            run_id=LATER),
+    )  # fmt: skip
+    put(
+        "preflight",
+        new("quadlab_msgs/Preflight", header=stamp, ready=True, armed=True, blocks=True,
+            checks=to_messages(FOUND[:1])),
+    )  # fmt: skip
+    station.control(NAME)
+
+
+def _furnish(data: Path, catalogue: Catalogue) -> None:
+    made = MadeRun(16.0, silence=(9.0, 9.5), marks=[(7.0, "gust")])
+    write_run(data / "runs" / f"{RUN}.mcap", made)
+    write_run(data / "runs" / f"{LATER}.mcap", MadeRun(16.0, late=1.0), seed=2)
+    tidy_runs(catalogue)
+    change_tags(catalogue, [RUN], ["figure 8", "wind"], [])
+    write_notes(catalogue, RUN, "Gust from the door at 7 s; held.", NAME)
+    Accounts(AccessDatabase(data / "web"), Passwords(1, 8)).add(NAME, Role.ADMIN, PASSWORD)
+    history, began_ns = ParameterHistory(catalogue.engine, "quad1"), time.time_ns() - 60 * 10**9
+    history.begin_flight("run9", began_ns)
+    for k, (name, old, value) in enumerate(CHANGES):
+        at_ns = began_ns + 15 * 10**9 * k
+        history.add([ParameterChange(name, old, value, NAME, at_ns, k, "run9", at_ns)])
+
+
+@contextmanager
+def flying_lab(data: Path, serve: Any, step_vehicle: Any) -> Iterator[Any]:
+    """A site; `site.vehicle` flies its step tests. Estimators are compared five times a second."""
+    catalogue = Catalogue(data)
+    _furnish(data, catalogue)
+    with serve(data, catalogue) as site:
+        ended = threading.Event()
+        site.vehicle = step_vehicle.StepVehicle(site.station)
+        site.station.store = ParameterStore(_Root().model_copy(deep=True))
+        answer = site.station._call_blocking
+
+        def call(service: str, request: Any) -> Any:
+            response = answer(service, request)
+            if service == "checks":
+                response.checked, response.checks = time.time(), to_messages(FOUND)
+            return response
+
+        def fly() -> None:
+            compare_at = 0.0
+            while not ended.wait(PERIOD):
+                t = time.monotonic()
+                circle(site.station, t)
+                if t > compare_at:
+                    compare_at = t + 0.2
+                    site.station.compare(("vehicle", "error_state"))
+
+        site.station._call_blocking = call
+        thread = threading.Thread(target=fly, daemon=True)
+        thread.start()
+        yield site
+        ended.set()
+        thread.join()
+    catalogue.close()

@@ -1,0 +1,105 @@
+"""A viewer on a phone: every page is accessible and fits, and the charts are one of the tabs.
+With QUADLAB_IMAGES=folder the documentation's picture is taken too.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's picture
+WIDTH, HEIGHT = 390, 800
+OPEN = "[role=tab][aria-selected=true]"
+
+
+@pytest.fixture(scope="module")
+def phone(chromium: Any, flying_lab: Any, blank_scene: Any) -> Iterator[Any]:
+    """A page of a viewer's; a script's error fails the module."""
+    problems: list[str] = []
+    with flying_lab.sign_in() as admin, flying_lab.invited(admin, "viewer") as viewer:
+        cookies = flying_lab.cookies_of(viewer)
+    context = chromium.new_context(viewport={"width": WIDTH, "height": HEIGHT})
+    context.set_default_timeout(20_000)
+    context.add_cookies(cookies)
+    page = context.new_page()
+    page.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
+    blank_scene(page)
+    page.goto(f"{flying_lab.base}/")
+    page.wait_for_selector("#who:not(:empty)")
+    page.keyboard.press("Escape")  # the help of the first visit
+    yield page
+    context.close()
+    assert problems == []
+
+
+@pytest.fixture
+def console(phone: Any) -> Any:
+    phone.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    phone.click("#open-fly")
+    return phone
+
+
+@pytest.mark.parametrize("tab", ["fly", "gains", "tune", "beacons", "link", "charts"])
+def test_every_tab_is_accessible_and_within_the_width(
+    console: Any, axe: Any, crooked: Any, keep_picture: Any, tab: str
+) -> None:
+    console.click(f"#open-{tab}")
+    if IMAGES and tab == "fly":
+        console.wait_for_timeout(3000)
+        keep_picture(console, Path(IMAGES) / "phone.png")
+    assert axe(console) + crooked(console) == []
+
+
+def test_the_charts_are_a_tab_that_is_reached_by_keyboard_and_draws(
+    console: Any, until: Any
+) -> None:
+    assert console.is_hidden("#charts")
+    assert console.is_hidden("#table")
+    console.focus("#open-link")
+    console.keyboard.press("ArrowRight")
+    assert console.get_attribute(OPEN, "id") == "open-charts"
+    assert console.is_hidden("#tab-link")
+    assert console.is_visible("#table")
+    drawn = """() => { const c = document.querySelector('#chart-1 canvas');
+      return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); }"""
+    until(lambda: console.evaluate(drawn))
+    boxes = [console.locator(f"#chart-{i}").bounding_box() for i in (0, 1)]
+    assert boxes[0]["width"] == boxes[1]["width"] > WIDTH - 10
+    assert boxes[0]["height"] > 150
+    console.keyboard.press("ArrowRight")
+    assert console.get_attribute(OPEN, "id") == "open-fly"
+    assert console.is_hidden("#charts")
+
+
+def test_in_a_wider_window_the_charts_are_in_sight_and_no_tab(console: Any) -> None:
+    console.click("#open-charts")
+    console.set_viewport_size({"width": 1440, "height": 900})
+    console.wait_for_selector("#open-charts", state="hidden")
+    assert console.get_attribute(OPEN, "id") == "open-fly"
+    assert console.is_visible("#tab-fly")
+    console.click("#open-link")
+    assert console.is_visible("#charts")
+    assert console.is_visible("#table")
+    console.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    console.wait_for_selector("#charts", state="hidden")
+    assert console.is_visible("#tab-link")
+
+
+@pytest.mark.parametrize(
+    ("path", "ready"),
+    [
+        ("/runs", "#list tr[data-index]"), ("/setup", "#checks li"),
+        ("/replay/{run}", "main[data-shown]"), ("/kill", "#cut"),
+    ],
+)  # fmt: skip
+def test_every_other_page_is_accessible_and_within_the_width(
+    phone: Any, flying_lab: Any, lab_of_pages: Any, axe: Any, crooked: Any, path: str, ready: str
+) -> None:
+    phone.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    phone.goto(f"{flying_lab.base}{path.format(run=lab_of_pages.RUN)}")
+    phone.wait_for_selector(ready)
+    assert axe(phone) + crooked(phone) == []

@@ -1,0 +1,84 @@
+"""viser's frames, packed once for all pages that get the same.
+
+viser packs what changed anew for each of its clients; with ten pages that was a third of the web
+process. Pages that keep up get the same messages at the same time, so the frame packed last is
+kept and given to each of them. A page that lags gets frames of its own, with the newest values, as
+viser meant it. How a frame is packed stays viser's.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import AsyncGenerator, Sequence
+from operator import is_
+from typing import TYPE_CHECKING, Any
+
+from viser.infra import _infra
+
+if TYPE_CHECKING:
+    from viser.infra._async_message_buffer import AsyncMessageBuffer
+    from viser.infra._messages import Message
+
+    Window = Sequence[Message]
+
+_viser_producer = _infra._message_producer
+
+
+def share_frames() -> None:
+    """For every viser server of this process: viser looks its producer up for each new client."""
+    _infra._message_producer = _produce
+
+
+class _Newest(threading.local):
+    """What was packed last; each viser server has a thread of its own."""
+
+    window: Window = ()
+    frame: bytes = b""
+
+    async def of(self, window: Window) -> bytes:
+        # The same messages themselves: equal ones would have to be compared array by array.
+        if len(window) != len(self.window) or not all(map(is_, window, self.window)):
+            self.frame, self.window = await _packed(window), window
+        return self.frame
+
+
+_newest = _Newest()
+
+
+async def _produce(
+    websocket: Any,
+    buffer: AsyncMessageBuffer,
+    client_id: int,
+    backlog_done_message: Message | None = None,
+) -> None:
+    """Sends a client all that is in `buffer` and will come, until either ends."""
+    if not buffer.persistent_messages:  # for this client alone: its camera
+        await _viser_producer(websocket, buffer, client_id, backlog_done_message)
+        return
+    windows = buffer.window_generator(client_id, backlog_done_message=backlog_done_message)
+    async with contextlib.aclosing(windows):
+        async for window in windows:
+            await websocket.send(await _newest.of(window))
+
+
+async def _packed(window: Window) -> bytes:
+    once = _Once(window)
+    await _viser_producer(once, once, 0)  # type: ignore[arg-type]
+    return once.frame
+
+
+class _Once:
+    """Buffer and websocket of viser's producer at once: hands out one window, keeps its frame."""
+
+    done = False
+    frame = b""
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+
+    async def window_generator(self, *_: Any, **__: Any) -> AsyncGenerator[Window]:
+        yield self._window
+
+    async def send(self, frame: bytes) -> None:
+        self.frame = frame
