@@ -25,11 +25,11 @@ from vehicle import mailbox
 from vehicle.bearing_pose import BearingPose
 from vehicle.microcontroller import Microcontroller
 from vehicle.modes import Mode
+from vehicle.orders import Orders
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.stack import FlightStack
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.topics import TOPICS, encode_joy
 
 HEARTBEAT_NS = 50_000_000
@@ -77,7 +77,7 @@ class SimulatedFlight:
         self._emulator = BearingEmulator(parameters.bearings)
         self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
         self._log = log
-        self._motor_state = MotorState.OFF
+        self._orders = Orders(self.stack, self._mcu)
         self._requests = 0
         self._next_heartbeat_ns = self._next_station_ns = 0
         # Views made once: they follow the plant.
@@ -151,16 +151,12 @@ class SimulatedFlight:
         self._simulated.step()
         lap("simulated robot")
         samples = mcu.receive()
-        mcu.service(self._simulated.stamp_ns * 1e-9)
+        self._orders.keep(self._simulated.stamp_ns * 1e-9)
         lap("serial")
         for sample in samples:
-            motors = stack.tick(sample)
+            command = stack.tick(sample)
             lap("tick")
-            if stack.motor_state_wanted is not self._motor_state:
-                self._motor_state = stack.motor_state_wanted
-                mcu.set_motor_state(self._motor_state)
-            if motors is not None:
-                mcu.command(motors)
+            self._orders.send(command)
             lap("serial")
             log.tick(stack.record)
             if stack.outbox:

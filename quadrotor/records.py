@@ -99,6 +99,7 @@ STATUS = np.dtype(
         ("behavior", "u1"),  # index into control.behaviors.table.BehaviorName
         ("armed", "u1"),
         ("airborne", "u1"),
+        ("control_mode", "u1"),  # vehicle.modes.ControlMode
         ("flags", "u4"),  # bit set of vehicle.modes.Flag
         ("parameter_revision", "u4"),
         ("tick_rate", "f8"),  # Hz

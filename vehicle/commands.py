@@ -19,6 +19,8 @@ from vehicle.parameters import VehicleParameters, check_pairs
 from vehicle.steering import Steering
 from vehicle.supervisor import Supervisor
 
+WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
+
 
 class Commanded(Protocol):
     """What commands need of the flight stack."""
@@ -52,6 +54,10 @@ class Commanded(Protocol):
     def say(self, text: str, level: int = mailbox.INFO) -> None: ...
 
     def land_now(self, why: str) -> None: ...
+
+    def descend_now(self, why: str) -> None: ...
+
+    def hand_over(self, why: str) -> None: ...
 
 
 class CommandHandler:
@@ -148,6 +154,12 @@ class CommandHandler:
         stack = self._stack
         if stack.mode is Mode.EMERGENCY_LAND:
             raise RefusedError(f"{command.name} refused: emergency landing; only cut is open")
+        held = stack.behaviors.level is None
+        if not held and not stack.has_pose and command.name not in WITHOUT_A_POSE:
+            raise RefusedError(
+                f"{command.name} refused: no fresh pose measurement to hold the vehicle by; "
+                f"possible now: {', '.join(WITHOUT_A_POSE)}"
+            )
         stack.behaviors.request(
             command.name,
             command.arguments,
@@ -168,6 +180,15 @@ class CommandHandler:
                 stack.move(Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR)
         elif stack.mode is Mode.ARMED:
             if stack.airborne:
-                stack.land_now(f"emergency land by {command.requester}")
+                self._land(f"emergency land by {command.requester}")
             else:
                 stack.move(Mode.READY, f"emergency land on the ground by {command.requester}")
+
+    def _land(self, why: str) -> None:
+        """As `safety.emergency_land` says."""
+        stack = self._stack
+        {
+            "land": stack.land_now,
+            "descend": stack.descend_now,
+            "emergency": stack.hand_over,
+        }[stack.parameters.safety.emergency_land](why)

@@ -24,9 +24,9 @@ from vehicle import mailbox
 from vehicle.lateness import Lateness
 from vehicle.microcontroller import Microcontroller, RawSample
 from vehicle.modes import Mode
+from vehicle.orders import Ordered, Ordering, Orders
 from vehicle.process_config import FlightConfig, Rings, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.serial.port import PortError, PortProblem, SerialPort
 
 if TYPE_CHECKING:
@@ -42,13 +42,12 @@ TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
 COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
 
 
-class Stack(Protocol):
+class Stack(Ordering, Protocol):
     """What the loop needs of vehicle.stack.FlightStack."""
 
     record: Record
     store: ParameterStore
     outbox: list[mailbox.Event | mailbox.ParameterChange]
-    motor_state_wanted: MotorState
     mode: Mode
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
@@ -60,15 +59,12 @@ class Stack(Protocol):
     ) -> None: ...
 
 
-class Mcu(Protocol):
+class Mcu(Ordered, Protocol):
     """What the loop needs of vehicle.microcontroller.Microcontroller."""
 
     failures: list[str]
 
     def receive(self) -> list[RawSample]: ...
-    def command(self, references: Sequence[int]) -> None: ...
-    def set_motor_state(self, state: MotorState) -> None: ...
-    def service(self, now_s: float) -> None: ...
     def filenos(self) -> Sequence[int]: ...
 
 
@@ -85,7 +81,7 @@ class FlightLoop:
         self._rings = rings
         self._real_time = real_time
         self._lateness = Lateness()
-        self._motor_state = stack.motor_state_wanted
+        self._orders = Orders(stack, mcu)
         self._heard_ns = time.monotonic_ns()
         self._silent = False
         self._poll = select.poll()
@@ -111,10 +107,8 @@ class FlightLoop:
         self._watch_silence(bool(samples))
         if self._silent:
             self._drain_inbox()
-        if self._stack.motor_state_wanted is not self._motor_state:
-            self._motor_state = self._stack.motor_state_wanted
-            self._mcu.set_motor_state(self._motor_state)
-        self._mcu.service(time.monotonic())
+        self._orders.send(None)  # a command between ticks may want another motor state
+        self._orders.keep(time.monotonic())
         if self._mcu.failures:
             for line in self._mcu.failures:
                 self._report(line)
@@ -124,9 +118,7 @@ class FlightLoop:
         began_ns = time.monotonic_ns()
         stack = self._stack
         self._drain_inbox()
-        references = stack.tick(sample)
-        if references is not None:
-            self._mcu.command(references)
+        self._orders.send(stack.tick(sample))
         self._rings.ticks.push(stack.record)
         self._send_outbox()
         statistics = self._lateness.add(began_ns, sample.stamp_ns)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from quadrotor.records import Record
-from vehicle.modes import Flag, Mode
+from vehicle.modes import ControlMode, Flag, Mode
 
 FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
-_ROW = ("mode", "behavior", "armed", "airborne", "flags")
+_ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 # As plain numbers: an IntFlag costs half a microsecond an operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
 _SATURATED, _TILT_LIMITED = int(Flag.SATURATED), int(Flag.TILT_LIMITED)
@@ -37,6 +37,7 @@ class StatusWriter:
         self,
         *,
         mode: Mode,
+        control_mode: ControlMode,
         behavior: int,
         airborne: bool,
         supervisor_flags: Flag,
@@ -60,7 +61,7 @@ class StatusWriter:
             flags |= _TILT_LIMITED
         if not self.real_time:
             flags |= _NOT_REAL_TIME
-        row = (mode, behavior, mode in FLYING, airborne, flags)
+        row = (mode, behavior, mode in FLYING, airborne, control_mode, flags)
         if row != self._written:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):

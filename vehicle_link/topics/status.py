@@ -25,20 +25,24 @@ _STATUS_FIELDS = (
 
 
 @cache
-def _status_layout(mode: str, behavior: str) -> FixedLayout:
+def _status_layout(mode: str, behavior: str, control_mode: str) -> FixedLayout:
     """Of a status without flags."""
-    strings = {"header.frame_id": WORLD, "mode": mode, "behavior": behavior}
+    strings = {
+        "header.frame_id": WORLD, "mode": mode, "behavior": behavior, "control_mode": control_mode,
+    }  # fmt: skip
     return FixedLayout("quadlab_msgs/VehicleStatus", strings)
 
 
-def encode_status(tick: Record, mode: str, behavior: str, flags: Sequence[str]) -> bytes:
+def encode_status(
+    tick: Record, mode: str, behavior: str, flags: Sequence[str], control_mode: str = "direct"
+) -> bytes:
     """`status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
 
     The texts are given because their enums live in the layers above.
     """
     status = tick["status"][0]
     if not flags:  # almost always: then only numbers differ
-        statuses = _status_layout(mode, behavior)
+        statuses = _status_layout(mode, behavior, control_mode)
         out = statuses.new()
         set_stamps(out, int(tick["imu"]["stamp_ns"][0]))
         for field in _STATUS_FIELDS:
@@ -50,6 +54,7 @@ def encode_status(tick: Record, mode: str, behavior: str, flags: Sequence[str]) 
             header=header(int(tick["imu"]["stamp_ns"][0])),
             mode=mode,
             behavior=behavior,
+            control_mode=control_mode,
             armed=status["armed"],
             airborne=status["airborne"],
             flags=flags,
