@@ -37,7 +37,7 @@ _CLIMBING = "take_off is still climbing: wait for hover, or request brake to sto
 _MOVING = "a trajectory starts from rest: request brake and wait for hover"
 _NOT_AT_REST = "a test of the gains starts from hover: request brake and wait for hover"
 _NOT_STEERED = "the vehicle is not held in place now: request hover or brake first"
-_NEVER_BACK = "the emergency landing goes on to the ground; request brake to stop it in the air"
+_NEVER_BACK = "the emergency landing is under way: request brake first to stop it in the air"
 _DESCENDING = "the vehicle is landing: request hover first to abort the landing"
 
 _IN_MOTION = {

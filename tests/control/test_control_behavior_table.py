@@ -83,7 +83,8 @@ def test_names_are_lower_case_and_a_slip_is_answered_with_a_guess():
 
 
 def test_the_numbers_of_the_status_record_do_not_move():
-    assert [b.value for b in BehaviorName] == list(range(9))
+    assert [b.value for b in BehaviorName] == list(range(11))
     assert BehaviorName.GROUND == 0
     assert BehaviorName.BRAKE == 7
     assert BehaviorName.EXCITE == 8
+    assert BehaviorName.EMERGENCY_LANDING == 10

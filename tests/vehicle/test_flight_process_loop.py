@@ -17,7 +17,7 @@ from vehicle.flight import COMMANDS_A_TICK, FlightLoop, open_ports
 from vehicle.microcontroller import RawSample
 from vehicle.modes import Mode
 from vehicle.process_config import Rings, create_rings, open_rings
-from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 from vehicle_link.serial.port import SerialPort
 
 PERIOD_NS = 2_000_000
@@ -39,6 +39,9 @@ class FakeStack:
         self.store = ParameterStore(Root().model_copy(deep=True))
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self.motor_state_wanted = MotorState.OFF
+        self.flight_control_mode = FlightControlMode.DIRECT
+        self.command_timeout_ms = 250
+        self.lost_ports = 0
         self.mode = Mode.READY
         self.calls: list[object] = []
         self.statistics: list[dict[str, float]] = []
@@ -76,7 +79,10 @@ class FakeMcu:
         self.failures: list[str] = []
         self.given: list[RawSample] = []
         self.commands: list[Sequence[int]] = []
+        self.modes: list[FlightControlMode] = []
         self.motor_states: list[MotorState] = []
+        self.values: list[tuple[Id, int]] = []
+        self.lost_ports = 0
         self.serviced = 0
         self._reader, self._writer = os.pipe()
 
@@ -84,11 +90,15 @@ class FakeMcu:
         given, self.given = self.given, []
         return given
 
-    def command(self, references: Sequence[int]) -> None:
-        self.commands.append(references)
+    def command(self, command: Sequence[int], mode: FlightControlMode) -> None:
+        self.commands.append(command)
+        self.modes.append(mode)
 
     def set_motor_state(self, state: MotorState) -> None:
         self.motor_states.append(state)
+
+    def set_value(self, id: Id, value: int) -> None:
+        self.values.append((id, value))
 
     def service(self, now_s: float) -> None:
         self.serviced += 1
@@ -330,3 +340,16 @@ def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
     port.close()
     os.close(master)
     os.close(slave)
+
+
+def test_the_mode_goes_with_each_command_and_the_timeout_once(bench: Bench) -> None:
+    bench.stack.flight_control_mode = FlightControlMode.NEAR_HOVERING
+    for _ in range(3):
+        bench.samples(1)
+    assert bench.mcu.modes == [FlightControlMode.NEAR_HOVERING] * 3
+    assert bench.mcu.values == [(Id.EMERGENCY_TIMEOUT, 250)]
+    bench.stack.command_timeout_ms = 400
+    bench.mcu.lost_ports = 1
+    bench.samples(1)
+    assert bench.mcu.values[1:] == [(Id.EMERGENCY_TIMEOUT, 400)]
+    assert bench.stack.lost_ports == 1
