@@ -22,7 +22,7 @@ from web.station import Station
 
 PERIOD = 0.5  # s between looks at the revision
 GLANCE = 0.05  # s between looks at what the 3D view shows
-STATION_NODE = "station"
+STATION_NODE, SIMULATOR_NODE = "station", "simulator"
 BEARINGS = "station.bearings."
 
 
@@ -97,11 +97,14 @@ class ParameterFollower:
         return self._is_first or is_lower or revision > self._mirror.revision
 
     async def _read(self, revision: int) -> None:
-        """Vehicle and station; one that does not answer is asked again in the next period."""
+        """Vehicle, station and simulator, of which a real vehicle has none.
+
+        A vehicle that does not answer is asked again in the next period.
+        """
         since = None if self._is_first or self._is_lower else self._mirror.clock
         descriptions: list[Any] = []
         values: dict[str, Any] = {}
-        for node in ("vehicle", STATION_NODE):
+        for node in ("vehicle", STATION_NODE, SIMULATOR_NODE):
             try:
                 described, read = await self._station.read_parameters(f"{self._namespace}/{node}")
             except QuadlabError:

@@ -17,6 +17,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -70,9 +71,10 @@ def run(
             terminals.append(PseudoTerminal(folder / f"mcu{index}"))
             lines.append(Uart(terminals[-1]))
         simulated = SimulatedVehicle(parameters, lines)
+        live = LiveParameters(parameters)
         simulated.warm_up()
         if loopback_port is not None:
-            connect = connect_to_station(loopback_port, vehicle)
+            connect = connect_to_station(loopback_port, vehicle, live)
             publisher = TruthPublisher(connect, vehicle)
         _say(
             f"microcontroller at {terminals[0].link} and {terminals[1].link}, "
@@ -80,7 +82,7 @@ def run(
         )
         gc.collect()
         gc.freeze()
-        statistics = _loop(simulated, lines, publisher, stop)
+        statistics = _loop(simulated, lines, live, publisher, stop)
         statistics.dropped_bytes = sum(line.terminal.dropped for line in lines)
         statistics.overruns = sum(line.overruns for line in lines)
         if publisher is not None:
@@ -96,6 +98,7 @@ def run(
 def _loop(
     simulated: SimulatedVehicle,
     lines: list[Uart],
+    live: LiveParameters,
     publisher: TruthPublisher | None,
     stop: threading.Event,
 ) -> RunStatistics:
@@ -113,6 +116,9 @@ def _loop(
             _say(f"this machine stopped for {-wait_ns * 1e-9:.1f} s; {lost} samples are lost")
             continue
         time.sleep(max(wait_ns * 1e-9, MIN_PAUSE_S))
+        changed = live.take()
+        if changed is not None:
+            simulated.configure(changed)
         for line in lines:
             line.advance(simulated.period)
         simulated.step_period()

@@ -10,10 +10,13 @@ import contextlib
 import queue
 import sys
 import threading
+import time
 from collections.abc import Callable
 
 from quadrotor.errors import LinkError
+from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
+from vehicle.simulator.live_parameters import LiveParameters
 
 KEPT = 8
 RETRY_S = 1.0
@@ -87,20 +90,36 @@ class TruthPublisher:
 
 
 def connect_to_station(
-    loopback_port: int, vehicle: str
+    loopback_port: int, vehicle: str, live: LiveParameters
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
-    """`connect` of a TruthPublisher: topic /<vehicle>/truth through the station's router."""
+    """`connect` of a TruthPublisher: topic /<vehicle>/truth through the station's router.
+
+    The parameters of the simulator are served the same way, as those of /<vehicle>/simulator.
+    """
 
     def connect() -> tuple[Put, Callable[[], None]]:
         from vehicle_link.node import Node
+        from vehicle_link.parameter_service import serve_parameters
         from vehicle_link.session import loopback_session
-        from vehicle_link.topics import TOPICS
+        from vehicle_link.topics import TOPICS, encode_parameter_change
 
         session = loopback_session(loopback_port)
         node = Node(session, f"/{vehicle}", "simulator")
         publisher = node.advertise(TOPICS["truth"])
+        changes = node.advertise(TOPICS["parameter_changes"])
+
+        def tell(
+            name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
+        ) -> None:
+            stamp_ns = time.time_ns()
+            change = encode_parameter_change(stamp_ns, name, old, value, requester, revision)
+            changes.put(change, stamp_ns)
+
+        live.on_change = tell
+        serve_parameters(node, live)
 
         def close() -> None:
+            live.on_change = lambda *_: None
             node.close()
             session.close()  # type: ignore[no-untyped-call]
 
