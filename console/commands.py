@@ -7,19 +7,18 @@ the request id, so that a repeated request has one effect. Each service has a th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
 from quadrotor.errors import LinkError, ParameterError, RefusedError, StorageError
-from quadrotor.parameters import ParameterValue
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node
+from vehicle_link.parameter_authority import SIMULATOR, authority_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
-from vehicle_link.parameter_service import ParameterClient
 from vehicle_link.topics import SERVICES
 
 CALL_TIMEOUT = 1.0
@@ -27,8 +26,6 @@ CALL_TIMEOUT = 1.0
 
 EMERGENCIES = 4
 """At once."""
-
-SIMULATOR_PREFIX = "simulator."
 
 FORWARDED = ("arm", "disarm", "start_behavior", "emergency")
 
@@ -57,7 +54,7 @@ class CommandGateway:
         self._record = record
         self._permit = permit
         self._on_asked = on_asked
-        self._simulator = ParameterClient(node, "simulator", timeout=CALL_TIMEOUT)
+        self._simulator = node.client("simulator/change_parameters", SERVICES["change_parameters"])
         self._clients = {
             name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
         }
@@ -96,9 +93,8 @@ class CommandGateway:
             values = from_parameters(request.parameters)
             own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
             self._store.check(own)
-            simulated = [key for key in values if key.startswith(SIMULATOR_PREFIX)]
-            if simulated:
-                return self._change_simulator(values)
+            if any(authority_of(key) == SIMULATOR for key in values):
+                return self._change_simulator(request, values)
         except (ParameterError, RefusedError, LinkError) as error:
             return _refused(name, str(error))
         applied, revision = {}, self._store.revision
@@ -128,17 +124,15 @@ class CommandGateway:
             revision=revision,
         )
 
-    def _change_simulator(self, values: Mapping[str, ParameterValue]) -> Any:
+    def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
         """Raises ParameterError, LinkError."""
-        others = [key for key in values if not key.startswith(SIMULATOR_PREFIX)]
+        others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
             raise ParameterError(
                 f"{others[0]} and parameters of the simulator cannot be changed in one step; "
                 "change them apart"
             )
-        self._simulator.set(values)
-        name = "change_parameters"
-        return new(f"{SERVICES[name]}_Response", accepted=True, applied=to_parameters(values))
+        return self._simulator.call(request, timeout=CALL_TIMEOUT)
 
     def _start_or_stop(self, request: Any) -> Any:
         try:

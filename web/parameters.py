@@ -16,7 +16,8 @@ from typing import Protocol
 
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
-from web.parameter_mirror import STATION_PREFIX, ParameterMirror
+from vehicle_link.parameter_authority import STATION, authority_of
+from web.parameter_mirror import ParameterMirror
 from web.parameter_walk import step_towards, steps_between, walk
 
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
@@ -123,7 +124,7 @@ class GainPath:
     async def _call(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
         applied, revision = await self._target.change_parameters(values, requester)
         # Of a mixed call the revision is the vehicle's; the station tells of its own by itself.
-        mine = {n: v for n, v in applied.items() if not n.startswith(STATION_PREFIX)} or applied
+        mine = {n: v for n, v in applied.items() if authority_of(n) != STATION} or applied
         self._mirror.apply(mine, requester, revision)
         return applied, revision
 

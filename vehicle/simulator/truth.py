@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from quadrotor.errors import LinkError
+from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.live_parameters import LiveParameters
@@ -98,10 +98,12 @@ def connect_to_station(
     """
 
     def connect() -> tuple[Put, Callable[[], None]]:
+        from vehicle_link.messages import Message, new
         from vehicle_link.node import Node
+        from vehicle_link.parameter_messages import from_parameters, to_parameters
         from vehicle_link.parameter_service import serve_parameters
         from vehicle_link.session import loopback_session
-        from vehicle_link.topics import TOPICS, encode_parameter_change
+        from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
 
         session = loopback_session(loopback_port)
         node = Node(session, f"/{vehicle}", "simulator")
@@ -115,8 +117,24 @@ def connect_to_station(
             change = encode_parameter_change(stamp_ns, name, old, value, requester, revision)
             changes.put(change, stamp_ns)
 
+        def change(request: Message) -> Message:
+            try:
+                applied, revision = live.change(
+                    from_parameters(request.parameters), request.requester
+                )
+            except ParameterError as error:
+                return new(f"{service}_Response", accepted=False, reason=str(error))
+            return new(
+                f"{service}_Response",
+                accepted=True,
+                applied=to_parameters(applied),
+                revision=revision,
+            )
+
         live.on_change = tell
         serve_parameters(node, live)
+        service = SERVICES["change_parameters"]
+        node.serve("simulator/change_parameters", service, change)
 
         def close() -> None:
             live.on_change = lambda *_: None
