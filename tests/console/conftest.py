@@ -29,7 +29,7 @@ from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import to_parameters
-from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 from vehicle_link.session import loopback_session, station_session, vehicle_session
 from vehicle_link.topics import SERVICES
 
@@ -98,6 +98,7 @@ class StillMicrocontroller:
 
     def __init__(self) -> None:
         self.failures: list[str] = []
+        self.lost_ports = 0
         self.motor_state = MotorState.OFF
         self._newest_ns = time.time_ns()
 
@@ -109,7 +110,8 @@ class StillMicrocontroller:
         still, battery, pressure = (512, 512, 512), 12.0, 101_325.0
         return [RawSample(ns, still, still, battery, pressure, self.motor_state) for ns in stamps]
 
-    def command(self, references: Sequence[int]) -> None: ...
+    def command(self, command: Sequence[int], mode: FlightControlMode) -> None: ...
+    def set_value(self, id: Id, value: int) -> None: ...
     def set_motor_state(self, state: MotorState) -> None: ...
     def service(self, now_s: float) -> None: ...
     def filenos(self) -> Sequence[int]:
