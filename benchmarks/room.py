@@ -34,6 +34,8 @@ from websockets.asyncio.client import connect
 from benchmarks.laboratory import ROOT, cpu_seconds, processes, until
 
 CHROMIUM = "/usr/bin/chromium"
+CHARGE = 20
+"""A h, of a battery that outlasts a soak."""
 LIMITS = {"gap_p99_ms": 60.0, "web_percent": 25.0}
 
 
@@ -43,7 +45,8 @@ class Room:
     def __init__(self, folder: str, port: int, link_port: int) -> None:
         self.up = subprocess.Popen(
             [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", folder, "--port",
-             str(port), "--link-port", str(link_port)],
+             str(port), "--link-port", str(link_port),
+             "--set", f"simulator.battery_capacity={CHARGE}"],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
         )  # fmt: skip
         self.lines: list[str] = []

@@ -238,7 +238,9 @@ def test_a_hostile_client_is_closed_and_the_others_see_on(
             with contextlib.suppress(websockets.exceptions.ConnectionClosed):
                 for _ in socket:  # what was under way
                     pass
-            assert socket.close_code in (1008, 1009)
+            # Who is still sending 64 MiB may meet the closed line before the reason: 1006.
+            lost = (1006,) if attack == "64 MiB" else ()
+            assert socket.close_code in (1008, 1009, *lost)
         site.view_server.viser.scene.add_frame("/probe")
         while b"/probe" not in unpacked(other.recv(timeout=10.0)):
             pass

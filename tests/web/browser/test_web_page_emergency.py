@@ -155,29 +155,37 @@ def test_an_answer_to_an_older_press_does_not_hide_the_newer_one(still: Any) -> 
         """async () => {
         const { EmergencyPress } = await import('/static/emergency_press.js');
         const asked = []; // the questions to quadlab web, in their order
-        window.fetch = (path) => new Promise((done) => asked.push({ path, answer: (body) =>
-          done(new Response(JSON.stringify(body), { status: 200,
-            headers: { 'Content-Type': 'application/json' } })) }));
+        const fetched = window.fetch.bind(window); // others ask, too
+        const its = (path) => path === '/api/summary' || path.startsWith('/api/commands/emergency');
+        window.fetch = (path, ...rest) => !its(String(path)) ? fetched(path, ...rest)
+          : new Promise((done) => asked.push({ path, answer: (body) =>
+            done(new Response(JSON.stringify(body), { status: 200,
+              headers: { 'Content-Type': 'application/json' } })) }));
         const turn = () => new Promise((done) => setTimeout(done));
-        const nth = async (n) => { while (asked.length <= n) await turn(); return asked[n]; };
+        const nth = async (kind, n) => { // a slow machine may send a press again
+          const those = () => asked.filter(({ path }) => path.includes(kind));
+          while (those().length <= n) await turn();
+          return those()[n]; };
         const told = (id, action, phase) => ({ emergency: { id, action, phase, by: '', age: 0.5,
           after: 0.4, reason: '', try: 1, tries: 3 } });
         const events = { connected: false, age: () => 0, on() {} }; // they do not come: it asks
         const sent = new EmergencyPress(events, '');
         sent.press('land');
-        (await nth(0)).answer({ id: 'older' });
-        const late = await nth(1); // of the summary
+        (await nth('emergency', 0)).answer({ id: 'older' });
+        const late = await nth('summary', 0);
+        const before = asked.length;
         const pressed = sent.press('cut');
-        (await nth(2)).answer({ id: 'newer' });
+        while (asked.length === before) await turn();
+        asked.at(-1).answer({ id: 'newer' });
         await pressed;
-        (await nth(3)).answer(told('newer', 'cut', 'acknowledged'));
+        (await nth('summary', 1)).answer(told('newer', 'cut', 'acknowledged'));
         while (!sent.state.said.startsWith('motors cut')) await turn();
         late.answer(told('older', 'land', 'sent'));
         for (let i = 0; i < 20; i++) await turn();
-        return [sent.state.said, asked.length];
+        return sent.state.said;
         }"""
     )
-    assert said == ["motors cut, acknowledged after 0.40 s", 4]
+    assert said == "motors cut, acknowledged after 0.40 s"
 
 
 def test_keys_work_on_keyboards_that_write_no_latin_letters(
