@@ -72,14 +72,14 @@ class SimulatedFlight:
         self.stack = FlightStack(parameters, estimator=estimator)
         self.clock = StageClock()
         self._simulated = simulated
-        self._mcu = Microcontroller(simulated.ports, epoch_ns=0)
+        self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
         self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
         self._log = log
         self._orders = Orders(self.stack, self._mcu)
         self._requests = 0
-        self._next_heartbeat_ns = self._next_station_ns = 0
+        self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once: they follow the plant.
         self._true_position_w = simulated.truth["position_w"][0]
         self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
@@ -171,7 +171,8 @@ class SimulatedFlight:
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))
-        if now_ns % TRUTH_NS == 0:
+        if now_ns >= self._next_truth_ns:
+            self._next_truth_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
             position_w, quaternion_wb = self._true_position_w, self._true_quaternion_wb
             self._tracker.observe(now_ns, position_w, quaternion_wb)
             self._emulator.observe(now_ns, position_w, quaternion_wb)

@@ -6,6 +6,9 @@ from quadrotor.vehicle_model import GRAVITY
 
 PASCALS_PER_METRE = 11.6
 """Standard atmosphere in the lowest few hundred metres."""
+FARTHEST = 2.0
+"""m, ten deviations: a reading further off counts as this far, for a damaged frame whose checksum
+fits by chance can hold any."""
 POLE = 1.2
 """rad/s, three times: the barometer's noise of 0.2 m gives a climb rate good to 0.02 m/s."""
 
@@ -39,6 +42,7 @@ class BarometricHeight:
         self.height += (self.climb + 0.5 * up * dt) * dt
         self.climb += up * dt
         error = (self._ground - pressure) / PASCALS_PER_METRE - self.height
+        error = min(FARTHEST, max(-FARTHEST, error))
         w = POLE
         self.height += 3.0 * w * dt * error
         self.climb += 3.0 * w * w * dt * error

@@ -27,6 +27,7 @@ class Commanded(Protocol):
 
     mode: Mode
     airborne: bool
+    obstacle: str
     parameters: VehicleParameters
     store: ParameterStore
     supervisor: Supervisor
@@ -127,6 +128,8 @@ class CommandHandler:
             raise RefusedError("not armed: the gyroscope is still being calibrated; keep it still")
         if stack.mode is Mode.CUT:
             raise RefusedError("not armed: the motors were cut; disarm first to acknowledge it")
+        if stack.obstacle:
+            raise RefusedError(f"not armed: {stack.obstacle}")
         if not stack.has_pose:
             raise RefusedError("not armed: no fresh pose measurement; check tracker and station")
         stack.guard.check_take_off()
@@ -178,17 +181,19 @@ class CommandHandler:
         if command.action == "cut":
             if stack.mode is not Mode.CUT:
                 stack.move(Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR)
-        elif stack.mode is Mode.ARMED:
-            if stack.airborne:
-                self._land(f"emergency land by {command.requester}")
-            else:
-                stack.move(Mode.READY, f"emergency land on the ground by {command.requester}")
+        elif stack.mode is Mode.ARMED and not stack.airborne:
+            stack.move(Mode.READY, f"emergency land on the ground by {command.requester}")
+        elif stack.mode is not Mode.CUT and stack.airborne:
+            self._land(f"emergency land by {command.requester}")
 
     def _land(self, why: str) -> None:
-        """As `safety.emergency_land` says."""
+        """As `safety.emergency_land` says; a milder landing that is under way gives way to it."""
         stack = self._stack
+        chosen = stack.parameters.safety.emergency_land
+        if stack.mode is Mode.EMERGENCY_LAND and chosen == "land":
+            return  # as mild as any that may be under way
         {
             "land": stack.land_now,
             "descend": stack.descend_now,
             "emergency": stack.hand_over,
-        }[stack.parameters.safety.emergency_land](why)
+        }[chosen](why)

@@ -1,22 +1,30 @@
 """The microcontroller as the flight loop sees it: samples in, commands out, no waiting.
 
-It is first told what to mirror and to fly in direct mode, and asked who it is; samples count from
-when it has confirmed what they contain, motors may be started once it is the right one. Every set
-and request is repeated each 25 ms until answered, 40 times, then given up and reported.
+It is first told what to mirror, how often, and to fly in direct mode, and asked who it is; samples
+count from when it has confirmed what they contain, motors may be started once it is the right one.
+Every set and request is repeated each 25 ms until answered, 40 times, then given up and reported.
 
 A command means another thing in another flight control mode. While a change of it is not echoed,
 commands are sent as sets of the mode, which the microcontroller takes together: never are bytes of
 one mode read in the other. A port that is gone is left out, as long as another one is there.
+
+Bytes may arrive damaged. A command is repeated while no sample comes that would bring a new one,
+but not for long; and as the checksum has 12 bits only, what a single sample says of the motors is
+not believed.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import msgspec
 
 from quadrotor.errors import LinkError
+from vehicle.fine_stamps import FineStamps
 from vehicle.microcontroller_clock import MicrocontrollerClock
+from vehicle.motor_bus import MotorBus
+from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
 from vehicle_link.serial.commands import decode_data, encode_command, encode_set
 from vehicle_link.serial.exchange import (
     MIRROR_KEY,
@@ -27,11 +35,13 @@ from vehicle_link.serial.exchange import (
     set_value,
 )
 from vehicle_link.serial.frames import Frame, FrameDecoder
+from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.ids import MIRROR, PRESSURE_OFFSET, FlightControlMode, Id, MotorState
 from vehicle_link.serial.port import Port
 
-ROBOT_ID = 1
-FIRMWARE_REVISION = 1
+REPEAT_COMMAND_S = 0.006
+KEEP_COMMAND_S = 0.04
+"""Since the tick that made it: an old command must not keep the microcontroller from landing."""
 
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
@@ -56,7 +66,8 @@ class Microcontroller:
         ports: one or two; requests go to the first, references to all in turn.
         epoch_ns: time of the first sample; None takes the host's epoch time (see
             vehicle.microcontroller_clock).
-        robot_id, firmware_revision: what it must be before motors may start.
+        rate: IMU samples a second to ask for; motors do not start before it is confirmed.
+        identity: what it must be before motors may start.
 
     Attributes:
         failures: lines about sets and requests given up and ports that are gone, for the caller
@@ -71,8 +82,8 @@ class Microcontroller:
         ports: Sequence[Port],
         epoch_ns: int | None = None,
         *,
-        robot_id: int = ROBOT_ID,
-        firmware_revision: int = FIRMWARE_REVISION,
+        rate: int = DEFAULT_RATE,
+        identity: Identity = THE_ONE,
     ) -> None:
         if not 1 <= len(ports) <= 2:
             raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
@@ -87,18 +98,26 @@ class Microcontroller:
         self._turn = 0
         self._clock = MicrocontrollerClock(epoch_ns)
         self._newest_ns = -1
+        period_us = sample_period_us(rate)
+        self._stamps = FineStamps(1000 * period_us)
         self._command: Sequence[int] = _STOPPED
+        self._mode = FlightControlMode.DIRECT  # of the command
+        self._is_new = False  # the command, since the last service
+        self._made_s = self._sent_s = -math.inf  # when the command was made, and sent last
         self._mirrored = False
+        self._motor_state, self._motor_state_read = 0, -1
         self._handshake = Exchange(
             [
                 mirror(MIRROR),
-                confirm(Id.ROBOT_ID, robot_id),
-                confirm(Id.FIRMWARE_REVISION, firmware_revision),
+                set_value(Id.MIRROR_PERIOD, period_us),
+                confirm(Id.ROBOT_ID, identity.robot_id),
+                confirm(Id.FIRMWARE_REVISION, identity.firmware),
                 set_value(Id.FLIGHT_CONTROL_MODE, FlightControlMode.DIRECT),
             ],
             self.failures,
         )
         self._motors = Exchange([], self.failures)
+        self._bus = MotorBus()
         for request in self._handshake.open:
             self._write(request.build(_STOPPED))
 
@@ -106,6 +125,16 @@ class Microcontroller:
     def connected(self) -> bool:
         """Whether it is the right microcontroller, mirrors the IMU and flies in direct mode."""
         return not self._handshake.open
+
+    @property
+    def obstacle(self) -> str:
+        """Why motors would not start, as far as is known; empty when they would."""
+        if not self._handshake.open:
+            return self._bus.why
+        waiting = self._handshake.open[0]
+        return (
+            f"the microcontroller is not recognised: could not yet {waiting.name}, {waiting.told}"
+        )
 
     @property
     def damaged(self) -> int:
@@ -145,6 +174,7 @@ class Microcontroller:
             return []
         if len(samples) == 1 and samples[0].stamp_ns > self._newest_ns:  # as a rule
             self._newest_ns = samples[0].stamp_ns
+            samples[0] = self._refined(samples[0])
             return samples
         samples.sort()
         return self._in_order(samples)
@@ -159,11 +189,8 @@ class Microcontroller:
 
         Raises OutOfBoundsError or, when the last port is gone, LinkError.
         """
-        self._command = command
-        if mode is self.flight_control_mode:
-            self._write(encode_command(command), in_turn=True)
-        else:
-            self._write(encode_set(command, Id.FLIGHT_CONTROL_MODE, mode), in_turn=True)
+        self._command, self._mode, self._is_new = command, mode, True
+        self._send_command()
 
     def set_motor_state(self, state: MotorState) -> None:
         """Ask for this motor state from the next `service` on, until it is echoed.
@@ -171,7 +198,7 @@ class Microcontroller:
         Motors are switched on only once `connected`; any other state is asked for at once.
         """
         if state is not MotorState.ON:
-            self._command = _STOPPED
+            self._command, self._is_new, self._made_s = _STOPPED, False, -math.inf
         self._motors.put(set_value(Id.MOTOR_STATE, state, persistent=state is not MotorState.ON))
 
     def set_value(self, id: Id, value: int) -> None:
@@ -187,8 +214,27 @@ class Microcontroller:
             request.hold = "it is not recognised yet" if starting and not self.connected else ""
         for frame in self._motors.service(now_s, self._command):
             self._write(frame)
+        # As samples tell it: none, and nobody knows.
+        rests = self._motor_state_read in (MotorState.INIT, MotorState.OFF)
+        if rests and self.connected and all(one.given_up for one in self._motors.open):
+            question = self._bus.question(now_s, self._command)
+            if question is not None:
+                self._write(question)
+        if self._is_new:
+            self._is_new = False
+            self._made_s = self._sent_s = now_s
+        elif now_s - self._made_s < KEEP_COMMAND_S and now_s - self._sent_s > REPEAT_COMMAND_S:
+            self._sent_s = now_s
+            self._send_command()
 
     # ------------------------------------------------------------------ parts
+    def _send_command(self) -> None:
+        if self._mode is self.flight_control_mode:
+            frame = encode_command(self._command)
+        else:
+            frame = encode_set(self._command, Id.FLIGHT_CONTROL_MODE, self._mode)
+        self._write(frame, in_turn=True)
+
     def _write(self, frame: bytes, in_turn: bool = False) -> None:
         """On the first port, or on all in turn. Raises LinkError when the last one is gone."""
         while True:
@@ -224,13 +270,16 @@ class Microcontroller:
         if elapsed_ns is None:
             self.refused += 1
             return None
+        if self._motor_state_read in (state, -1):
+            self._motor_state = state
+        self._motor_state_read = state
         return RawSample(
             clock.stamp_ns(elapsed_ns) if settled else elapsed_ns,
             (a_x, a_y, a_z),
             (g_x, g_y, g_z),
             battery * 0.1,
             float(pressure + PRESSURE_OFFSET),
-            _MOTOR_STATES[state],
+            _MOTOR_STATES[self._motor_state],
         )
 
     def _in_order(self, samples: list[RawSample]) -> list[RawSample]:
@@ -238,10 +287,16 @@ class Microcontroller:
         for sample in samples:
             if sample.stamp_ns > self._newest_ns:
                 self._newest_ns = sample.stamp_ns
-                kept.append(sample)
+                kept.append(self._refined(sample))
             else:
                 self.late += 1
         return kept
+
+    def _refined(self, sample: RawSample) -> RawSample:
+        stamp_ns = self._stamps.refine(sample.stamp_ns)
+        if stamp_ns == sample.stamp_ns:  # always, at a period of whole milliseconds
+            return sample
+        return msgspec.structs.replace(sample, stamp_ns=stamp_ns)
 
     def _take_reply(self, frame: Frame) -> None:
         reply = decode_reply(frame)
@@ -254,3 +309,6 @@ class Microcontroller:
             self.flight_control_mode = FlightControlMode(answer)
         self._handshake.settle(key, answer)
         self._motors.settle(key, answer)
+        line = self._bus.take(key, answer)
+        if line is not None:
+            self.failures.append(line)

@@ -16,10 +16,13 @@ from vehicle_link.serial.ids import TIME_PERIOD_MS
 from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
+SETTLING_NS = 400_000_000
+"""Between the first and the last of them: a busy machine may hold all bytes back for 0.3 s."""
 LATE_MS = 1_000
 """A step that looks like 59 s to 60 s forward is a sample that came late by up to 1 s."""
-JUMP_MS = 500
-"""A longer step forward is believed only when a second sample confirms it."""
+JUMP_MS = 50
+"""A longer step forward is believed only when a second sample confirms it: believed wrongly, every
+true sample would be late until that time."""
 SLACK_MS = 1_000
 """Such a step must not lead further ahead of the host's steady clock than ever before, but this."""
 RESTART_MS = 1_000
@@ -103,7 +106,7 @@ class MicrocontrollerClock:
         least_ns = self._host_ns() - newest_elapsed_ns
         self._least_ns = least_ns if self._least_ns is None else min(self._least_ns, least_ns)
         self._settling += samples
-        if self._settling >= SETTLING_SAMPLES:
+        if self._settling >= SETTLING_SAMPLES and newest_elapsed_ns >= SETTLING_NS:
             self._epoch_ns = self._least_ns - FRAME_NS
 
     def _host_ms(self) -> int | None:

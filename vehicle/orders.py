@@ -13,6 +13,7 @@ class Ordering(Protocol):
 
     motor_state_wanted: MotorState
     lost_ports: int
+    obstacle: str
 
     @property
     def flight_control_mode(self) -> FlightControlMode: ...
@@ -25,6 +26,9 @@ class Ordered(Protocol):
     """What is called of vehicle.microcontroller.Microcontroller."""
 
     lost_ports: int
+
+    @property
+    def obstacle(self) -> str: ...
 
     def command(self, command: Sequence[int], mode: FlightControlMode) -> None: ...
     def set_motor_state(self, state: MotorState) -> None: ...
@@ -57,3 +61,4 @@ class Orders:
             self._mcu.set_value(Id.EMERGENCY_TIMEOUT, timeout_ms)
         self._mcu.service(now_s)
         self._stack.lost_ports = self._mcu.lost_ports
+        self._stack.obstacle = self._mcu.obstacle

@@ -16,13 +16,13 @@ import numpy as np
 
 from quadrotor.errors import LinkError
 from vehicle.imu_calibration import ImuCalibration
-from vehicle.microcontroller import FIRMWARE_REVISION, ROBOT_ID
 from vehicle.realtime import RealTime, become_real_time
 from vehicle_link.serial.commands import decode_data, encode_request
 from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding
 from vehicle_link.serial.exchange import MIRROR_KEY, Exchange, decode_reply, mirror
 from vehicle_link.serial.frames import Frame, FrameDecoder
+from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.ids import MIRROR, Id
 from vehicle_link.serial.port import SerialPort
 from vehicle_link.serial.values import to_si
@@ -51,6 +51,7 @@ Say = Callable[[str], None]
 def check_connection(
     paths: Sequence[str],
     *,
+    identity: Identity = THE_ONE,
     patience_s: float = PATIENCE_S,
     say: Say = print,
     ask_for_real_time: Callable[[], RealTime] = become_real_time,
@@ -60,7 +61,11 @@ def check_connection(
     A port that stops meanwhile is one of the lines.
     """
     devices = await_devices(
-        paths, robot_id=ROBOT_ID, firmware=FIRMWARE_REVISION, patience_s=patience_s, say=say
+        paths,
+        robot_id=identity.robot_id,
+        firmware=identity.firmware,
+        patience_s=patience_s,
+        say=say,
     )
     for device in devices:
         good = device.finding is Finding.FOUND

@@ -21,17 +21,20 @@ from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.commands import CommandHandler
 from vehicle.gyro_calibration import GyroCalibration
+from vehicle.lateness import LoopCounts, LoopStatistics
 from vehicle.microcontroller import RawSample
 from vehicle.modes import ControlMode, Mode
 from vehicle.parameters import VehicleParameters
 from vehicle.stack_modes import StackModes
 from vehicle.status_writer import FLYING
 from vehicle.supervisor import Situation
+from vehicle_link.serial.ids import MotorState
 
 LONGEST_STEP = 0.05
 """s: after a longer gap between samples the filters are stepped by this much only."""
 NOMINAL_STEP = 0.002
 LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
+TURNING = (MotorState.ON, MotorState.EMERGENCY)
 
 
 class FlightStack(StackModes):
@@ -64,7 +67,7 @@ class FlightStack(StackModes):
             return None
         self.imu_calibrator.calibrate(sample, self.imu)
         if self.mode is Mode.STARTING:
-            self._calibrate_gyroscope()
+            self._calibrate_gyroscope(sample)
 
         airborne = self.ground.airborne
         self.navigation.step(self.imu, dt, self.state, self.estimate)
@@ -137,10 +140,13 @@ class FlightStack(StackModes):
             self.supervisor.heard(measurement.stamp_ns)
 
     def loop_statistics(
-        self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
+        self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None:
-        """What the loop measured of itself over the last second (Hz, s, s, s, share 0..1)."""
-        self._status_writer.loop(rate, p50, p99, longest, missed)
+        """What the loop measured of itself: over the last second, and since its start.
+
+        Args: `rate` in Hz, as it is meant to be.
+        """
+        self._status_writer.loop(statistics, counts, rate)
         self._status_writer.real_time = real_time
 
     def configure(self) -> None:
@@ -169,8 +175,13 @@ class FlightStack(StackModes):
         self._sequence[0] += 1
         return min(dt, LONGEST_STEP)
 
-    def _calibrate_gyroscope(self) -> None:
+    def _calibrate_gyroscope(self, sample: RawSample) -> None:
         p = self.parameters
+        if sample.motor_state in TURNING:  # started anew while the microcontroller lands
+            if not self._told_motors:
+                self.say("gyroscope not calibrated: motors run; waiting for them", mailbox.WARN)
+            self._told_motors, self._gyro = True, None
+            return
         if self._gyro is None:
             self.imu_calibrator.clear_gyroscope_bias()
             deviation = math.radians(p.safety.gyro_deviation_max)
@@ -241,9 +252,12 @@ class FlightStack(StackModes):
         return self._rounding.round(self._wanted_references)
 
     def _write_status(self, sample: RawSample, pose_age: float) -> None:
+        # An emergency is told once the microcontroller shows it: people wait for that.
+        if self.control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
+            self._told_control_mode = self.control_mode
         self._status_writer.write(
             mode=self.mode,
-            control_mode=self.control_mode,
+            control_mode=self._told_control_mode,
             behavior=self.behaviors.name,
             airborne=self.ground.airborne,
             supervisor_flags=self.supervisor.flags,

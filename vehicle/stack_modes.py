@@ -66,6 +66,8 @@ class StackModes(StackParts):
         reaction, why = verdict.reaction, verdict.reason
         if reaction is Reaction.CUT:
             self.move(Mode.CUT, why, mailbox.ERROR)
+        elif self.control_mode is ControlMode.EMERGENCY:
+            return  # the microcontroller lands alone: nothing else is obeyed
         elif reaction is Reaction.EMERGENCY:
             self.hand_over(why)
         elif reaction is Reaction.DESCEND:
@@ -131,7 +133,8 @@ class StackModes(StackParts):
             self.hand_over("the microcontroller took over: commands were missing, or the battery")
         elif started and state != MotorState.ON:
             name = MotorState(state).name.lower()
-            self.move(Mode.CUT, f"microcontroller reports motors {name}", mailbox.ERROR)
+            why = f": {self.obstacle}" if self.obstacle else ""
+            self.move(Mode.CUT, f"microcontroller reports motors {name}{why}", mailbox.ERROR)
 
     def _rest(self) -> None:
         stand(self.state, self.reference)

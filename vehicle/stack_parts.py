@@ -39,7 +39,8 @@ class StackParts:
     Attributes:
         record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
         outbox: what others are to be told, taken by the caller between ticks.
-        lost_ports: of the microcontroller, told by the caller.
+        lost_ports: of the microcontroller, told by the caller; so is
+        obstacle: why it would not start the motors, empty when it would.
     """
 
     def __init__(
@@ -63,8 +64,9 @@ class StackParts:
         self.estimate = self.record["estimate"]
         self.status = self.record["status"]
         self.mode = Mode.STARTING
-        self.control_mode = ControlMode.DIRECT
+        self.control_mode = self._told_control_mode = ControlMode.DIRECT
         self.lost_ports = 0
+        self.obstacle = ""
         self.near_hovering = NearHovering(parameters.near_hovering)
         self.ground = GroundContact()
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
@@ -79,6 +81,7 @@ class StackParts:
         )
         self.motor_state_wanted = MotorState.OFF
         self._gyro: GyroCalibration | None = None
+        self._told_motors = False  # that they run while the gyroscope is to be calibrated
         self._off = np.zeros(1, ACTUATORS)
         self._off["scaling"] = 1.0
         self._rounding = ReferenceRounding()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from quadrotor.records import Record
+from vehicle.lateness import LoopCounts, LoopStatistics
 from vehicle.modes import ControlMode, Flag, Mode
 
 FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
@@ -26,12 +27,18 @@ class StatusWriter:
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
 
-    def loop(self, rate: float, p50: float, p99: float, longest: float, missed: float) -> None:
-        """What the loop measured of itself over the last second (Hz, s, s, s, share 0..1)."""
+    def loop(self, statistics: LoopStatistics, counts: LoopCounts, rate: float) -> None:
+        """What the loop measured of itself; `rate` (Hz) as it is meant to be."""
         status = self._status
-        status["tick_rate"], status["missed_share"] = rate, missed
-        status["lateness_p50"], status["lateness_p99"] = p50, p99
-        status["lateness_max"] = longest
+        status["tick_rate"], status["nominal_rate"] = statistics.rate, rate
+        status["missed_share"] = statistics.missed_share
+        status["lateness_p50"] = statistics.lateness_p50
+        status["lateness_p99"] = statistics.lateness_p99
+        status["lateness_max"] = statistics.lateness_max
+        status["lateness_histogram"] = counts.lateness
+        status["overruns"] = counts.overruns
+        status["missed_frames"] = counts.missed_frames
+        status["damaged_frames"] = counts.damaged_frames
 
     def write(
         self,

@@ -81,48 +81,63 @@ class Supervisor:
         link_age = self._watch_link(stamp_ns)
         if not now.airborne:
             return None
-        # From the worst to the mildest: the first that is due is the one.
-        tilt = now.tilt / _DEGREE
+        # From the worst to the mildest: the first that is due and has not reacted yet is the one.
+        verdict = self._on_the_tilt(stamp_ns, now.tilt / _DEGREE)
+        if verdict is None and battery_due:
+            verdict = self._once("battery", p.battery_reaction, f"battery at {now.voltage:.1f} V")
+        if verdict is None and not now.by_microcontroller:
+            verdict = self._on_the_estimate(stamp_ns, now, link_age)
+        if verdict is None and (not now.by_microcontroller or now.pose_age <= p.pose_land_after):
+            verdict = self._on_the_place(stamp_ns, now)
+        if verdict is None and not now.by_microcontroller:
+            verdict = self._on_the_motors(stamp_ns, now.saturated)
+        if verdict is None and now.lost_ports:
+            verdict = self._once("port", p.port_reaction, "a serial port is gone")
+        if verdict is None and link_age > p.link_timeout:
+            verdict = self._link(stamp_ns, link_age)
+        return verdict
+
+    def _on_the_tilt(self, stamp_ns: int, tilt: float) -> Verdict | None:
+        """Args: `tilt` in degrees."""
+        p = self._parameters
         if tilt > p.tilt_cut:
             return self._once("cut", p.tilt_cut_reaction, f"turned over: tilt {tilt:.0f} deg")
         if self._lasts("tilt", tilt > p.tilt_max, stamp_ns, p.tilt_delay):
             return self._once("tilt", p.tilt_reaction, f"tilt {tilt:.0f} deg")
-        if battery_due:
-            verdict = self._once("battery", p.battery_reaction, f"battery at {now.voltage:.1f} V")
-            if verdict is not None:
-                return verdict
-        if not now.by_microcontroller:
-            verdict = self._on_the_estimate(stamp_ns, now, link_age)
-            if verdict is not None:
-                return verdict
-        if now.lost_ports:
-            verdict = self._once("port", p.port_reaction, "a serial port is gone")
-            if verdict is not None:
-                return verdict
-        if link_age > p.link_timeout:
-            return self._link(stamp_ns, link_age)
         return None
 
     def _on_the_estimate(self, stamp_ns: int, now: Situation, link_age: float) -> Verdict | None:
         """Causes that count only while the estimate is flown on."""
-        p = self._parameters
+        p, verdict = self._parameters, None
         # A NaN must count as lost: no comparison with one is true.
         lost = not now.innovation <= p.innovation_max
         if self._lasts("diverged", lost, stamp_ns, p.innovation_delay):
             far = f"poses {now.innovation:.2f} m from their prediction for {p.innovation_delay:g} s"
-            return self._once("diverged", p.innovation_reaction, f"the estimate diverged: {far}")
-        if now.pose_age > p.pose_land_after and link_age <= p.link_timeout:
+            why = f"the estimate diverged: {far}"
+            verdict = self._once("diverged", p.innovation_reaction, why)
+        late = now.pose_age > p.pose_land_after and link_age <= p.link_timeout
+        if verdict is None and late:
             why = f"no pose measurement for {now.pose_age:.1f} s"
-            return self._once("pose", p.pose_reaction, why)
+            verdict = self._once("pose", p.pose_reaction, why)
+        return verdict
+
+    def _on_the_place(self, stamp_ns: int, now: Situation) -> Verdict | None:
+        """Causes that count while the place is known, whoever holds the angles."""
+        p, verdict = self._parameters, None
         if self._lasts("volume", now.outside > p.volume_margin, stamp_ns, p.volume_delay):
             why = f"{now.outside:.1f} m outside the flight volume"
-            return self._once("volume", p.volume_reaction, why)
-        if self._lasts("speed", now.speed > p.speed_max, stamp_ns, p.speed_delay):
-            return self._once("speed", p.speed_reaction, f"{now.speed:.1f} m/s")
-        if self._lasts("motors", now.saturated, stamp_ns, p.saturation_delay):
-            why = f"motors saturated for {p.saturation_delay:g} s"
-            return self._once("motors", p.saturation_reaction, why)
-        return None
+            verdict = self._once("volume", p.volume_reaction, why)
+        fast = self._lasts("speed", now.speed > p.speed_max, stamp_ns, p.speed_delay)
+        if verdict is None and fast:
+            verdict = self._once("speed", p.speed_reaction, f"{now.speed:.1f} m/s")
+        return verdict
+
+    def _on_the_motors(self, stamp_ns: int, saturated: bool) -> Verdict | None:
+        p = self._parameters
+        if not self._lasts("motors", saturated, stamp_ns, p.saturation_delay):
+            return None
+        why = f"motors saturated for {p.saturation_delay:g} s"
+        return self._once("motors", p.saturation_reaction, why)
 
     def _watch_link(self, stamp_ns: int) -> float:
         age, timeout = self.link_age(stamp_ns), self._parameters.link_timeout

@@ -19,8 +19,9 @@ from console.beacon_layout import THEIRS
 from console.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from vehicle.comms import Comms
-from vehicle.flight import FlightLoop
+from vehicle.flight_loop import FlightLoop
 from vehicle.microcontroller import RawSample
+from vehicle.pacing import PortPacer
 from vehicle.parameters import new_parameters
 from vehicle.process_config import CommsConfig, create_rings, open_rings
 from vehicle.stack import FlightStack
@@ -98,7 +99,8 @@ class StillMicrocontroller:
 
     def __init__(self) -> None:
         self.failures: list[str] = []
-        self.lost_ports = 0
+        self.lost_ports = self.damaged = 0
+        self.obstacle = ""
         self.motor_state = MotorState.OFF
         self._newest_ns = time.time_ns()
 
@@ -126,7 +128,8 @@ class Vehicle:
         rings = open_rings(descriptors)
         self.stack = FlightStack(new_parameters())
         self.microcontroller = StillMicrocontroller()
-        self._loop = FlightLoop(self.stack, self.microcontroller, rings, real_time=False)
+        pacer = PortPacer(self.microcontroller, SAMPLE_NS)
+        self._loop = FlightLoop(self.stack, self.microcontroller, rings, pacer, real_time=False)
         self._session = vehicle_session(
             port, ensure_certificates(data / "certificates"), "127.0.0.1"
         )

@@ -182,11 +182,16 @@ def test_attitude_and_climb_are_estimated_in_every_mode(mode: FlightControlMode)
     assert shown == pytest.approx(true, abs=1.5)
 
 
-def test_drift_is_found_while_it_stands() -> None:
-    alone = Alone(gyroscope_bias_x=2.0, gyroscope_bias_y=-1.5, gyroscope_bias_z=1.0)
-    alone.rest(3.0)
+@pytest.mark.parametrize("size", [1.0, 8.0])
+def test_drift_is_found_while_it_stands(size: float) -> None:
+    x, y = 2.0 * size, -1.5 * size
+    alone = Alone(gyroscope_bias_x=x, gyroscope_bias_y=y, gyroscope_bias_z=size)
+    alone.rest(4.0)
     drift = alone.firmware.registers[[Id.GYROSCOPE_DRIFT_X, Id.GYROSCOPE_DRIFT_Y]] / 100.0
-    assert drift.tolist() == pytest.approx([2.0, -1.5], abs=0.1)
+    assert drift.tolist() == pytest.approx([x, y], abs=0.1)
+    alone.take_off(1.0)
+    assert alone.land() < 0.8
+    assert max(map(abs, alone.angles)) < math.radians(3.0)
 
 
 def test_a_motor_that_leaves_the_bus_stands_still_and_is_shown() -> None:

@@ -12,8 +12,10 @@ import pytest
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from vehicle import mailbox
+from vehicle.microcontroller import Microcontroller
 from vehicle.modes import ControlMode, Mode
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.stack import FlightStack
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
@@ -87,6 +89,11 @@ class Lab(SimulatedFlight):
         assert 0.0 < self.impact < 0.8
         assert np.all(self.robot.rotor_speeds < 25.0)
 
+    @property
+    def told(self) -> ControlMode:
+        """What the status says."""
+        return ControlMode(self.stack.status["control_mode"][0])
+
     def texts(self) -> str:
         return "\n".join(event.text for event in self.record.events)
 
@@ -97,8 +104,10 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     assert lab.emergency().accepted
     lab.advance()
     assert lab.stack.control_mode is ControlMode.EMERGENCY
+    assert lab.told is ControlMode.DIRECT, "the microcontroller has not answered yet"
     lab.wait(0.1)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
+    assert lab.told is ControlMode.EMERGENCY
     lab.landed()
     assert "emergency land by anna; the microcontroller lands alone" in lab.texts()
     assert "landed by the microcontroller" in lab.texts()
@@ -118,6 +127,17 @@ def test_what_emergency_land_does_is_a_parameter(chosen: str) -> None:
     lab.landed()
 
 
+@pytest.mark.parametrize(("chosen", "told"), [("emergency", "EMERGENCY"), ("land", "DIRECT")])
+def test_emergency_land_takes_a_milder_landing_over(chosen: str, told: str) -> None:
+    lab = Lab(**{"safety.emergency_land": chosen}).hovering()
+    lab.stack.land_now("a test")
+    lab.wait(0.1)
+    assert lab.emergency().accepted
+    lab.wait(0.1)
+    assert lab.told is ControlMode[told]
+    assert lab.stack.mode is Mode.EMERGENCY_LAND
+
+
 def test_a_frozen_computer_is_landed_and_finds_itself_on_the_ground() -> None:
     lab = Lab().hovering(2.0)
     lab.frozen = True
@@ -127,7 +147,8 @@ def test_a_frozen_computer_is_landed_and_finds_itself_on_the_ground() -> None:
     assert lab.height < 0.02
     assert 0.0 < lab.impact < 0.8
     lab.frozen = False
-    lab.wait(1.0)
+    for _ in range(500):
+        lab.advance()
     assert lab.stack.mode is Mode.READY
     assert "landed by the microcontroller" in lab.texts()
 
@@ -212,6 +233,18 @@ def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
     assert lab.height == pytest.approx(1.5, abs=0.4)
 
 
+def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> None:
+    lab = Lab(**{"safety.volume_margin": 0.1}).hovering(1.5)
+    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.start("near_hovering")
+    lab.change({"behavior.volume_x_max": 0.3})
+    lab.sticks = (1.0, 0.0, 0.0, 0.0)
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
+    assert "outside the flight volume" in lab.texts()
+    assert lab.stack.control_mode is ControlMode.DIRECT
+    lab.landed()
+
+
 def test_without_altitude_hold_the_stick_is_thrust() -> None:
     lab = Lab().hovering(1.5)
     lab.sticks = (0.0, 0.0, 0.0, 0.0)
@@ -241,3 +274,24 @@ def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
     assert "a serial port is gone" in lab.texts()
     lab.landed()
+
+
+def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> None:
+    lab = Lab().hovering(1.0)
+    for _ in range(200):  # the flight process is dead, and started again
+        lab.robot.step()
+    assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
+    again = FlightStack(FlightParameters().model_copy(deep=True))
+    mcu = Microcontroller(lab.robot.ports, epoch_ns=0)
+    ready_at = None
+    for _ in range(10 * 500):
+        lab.robot.step()
+        mcu.service(lab.robot.stamp_ns * 1e-9)
+        for sample in mcu.receive():
+            again.tick(sample)
+        if ready_at is None and again.mode is Mode.READY:
+            ready_at = lab.height
+            assert lab.robot.firmware.motor_state is MotorState.OFF
+    assert ready_at is not None
+    assert ready_at < 0.01
+    assert any("motors run" in event.text for event in again.outbox if hasattr(event, "text"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import Any
 
 import pytest
@@ -155,6 +156,17 @@ def test_while_the_microcontroller_holds_the_angles_the_estimate_may_be_wrong() 
     assert Flight().fly(3.0, by_microcontroller=True, **bad) == []
     reactions = Flight().fly(3.0, by_microcontroller=True, voltage=12.0, **bad)
     assert [v.reaction for _, v in reactions] == [Reaction.EMERGENCY]
+    reactions = Flight().fly(3.0, by_microcontroller=True, outside=0.6, speed=6.5)
+    assert [v.reaction for _, v in reactions] == [Reaction.LAND, Reaction.BRAKE], "a known place"
+
+
+def test_a_cause_that_has_reacted_or_is_to_be_ignored_hides_no_other() -> None:
+    flight = Flight(tilt_reaction="none")
+    worst = {"tilt": math.radians(75.0), "innovation": math.nan, "outside": 2.0, "saturated": True}
+    reactions = flight.fly(3.0, **worst, speed=9.0, voltage=12.0, lost_ports=1)
+    assert Counter(v.reaction for _, v in reactions) == {
+        Reaction.DESCEND: 1, Reaction.LAND: 3, Reaction.BRAKE: 1, Reaction.EMERGENCY: 1,
+    }  # fmt: skip
 
 
 def test_the_names_of_reactions_are_those_of_the_parameters() -> None:

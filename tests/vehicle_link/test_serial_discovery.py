@@ -211,7 +211,10 @@ def test_everything_else_is_one_clear_line(lab: ExitStack, tmp_path: Path) -> No
     (tmp_path / "file").write_text("")
     cases = {
         start(lab, Robot(1, robot_id=7)): (Finding.OTHER_ROBOT, "robot 7, firmware 1; looked for"),
-        start(lab, Robot(1, revision=3)): (Finding.OTHER_FIRMWARE, "speaks with firmware 1"),
+        start(lab, Robot(1, revision=3)): (
+            Finding.OTHER_FIRMWARE,
+            "looked for is firmware 1: install",
+        ),
         start(lab, Mute(1)): (Finding.SILENT, "silent for 1.0 s; is the microcontroller switched"),
         start(lab, Slow(1)): (Finding.GARBAGE, "its baud rate is not 115200"),
         start(lab, Deaf(1)): (Finding.DEAF, "sends frames but did not answer"),
@@ -298,7 +301,10 @@ def test_when_none_fits_every_device_is_told(
     said: list[str] = []
     with pytest.raises(LinkError, match="no microcontroller of robot 1 with firmware 1"):
         find_ports(robot.paths, robot_id=1, firmware=1, patience_s=0.0, say=said.append)
-    assert said == [f"{path}: robot 7, firmware 1; looked for is robot 1" for path in robot.paths]
+    assert [line.split(";")[0] for line in said] == [
+        f"{path}: robot 7, firmware 1" for path in robot.paths
+    ]
+    assert all("or fly this one with --robot-id 7" in line for line in said)
 
 
 # ---------------------------------------------------------------- clocks

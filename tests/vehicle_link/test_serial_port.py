@@ -128,12 +128,16 @@ def test_a_device_of_others_names_the_group_to_join(
     def refuse(*arguments: object) -> int:
         raise PermissionError(13, "Permission denied")
 
-    group = grp.getgrgid(os.stat(terminal.path).st_gid).gr_name
+    os.chmod(terminal.path, 0o660)
     with monkeypatch.context() as patch:  # root, who may run the tests, is never refused
         patch.setattr(os, "open", refuse)
-        with pytest.raises(PortError, match=f"usermod -aG {group} ") as caught:
+        patch.setattr(grp, "getgrgid", lambda _: type("Group", (), {"gr_name": "dialout"}))
+        with pytest.raises(PortError, match="usermod -aG dialout ") as caught:
             SerialPort(terminal.path)
-    assert caught.value.problem is PortProblem.FORBIDDEN
+        assert caught.value.problem is PortProblem.FORBIDDEN
+        os.chmod(terminal.path, 0o600)  # no group may open it
+        with pytest.raises(PortError, match=f"`sudo chmod a\\+rw {terminal.path}`"):
+            SerialPort(terminal.path)
 
 
 def test_a_device_that_floods_does_not_keep_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,8 +17,9 @@ class SimulatorParameters(VehicleModel):
         description="of all random numbers; the same seed gives the same bytes",
     )  # fmt: skip
     imu_rate: int = parameter(
-        500, unit="Hz", ge=50, le=650, step=10, read_only=True,
-        description="IMU samples a second, over both ports; stamps are whole milliseconds",
+        500, unit="Hz", ge=60, le=1000, step=10, read_only=True,
+        description="IMU samples a second, over both ports, until the vehicle asks for its own "
+        "rate; `quadlab fly` asks for this one",
     )  # fmt: skip
     thrust_efficiency: float = parameter(
         1.0, ge=0.5, le=1.2, step=0.001,
@@ -143,3 +144,18 @@ class SimulatorParameters(VehicleModel):
     battery_resistance: float = parameter(
         0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="inner resistance and cables"
     )
+    unplugged_port: str = parameter(
+        "none", choices=("none", "first", "second", "both"),
+        description="serial port whose adapter is pulled out; plugged in again it is a new device, "
+        "which the vehicle opens at its next start",
+    )  # fmt: skip
+    corrupted_bytes: float = parameter(
+        0.0, ge=0.0, le=0.5, step=0.005,
+        description="share of the bytes on the serial wires that arrive as others, both ways",
+    )  # fmt: skip
+
+    @property
+    def unplugged(self) -> tuple[bool, bool]:
+        """Whether the first and the second serial port's adapter is pulled out."""
+        which = self.unplugged_port
+        return which in ("first", "both"), which in ("second", "both")

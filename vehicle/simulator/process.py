@@ -103,14 +103,13 @@ def _loop(
     stop: threading.Event,
 ) -> RunStatistics:
     statistics = RunStatistics()
-    rate = simulated.parameters.imu_rate
     truth_due_ns = 0
     epoch_ns, start_ns = time.time_ns(), time.monotonic_ns()
     while not stop.is_set():
         due_ns = start_ns + simulated.next_period_ns
         wait_ns = due_ns - time.monotonic_ns()
         if wait_ns < -GIVE_UP_NS:
-            lost = -wait_ns * rate // SECOND_NS
+            lost = -wait_ns // simulated.sample_period_ns
             simulated.skip(lost)
             statistics.lost_samples += lost
             _say(f"this machine stopped for {-wait_ns * 1e-9:.1f} s; {lost} samples are lost")

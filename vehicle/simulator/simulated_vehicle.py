@@ -15,14 +15,15 @@ from vehicle.simulator.firmware.program import period
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, blow, configure_plant, new_plant
 from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
-from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
+from vehicle.simulator.wires import Line, configure_wires, new_wires
+from vehicle_link.serial.ids import Id
+from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 PORTS = 2
+_MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
-
-SECOND_NS = 1_000_000_000
-PERIOD_MAX_S = 0.001
-"""s; the microcontroller estimates and controls at least this often, whatever it sends."""
+PERIOD_MAX_US = 1000
+"""The microcontroller estimates and controls at least this often, whatever it sends."""
 
 
 @compiled
@@ -64,7 +65,7 @@ class SimulatedVehicle:
     """
 
     def __init__(
-        self, parameters: SimulatorParameters, ports: Sequence[Port] | None = None
+        self, parameters: SimulatorParameters, ports: Sequence[Line] | None = None
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
@@ -74,15 +75,14 @@ class SimulatedVehicle:
         self.parameters = parameters
         self.firmware = Firmware(len(ports))
         self.stamp_ns = 0
-        self._lines = tuple(enumerate(ports))
-        self._outlets = tuple(ports)
+        self._wires = new_wires(ports, parameters)
         self._plant = new_plant(parameters)
         self._sensors = new_sensors(parameters)
         self._noise = Noise(parameters.seed)
-        self._count = 0  # periods begun
-        self._periods = math.ceil(1.0 / (PERIOD_MAX_S * parameters.imu_rate) - 1e-9)
-        self._rate = parameters.imu_rate * self._periods
-        self._period = 1.0 / self._rate
+        self._begun_ns = 0  # time of period 0
+        self._count = 0  # periods begun, period 0 included
+        self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
+        self._pace()
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
 
@@ -110,20 +110,33 @@ class SimulatedVehicle:
         self._obey()
         self._advance(1)
 
+    def _pace(self) -> None:
+        """Take over how often samples are wanted; the periods are counted anew from now."""
+        if self._count:
+            self._begun_ns, self._count = self._time_ns(self._count - 1), 1
+        self._sample_us = int(self.firmware.registers[_MIRROR_PERIOD])
+        self._periods = math.ceil(self._sample_us / PERIOD_MAX_US)
+        self._period = self._sample_us / (1e6 * self._periods)
+
+    def _time_ns(self, count: int) -> int:
+        return self._begun_ns + count * self._sample_us * 1000 // self._periods
+
     def _obey(self) -> None:
         firmware = self.firmware
-        for index, port in self._lines:
-            data = port.read()
+        for index, wire in enumerate(self._wires):
+            data = wire.read()
             if data:
                 replies = firmware.receive(index, data)
                 if replies:
-                    port.write(replies)
+                    wire.write(replies)
+        if firmware.registers[_MIRROR_PERIOD] != self._sample_us:
+            self._pace()
 
     def _advance(self, periods: int) -> None:
         """Move by so many periods, the last of which may send a sample."""
         firmware, noise, first = self.firmware, self._noise, not self._count
         last = self._count + periods - 1
-        self.stamp_ns = stamp_ns = last * SECOND_NS // self._rate
+        self.stamp_ns = stamp_ns = self._time_ns(last)
         firmware.advance(stamp_ns // 1_000_000)
         arguments = (
             self._plant, self._sensors, noise.block, noise.next_rows(periods), firmware.program,
@@ -137,17 +150,22 @@ class SimulatedVehicle:
         self._count = last + 1
         if last % self._periods == 0:
             port_index, frame = firmware.next_data()
-            self._outlets[port_index].write(frame)
+            self._wires[port_index].write(frame)
 
     @property
     def next_period_ns(self) -> int:
         """Time of the microcontroller's next period."""
-        return self._count * SECOND_NS // self._rate
+        return self._time_ns(self._count)
 
     @property
     def period(self) -> float:
         """s, of the microcontroller."""
         return self._period
+
+    @property
+    def sample_period_ns(self) -> int:
+        """Between two samples; the flight stack sets it."""
+        return 1000 * self._sample_us
 
     def skip(self, samples: int) -> None:
         """Let the clock run on by this many samples that are never sent, without motion."""
@@ -171,6 +189,7 @@ class SimulatedVehicle:
         configure_plant(self._plant, parameters)
         self._sensors = new_sensors(parameters)
         self._miss(parameters.missing_motor)
+        configure_wires(self._wires, parameters)
 
     def _miss(self, motor: int) -> None:
         self.firmware.program["missing"] = 1 << motor - 1 if motor else 0

@@ -7,6 +7,7 @@ are kept for sending.
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import sys
 import threading
@@ -19,6 +20,8 @@ from quadrotor.records import Record
 from vehicle.simulator.live_parameters import LiveParameters
 
 KEPT = 8
+PRIORITY = 10
+"""SCHED_FIFO, below the plant's."""
 RETRY_S = 1.0
 
 Put = Callable[[bytes, int], None]
@@ -60,16 +63,19 @@ class TruthPublisher:
         self._thread.join(2.0)
 
     def _run(self) -> None:
+        _hurry(True)
         # Imported here: the station's message types take a while, the plant need not wait.
         from vehicle_link.topics.ticks import encode_odometries
 
         while not self._stop.is_set():
+            _hurry(False)  # the network's threads are made now and are to be ordinary ones
             try:
                 put, close = self._connect()
             except LinkError as error:
                 self._complain(error)
                 self._stop.wait(RETRY_S)
                 continue
+            _hurry(True)
             with contextlib.suppress(queue.Empty):  # what waited for the session is old
                 while True:
                     self._states.get_nowait()
@@ -87,6 +93,17 @@ class TruthPublisher:
         if not self._complained:
             self._complained = True
             print(f"simulator: truth is not published yet: {error}", file=sys.stderr, flush=True)
+
+
+def _hurry(on: bool) -> None:
+    """Give this thread a real-time priority, or take it, as far as it is allowed.
+
+    It shares the interpreter's lock with the plant: put off by others while it holds the lock, it
+    would stop the plant, whatever priority that has.
+    """
+    policy, priority = (os.SCHED_FIFO, PRIORITY) if on else (os.SCHED_OTHER, 0)
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
 def connect_to_station(

@@ -65,6 +65,12 @@ class Uart:
         self._sending += data[:room]
         self.overruns += max(0, len(data) - room)
 
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.plug_in()
+
     def fileno(self) -> int:
         return self.terminal.fileno()
 

@@ -261,10 +261,14 @@ class _Probe:
         found_id, found_firmware = (self._answers[id] for id in _IDENTITY)
         text = f"robot {found_id}, firmware {found_firmware}"
         if found_id != robot_id:
-            return Finding.OTHER_ROBOT, f"{text}; looked for is robot {robot_id}"
+            return Finding.OTHER_ROBOT, (
+                f"{text}; looked for is robot {robot_id}: give its ports, "
+                f"or fly this one with --robot-id {found_id}"
+            )
         if found_firmware != firmware:
             return Finding.OTHER_FIRMWARE, (
-                f"{text}; this flight stack speaks with firmware {firmware}: install that one"
+                f"{text}; looked for is firmware {firmware}: install that one, "
+                f"or fly with --firmware {found_firmware} if you know that it speaks the same"
             )
         return Finding.FOUND, text
 

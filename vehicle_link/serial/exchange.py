@@ -28,6 +28,12 @@ SLOW_REPEAT_S = 1.0
 MIRROR_KEY = -(2**15) - 1
 """Key of the list of mirrored ids: no id, for it does not fit the 16 bits of one."""
 
+CHECK = ". Check the cables, the ports and its firmware"
+OTHER_ROBOT = ". Another robot? Give its ports, or fly this one with --robot-id"
+OTHER_FIRMWARE = (
+    ". Install that revision, or fly with --firmware if you know that it speaks the same"
+)
+
 Answer = int | tuple[int, ...]
 
 
@@ -41,10 +47,17 @@ class Request:
     name: str
     persistent: bool = True  # asked on slowly after all tries were in vain, else given up
     hold: str = ""  # why it must not be sent now; counts as a try
+    advice: str = CHECK  # what to try when the answer is another one
     tries: int = 0
     due_s: float = -math.inf
     answer: str = "nothing"
     given_up: bool = False
+
+    @property
+    def told(self) -> str:
+        """The last answer, and what to try, as the end of a sentence."""
+        advice = CHECK if self.answer.startswith("nothing") else self.advice
+        return f"it answered {self.answer}{advice}"
 
 
 @dataclass(slots=True)
@@ -69,11 +82,19 @@ class Exchange:
         `now_s` is any clock that does not go back.
         """
         frames = []
+        in_vain: list[Request] = []
         for request in self.open:
             if now_s >= request.due_s and not request.given_up:
+                if request.tries == TRIES:
+                    request.given_up = not request.persistent
+                    request.tries += 1
+                    in_vain.append(request)
+                    continue
                 frame = self._next(request, now_s, command)
                 if frame is not None:
                     frames.append(frame)
+        if in_vain:
+            self._report(in_vain)
         return frames
 
     def settle(self, key: int, value: Answer) -> Request | None:
@@ -86,17 +107,19 @@ class Exchange:
                     return request
         return None
 
-    def _next(self, request: Request, now_s: float, command: Sequence[int]) -> bytes | None:
-        """The frame to send now; after the last try first a line in `failures`."""
-        if request.tries == TRIES:
-            request.given_up = not request.persistent
-            request.tries += 1
+    def _report(self, in_vain: Sequence[Request]) -> None:
+        """A line for each request whose last try was in vain; one for all that heard nothing."""
+        unheard = [request for request in in_vain if request.answer == "nothing"]
+        heard = [[request] for request in in_vain if request.answer != "nothing"]
+        for group in ([unheard] if unheard else []) + heard:
+            names = ", ".join(request.name for request in group)
             self.failures.append(
-                f"microcontroller: could not {request.name} in {TRIES} tries, "
-                f"{TRIES * REPEAT_S:.1f} s; it answered {request.answer}. "
-                "Check the cables, the ports and its firmware"
+                f"microcontroller: could not {names} in {TRIES} tries, "
+                f"{TRIES * REPEAT_S:.1f} s; {group[0].told}"
             )
-            return None
+
+    def _next(self, request: Request, now_s: float, command: Sequence[int]) -> bytes | None:
+        """The frame to send now, none when it is held back."""
         request.tries += request.tries < TRIES
         request.due_s = now_s + (REPEAT_S if request.tries <= TRIES else SLOW_REPEAT_S)
         if request.hold:
@@ -128,7 +151,13 @@ def ask(id: Id) -> Request:
 def confirm(id: Id, expected: int) -> Request:
     """Ask for the value of an id until it is the expected one."""
     name = f"confirm that {id.name.lower()} is {expected}"
-    return Request(id, expected, lambda command: encode_request(command, id), name)
+    request = Request(id, expected, lambda command: encode_request(command, id), name)
+    if id in _ADVICE:
+        request.advice = _ADVICE[id]
+    return request
+
+
+_ADVICE = {Id.ROBOT_ID: OTHER_ROBOT, Id.FIRMWARE_REVISION: OTHER_FIRMWARE}
 
 
 def mirror(ids: Iterable[int]) -> Request:

@@ -15,6 +15,9 @@ import serial
 from quadrotor.errors import LinkError
 
 BAUD_RATE = 115_200
+NO_DEVICE = "not a serial device; `quadlab vehicle --find` looks for those there are"
+READ_AND_WRITE = 0o060
+"""Of a file's group."""
 _CHUNK = 4096  # one kernel buffer of a terminal
 _CHUNKS = 16  # read at once, at most: a device that floods must not keep the reader
 
@@ -133,14 +136,20 @@ class MemoryPort:
         self.dropped = 0
         self._arrived = b""
         self._peer = self
+        self._plugged: MemoryPort | None = None  # the other end while it is pulled out
+        self._gone = False
 
     def read(self) -> bytes:
         data = self._arrived
         if data:
             self._arrived = b""
+        elif self._gone:
+            raise self._error()
         return data
 
     def write(self, data: bytes) -> None:
+        if self._gone:
+            raise self._error()
         peer = self._peer
         waiting = peer._arrived
         if not waiting:
@@ -155,6 +164,22 @@ class MemoryPort:
 
     def close(self) -> None:
         self._arrived = b""
+
+    def unplug(self) -> None:
+        """Pull the other end's adapter out: there the line is gone, here it falls silent."""
+        if self._plugged is None:
+            self._plugged, self._peer = self._peer, MemoryPort()
+            self._plugged._gone = True
+            self._plugged._arrived = self._arrived = b""
+
+    def plug_in(self) -> None:
+        """Put it back."""
+        if self._plugged is not None:
+            self._peer, self._plugged = self._plugged, None
+            self._peer._gone = False
+
+    def _error(self) -> PortError:
+        return PortError(PortProblem.GONE, "in memory", "pulled out; fly again to plug it in")
 
 
 def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:
@@ -187,10 +212,9 @@ def _refused(path: str, error: Exception) -> PortError:
     elif problem is PortProblem.BUSY:
         why = "busy: another program has it open; end that one, another `quadlab vehicle` for one"
     elif problem is PortProblem.FORBIDDEN:
-        group = _group(path)
-        why = f"permission denied; join its group: `sudo usermod -aG {group} $USER`, sign in again"
+        why = f"permission denied; {_permission(path)}"
     elif problem is PortProblem.NOT_SERIAL:
-        why = "not a serial device; `quadlab vehicle --find` looks for those there are"
+        why = NO_DEVICE
     else:
         why = f"{said}; is it plugged in and working?"
     return PortError(problem, path, why)
@@ -208,8 +232,15 @@ def _number(error: BaseException | None) -> int | None:
     return None
 
 
-def _group(path: str) -> str:
+def _permission(path: str) -> str:
+    """What gives the right to open it."""
+    group, opens = "dialout", True
     try:
-        return grp.getgrgid(os.stat(path).st_gid).gr_name
+        about = os.stat(path)
+        opens = about.st_mode & READ_AND_WRITE == READ_AND_WRITE
+        group = grp.getgrgid(about.st_gid).gr_name
     except (OSError, KeyError):
-        return "dialout"
+        pass
+    if opens and group != "root":
+        return f"join its group: `sudo usermod -aG {group} $USER`, sign in again"
+    return f"until it is plugged in again: `sudo chmod a+rw {path}`"

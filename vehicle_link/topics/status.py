@@ -20,7 +20,8 @@ DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
 
 _STATUS_FIELDS = (
     "armed", "airborne", "parameter_revision", "tick_rate", "lateness_p50", "lateness_p99",
-    "lateness_max", "missed_share",
+    "lateness_max", "missed_share", "lateness_histogram", "overruns", "missed_frames",
+    "damaged_frames", "nominal_rate",
 )  # fmt: skip
 
 
@@ -55,15 +56,8 @@ def encode_status(
             mode=mode,
             behavior=behavior,
             control_mode=control_mode,
-            armed=status["armed"],
-            airborne=status["airborne"],
             flags=flags,
-            parameter_revision=status["parameter_revision"],
-            tick_rate=status["tick_rate"],
-            lateness_p50=status["lateness_p50"],
-            lateness_p99=status["lateness_p99"],
-            lateness_max=status["lateness_max"],
-            missed_share=status["missed_share"],
+            **{field: status[field] for field in _STATUS_FIELDS},
         )
     )
 

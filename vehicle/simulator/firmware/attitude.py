@@ -40,8 +40,9 @@ DRIFT_GAIN = 0.005
 """rad/s^2 a rad: how fast the drift follows in flight."""
 FORCE_MARGIN = 0.3
 """Share of g by which a specific force may differ from it and still be a direction."""
-STILL = math.radians(3.0)
-"""rad/s: at rest, a slower turn is drift."""
+STILL = math.radians(40.0)
+"""rad/s: with motors off a slower turn is drift, of which a cold gyroscope has much. What is learnt
+while the vehicle is carried about is forgotten in seconds, once it stands."""
 DRIFT_TIME = 0.5
 """s over which the drift is averaged at rest."""
 
