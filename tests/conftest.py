@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ REAL_TIME = (
 """Whole laboratories and vehicles that fly in real time: one after the other, when the rest is
 nearly done, for they need both cores."""
 BROWSER = "web/browser/"
+CHROMIUMS = ("chromium-headless-shell", "chromium")
+"""Debian's; the shell draws the same with half the work, for it has no window to make."""
 HERE = Path(__file__).parent
 
 
@@ -32,6 +35,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             # A machine that stands still for 0.25 s makes the simulated microcontroller stop its
             # motors (docs/safety.md): that flight is flown once more, and told as a rerun.
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.fixture(scope="session")
+def chromium_path() -> str:
+    """The browser of the tests of the page; skips where there is none."""
+    found = next(filter(None, map(shutil.which, CHROMIUMS)), None)
+    if found is None:
+        pytest.skip(f"neither {' nor '.join(CHROMIUMS)} is installed; they are Debian packages")
+    return found
 
 
 def _path(item: pytest.Item) -> str:

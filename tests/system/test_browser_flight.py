@@ -16,7 +16,6 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 pytestmark = pytest.mark.timeout(300)
-CHROMIUM = Path("/usr/bin/chromium")
 FLAGS = [
     "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist", "--disable-background-networking", "--disable-component-update",
@@ -32,14 +31,12 @@ RATES = {
 
 
 @pytest.fixture
-def page(tmp_path: Path) -> Any:
+def page(tmp_path: Path, chromium_path: str) -> Any:
     """A page of Chromium, whose software rendering gets only what the laboratory leaves."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
     # As root, Chromium raises its own priority; idle scheduling is what it cannot leave.
     polite = tmp_path / "chromium"
-    polite.write_text(f'#!/bin/sh\nexec chrt --idle 0 {CHROMIUM} "$@"\n')
+    polite.write_text(f'#!/bin/sh\nexec chrt --idle 0 {chromium_path} "$@"\n')
     polite.chmod(polite.stat().st_mode | stat.S_IXUSR)
     with api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=str(polite), args=FLAGS)

@@ -37,6 +37,13 @@ def test_what_is_no_port_is_a_usage_error(port: int) -> None:
         listen("127.0.0.1", port)
 
 
+def test_a_connection_sends_at_once_what_it_has() -> None:
+    with listen("127.0.0.1", 0) as listener, socket.create_connection(listener.getsockname()):
+        accepted, _ = listener.accept()
+        with accepted:
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+
+
 def test_the_link_is_printed_as_jupyter_does(capsys: pytest.CaptureFixture[str]) -> None:
     print_link("http://127.0.0.1:8080/?token=abc")
     print_link("http://127.0.0.1:8080/?token=def", "operator 1")

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-CHROMIUM = Path("/usr/bin/chromium")
 PLAIN = [
     "--no-sandbox", "--disable-gpu", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--no-first-run",
@@ -52,14 +51,12 @@ class Look:
 
 
 @pytest.fixture(scope="module")  # its event loop must not outlive the module: others run theirs
-def chromium(request: pytest.FixtureRequest) -> Iterator[Any]:
+def chromium(request: pytest.FixtureRequest, chromium_path: str) -> Iterator[Any]:
     """A module that sets `NEEDS_WEBGL` gets a browser with it."""
     api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if not CHROMIUM.exists():
-        pytest.skip(f"no {CHROMIUM}; install Debian's chromium")
     flags = WITH_WEBGL if getattr(request.module, "NEEDS_WEBGL", False) else PLAIN
     with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=str(CHROMIUM), args=flags)
+        browser = playwright.chromium.launch(executable_path=chromium_path, args=flags)
         yield browser
         browser.close()
 
