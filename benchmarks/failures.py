@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import signal
 import statistics
 import sys
 from collections.abc import Callable, Sequence
@@ -142,6 +143,7 @@ def main() -> int:
     unknown = [name for name in only if name not in REAL_FAILURES]
     if unknown:
         parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(REAL_FAILURES)}")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # no process of a flight stays
     outcomes = fly(options.seeds, options.real, only)
     found = report(outcomes)
     print(found.as_markdown())

@@ -20,9 +20,9 @@ from collections.abc import Sequence
 
 import msgspec
 
-from quadrotor.errors import LinkError
 from vehicle.fine_stamps import FineStamps
 from vehicle.microcontroller_clock import MicrocontrollerClock
+from vehicle.microcontroller_ports import MicrocontrollerPorts
 from vehicle.motor_bus import MotorBus
 from vehicle_link.serial.capacity import DEFAULT_RATE, sample_period_us
 from vehicle_link.serial.commands import decode_data, encode_command, encode_set
@@ -34,7 +34,7 @@ from vehicle_link.serial.exchange import (
     mirror,
     set_value,
 )
-from vehicle_link.serial.frames import Frame, FrameDecoder
+from vehicle_link.serial.frames import Frame
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.ids import MIRROR, PRESSURE_OFFSET, FlightControlMode, Id, MotorState
 from vehicle_link.serial.port import Port
@@ -73,7 +73,6 @@ class Microcontroller:
         failures: lines about sets and requests given up and ports that are gone, for the caller
             to report and clear.
         flight_control_mode: what the microcontroller has confirmed last.
-        lost_ports: how many are gone.
         refused: D frames with impossible values; late: samples dropped as older than the newest.
     """
 
@@ -85,17 +84,11 @@ class Microcontroller:
         rate: int = DEFAULT_RATE,
         identity: Identity = THE_ONE,
     ) -> None:
-        if not 1 <= len(ports) <= 2:
-            raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
         self.failures: list[str] = []
         self.refused = 0
         self.late = 0
         self.flight_control_mode = FlightControlMode.NEAR_HOVERING  # as at power-up
-        self.lost_ports = 0
-        self._ports = list(ports)
-        self._decoders = [(port, FrameDecoder()) for port in ports]
-        self._damaged_before = 0  # on ports that are gone
-        self._turn = 0
+        self._ports = MicrocontrollerPorts(ports, self.failures)
         self._clock = MicrocontrollerClock(epoch_ns)
         self._newest_ns = -1
         period_us = sample_period_us(rate)
@@ -119,7 +112,7 @@ class Microcontroller:
         self._motors = Exchange([], self.failures)
         self._bus = MotorBus()
         for request in self._handshake.open:
-            self._write(request.build(_STOPPED))
+            self._ports.write(request.build(_STOPPED))
 
     @property
     def connected(self) -> bool:
@@ -139,11 +132,16 @@ class Microcontroller:
     @property
     def damaged(self) -> int:
         """Pieces of bytes, on all ports, that were not frames."""
-        return self._damaged_before + sum(decoder.damaged for _, decoder in self._decoders)
+        return self._ports.damaged
+
+    @property
+    def lost_ports(self) -> int:
+        """How many are gone."""
+        return self._ports.lost
 
     def filenos(self) -> tuple[int, ...]:
         """For poll(). Raises LinkError for ports in memory."""
-        return tuple(port.fileno() for port in self._ports)
+        return self._ports.filenos()
 
     def receive(self) -> list[RawSample]:
         """The samples that arrived, oldest first, each newer than all before.
@@ -152,21 +150,14 @@ class Microcontroller:
         """
         samples: list[RawSample] = []
         settled = self._clock.settled
-        for port, decoder in tuple(self._decoders):
-            try:
-                data = port.read()
-            except LinkError as error:
-                self._lose(port, error)
-                continue
-            if data:
-                for frame in decoder.feed(data):
-                    values = decode_data(frame)
-                    if values is None:
-                        self._take_reply(frame)
-                    elif self._mirrored:
-                        sample = self._sample(values, settled)
-                        if sample is not None:
-                            samples.append(sample)
+        for frame in self._ports.read():
+            values = decode_data(frame)
+            if values is None:
+                self._take_reply(frame)
+            elif self._mirrored:
+                sample = self._sample(values, settled)
+                if sample is not None:
+                    samples.append(sample)
         if not settled:
             if samples:
                 newest_ns = max(sample.stamp_ns for sample in samples)
@@ -208,18 +199,18 @@ class Microcontroller:
     def service(self, now_s: float) -> None:
         """Send and repeat what is due; `now_s` is any clock that does not go back."""
         for frame in self._handshake.service(now_s, self._command):
-            self._write(frame)
+            self._ports.write(frame)
         for request in self._motors.open:
             starting = request.key == Id.MOTOR_STATE and request.expected == MotorState.ON
             request.hold = "it is not recognised yet" if starting and not self.connected else ""
         for frame in self._motors.service(now_s, self._command):
-            self._write(frame)
+            self._ports.write(frame)
         # As samples tell it: none, and nobody knows.
         rests = self._motor_state_read in (MotorState.INIT, MotorState.OFF)
         if rests and self.connected and all(one.given_up for one in self._motors.open):
             question = self._bus.question(now_s, self._command)
             if question is not None:
-                self._write(question)
+                self._ports.write(question)
         if self._is_new:
             self._is_new = False
             self._made_s = self._sent_s = now_s
@@ -233,31 +224,7 @@ class Microcontroller:
             frame = encode_command(self._command)
         else:
             frame = encode_set(self._command, Id.FLIGHT_CONTROL_MODE, self._mode)
-        self._write(frame, in_turn=True)
-
-    def _write(self, frame: bytes, in_turn: bool = False) -> None:
-        """On the first port, or on all in turn. Raises LinkError when the last one is gone."""
-        while True:
-            port = self._ports[self._turn % len(self._ports) if in_turn else 0]
-            try:
-                port.write(frame)
-            except LinkError as error:
-                self._lose(port, error)
-                continue
-            self._turn += in_turn
-            return
-
-    def _lose(self, port: Port, error: LinkError) -> None:
-        """Leave a port out that is gone; raises its error when it was the last one."""
-        if len(self._ports) == 1:
-            raise error
-        self.lost_ports += 1
-        self._ports.remove(port)
-        self._damaged_before += next(d.damaged for p, d in self._decoders if p is port)
-        self._decoders = [
-            (other, decoder) for other, decoder in self._decoders if other is not port
-        ]
-        self.failures.append(f"{error}; flying on with the other port, at half the rate")
+        self._ports.write(frame, in_turn=True)
 
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
         """A sample of the values of MIRROR; stamped by elapsed time until the clock is settled."""

@@ -270,7 +270,7 @@ def test_without_a_pose_only_what_needs_none_may_follow_near_hovering() -> None:
 
 def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
     lab = Lab().hovering()
-    lab._mcu.lost_ports = 1
+    lab._mcu._ports.lost = 1
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
     assert "a serial port is gone" in lab.texts()
     lab.landed()
