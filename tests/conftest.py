@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
+import fcntl
 import shutil
+import tempfile
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
 REAL_TIME = ("system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py")
-"""Whole laboratories and vehicles that fly in real time: one after the other, before the rest."""
+"""Whole laboratories and vehicles that fly in real time: the last, and nothing runs beside them."""
 BROWSER = "web/browser/"
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
-NICENESS = Path("/proc/self/autogroup")
 HERE = Path(__file__).parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A file stays in one process, with what it made once; what flies is one group, the first.
-
-    What runs beside it meanwhile gives way; the browsers, which do not, come last.
-    """
+    """A file stays in one process, with what it made once; what flies is one group, the last."""
 
     def turn(item: pytest.Item) -> int:
         path = _path(item)
-        return 0 if path.startswith(REAL_TIME) else 2 if path.startswith(BROWSER) else 1
+        return 2 if path.startswith(REAL_TIME) else 0 if path.startswith(BROWSER) else 1
 
     items.sort(key=turn)
     for item in items:
@@ -39,19 +36,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
-def pytest_configure() -> None:
-    """Each of several processes is a session of its own, which the kernel schedules as a group."""
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        with contextlib.suppress(PermissionError):  # it is one already
-            os.setsid()
-
-
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """What does not fly gives way to what does, in whichever process that is."""
-    if "PYTEST_XDIST_WORKER" in os.environ and NICENESS.exists():
-        wanted = "0" if _path(item).startswith(REAL_TIME) else "19"
-        with contextlib.suppress(OSError):  # only root may take it back, and may be refused, too
-            NICENESS.write_text(wanted)
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """What flies has the machine to itself, whichever of several processes it is in."""
+    run = getattr(item.config, "workerinput", {}).get("testrunuid")
+    if run is None:
+        return (yield)
+    alone = _path(item).startswith(REAL_TIME)
+    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        return (yield)
 
 
 @pytest.fixture(scope="session")

@@ -45,6 +45,7 @@ KEEP_COMMAND_S = 0.04
 
 _MOTOR_STATES = tuple(MotorState)
 _MODES = frozenset(FlightControlMode)
+_RESTING = (MotorState.INIT, MotorState.OFF)
 _STOPPED = (0, 0, 0, 0)
 
 
@@ -163,6 +164,8 @@ class Microcontroller:
                 newest_ns = max(sample.stamp_ns for sample in samples)
                 self._clock.settle(newest_ns, len(samples))
             return []
+        if samples and self._motor_state_read in _RESTING:
+            self._correct_clock(max(sample.stamp_ns for sample in samples))
         if len(samples) == 1 and samples[0].stamp_ns > self._newest_ns:  # as a rule
             self._newest_ns = samples[0].stamp_ns
             samples[0] = self._refined(samples[0])
@@ -206,7 +209,7 @@ class Microcontroller:
         for frame in self._motors.service(now_s, self._command):
             self._ports.write(frame)
         # As samples tell it: none, and nobody knows.
-        rests = self._motor_state_read in (MotorState.INIT, MotorState.OFF)
+        rests = self._motor_state_read in _RESTING
         if rests and self.connected and all(one.given_up for one in self._motors.open):
             question = self._bus.question(now_s, self._command)
             if question is not None:
@@ -248,6 +251,12 @@ class Microcontroller:
             float(pressure + PRESSURE_OFFSET),
             _MOTOR_STATES[self._motor_state],
         )
+
+    def _correct_clock(self, newest_ns: int) -> None:
+        """Samples of the time it was ahead by are dropped: time does not go back."""
+        ahead = self._clock.correct(newest_ns - self._clock.stamp_ns(0))
+        if ahead:
+            self.failures.append(f"the vehicle's clock was {ahead * 1e3:.0f} ms ahead; set back")
 
     def _in_order(self, samples: list[RawSample]) -> list[RawSample]:
         kept = []

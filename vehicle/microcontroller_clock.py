@@ -28,6 +28,8 @@ SLACK_MS = 1_000
 RESTART_MS = 1_000
 """Times refused for so long are those of a microcontroller that began anew."""
 MS = 1_000_000
+AHEAD_NS = 5_000_000
+"""A sample that arrives so long before its own stamp shows that all the first ones came late."""
 FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
 """On the line, a `D` frame of 34 bytes."""
 
@@ -108,6 +110,19 @@ class MicrocontrollerClock:
         self._settling += samples
         if self._settling >= SETTLING_SAMPLES and newest_elapsed_ns >= SETTLING_NS:
             self._epoch_ns = self._least_ns - FRAME_NS
+
+    def correct(self, newest_elapsed_ns: int) -> float:
+        """Set the clock back when it is ahead of the host's: all samples it was set by came late.
+
+        Only while nobody flies by it: stamps go back. Returns by how much, s.
+        """
+        if self._steady_ns is None or self._epoch_ns is None:
+            return 0.0
+        ahead_ns = self._epoch_ns + FRAME_NS + newest_elapsed_ns - self._host_ns()
+        if ahead_ns <= AHEAD_NS:
+            return 0.0
+        self._epoch_ns -= ahead_ns
+        return ahead_ns * 1e-9
 
     def _host_ms(self) -> int | None:
         """Since the first sample, by the host's clock; None in simulated time."""

@@ -45,6 +45,20 @@ def test_samples_that_waited_unread_do_not_shift_the_epoch() -> None:
     assert clock.stamp_ns(newest) == 5_000 * MS - FRAME_NS
 
 
+def test_a_clock_set_by_late_samples_is_set_back_by_the_first_in_time() -> None:
+    late, now = 380 * MS, [0]
+    clock = MicrocontrollerClock(host_ns=lambda: now[0], steady_ns=lambda: 0)
+    for k in range(SETTLING_NS // (2 * MS) + 1):
+        now[0] = 2 * MS * k + FRAME_NS + late
+        clock.settle(2 * MS * k, 1)
+    assert clock.settled
+    assert clock.correct(2 * MS * k) == 0.0
+    ahead = clock.correct(2 * MS * k + late)  # arrives in time at last
+    assert ahead == 0.380
+    assert clock.stamp_ns(0) == 0
+    assert clock.correct(2 * MS * k + late + 4 * MS) == 0.0, "4 ms may be the clocks' drift"
+
+
 def test_a_given_epoch_needs_no_host_clock() -> None:
     def host_ns() -> int:
         raise AssertionError("the host's clock was read")
