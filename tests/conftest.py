@@ -10,8 +10,12 @@ from pathlib import Path
 
 import pytest
 
-REAL_TIME = ("system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py")
-"""Whole laboratories and vehicles that fly in real time: the last, and nothing runs beside them."""
+REAL_TIME = (
+    "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",
+    "console/test_beacon_agreement.py",
+)  # fmt: skip
+"""Whole laboratories, vehicles that fly in real time and links that must stay good meanwhile: the
+last, and nothing runs beside them."""
 BROWSER = "web/browser/"
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
