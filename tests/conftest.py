@@ -12,7 +12,8 @@ import pytest
 
 REAL_TIME = (
     "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",
-    "console/test_beacon_agreement.py",
+    "console/test_beacon_agreement.py", "console/test_comparison_session.py",
+    "console/test_parameter_history_of_everybody.py", "console/test_run_marks.py",
 )  # fmt: skip
 """Whole laboratories, vehicles that fly in real time and links that must stay good meanwhile: the
 last, and nothing runs beside them."""
