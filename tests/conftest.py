@@ -35,9 +35,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = _path(item)
         group = "real time" if path.startswith(REAL_TIME) else path
         item.add_marker(pytest.mark.xdist_group(group))
-        if path.startswith(REAL_TIME):
-            # A machine that stands still for 0.25 s makes the simulated microcontroller stop its
-            # motors (docs/safety.md): that flight is flown once more, and told as a rerun.
+        if path.startswith((*REAL_TIME, BROWSER)):
+            # A machine that stands still for 0.25 s makes the simulated microcontroller land
+            # (docs/safety.md), and starves a browser beside two other processes: once more then,
+            # and told as a rerun.
             item.add_marker(pytest.mark.flaky(reruns=1))
 
 
