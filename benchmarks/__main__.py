@@ -20,10 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import Report
+from benchmarks.line_plot import draw_lines
 
 NAMES = (
     "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
-    "replay", "sticks", "parameter_page", "run_list",
+    "replay", "sticks", "parameter_page", "run_list", "loop_rate", "faults", "loop",
+    "serial_line", "failures",
 )  # fmt: skip
 
 
@@ -100,7 +102,8 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
 
     Args:
         plot: kind "scatter" (x, y, labels), or "figures" (values, labels); x_label, y_label, and
-            optionally limit: a horizontal line with the text limit_label.
+            optionally limit: a horizontal line with the text limit_label. Or kind "lines" with
+            panels, see benchmarks.line_plot.
     """
     try:
         import matplotlib
@@ -110,6 +113,9 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    if plot["kind"] == "lines":
+        draw_lines(plot["panels"], path)
+        return True
     figure, axes = pyplot.subplots(figsize=(9.0, 4.5), layout="constrained")
     if plot["kind"] == "scatter":
         # Numbers at the points and names beside the axes: names at the points lie on each other.

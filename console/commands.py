@@ -7,7 +7,7 @@ the request id, so that a repeated request has one effect. Each service has a th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from vehicle_link.heartbeat import LinkState
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node
+from vehicle_link.parameter_authority import SIMULATOR, authority_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
 
@@ -53,6 +54,7 @@ class CommandGateway:
         self._record = record
         self._permit = permit
         self._on_asked = on_asked
+        self._simulator = node.client("simulator/change_parameters", SERVICES["change_parameters"])
         self._clients = {
             name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
         }
@@ -91,7 +93,9 @@ class CommandGateway:
             values = from_parameters(request.parameters)
             own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
             self._store.check(own)
-        except (ParameterError, RefusedError) as error:
+            if any(authority_of(key) == SIMULATOR for key in values):
+                return self._change_simulator(request, values)
+        except (ParameterError, RefusedError, LinkError) as error:
             return _refused(name, str(error))
         applied, revision = {}, self._store.revision
         others = {key: value for key, value in values.items() if key not in own}
@@ -119,6 +123,16 @@ class CommandGateway:
             applied=to_parameters(applied),
             revision=revision,
         )
+
+    def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
+        """Raises ParameterError, LinkError."""
+        others = [name for name in names if authority_of(name) != SIMULATOR]
+        if others:
+            raise ParameterError(
+                f"{others[0]} and parameters of the simulator cannot be changed in one step; "
+                "change them apart"
+            )
+        return self._simulator.call(request, timeout=CALL_TIMEOUT)
 
     def _start_or_stop(self, request: Any) -> Any:
         try:

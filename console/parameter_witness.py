@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from console.parameter_history import ParameterChange, ParameterHistory
-from console.parameter_store import PREFIX
 from quadrotor.errors import MeasurementError, StorageError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.parameter_authority import VEHICLE, authority_of
 
 log = logging.getLogger(__name__)
 
@@ -82,7 +82,7 @@ class ParameterWitness:
                 f"{change.name} from {change.old_value!r} to {change.new_value!r}: not values"
             ) from None
         with self._lock:
-            if not str(change.name).startswith(PREFIX):
+            if authority_of(str(change.name)) == VEHICLE:
                 self._heard = int(change.revision)
             self._known[str(change.name)] = new
             if old != new:

@@ -10,16 +10,20 @@ from typing import Annotated
 
 import tyro
 
+from quadlab import serial_ports
 from quadlab.data_folder import open_data_folder
 from quadlab.page_options import PageOptions, say_authority
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
+from vehicle_link.serial.capacity import DEFAULT_RATE
+from vehicle_link.serial.identity import THE_ONE, Identity
 
 Settings = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")
 ]
 Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+Rate = Annotated[int, tyro.conf.arg(metavar="HZ")]
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
 OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
@@ -39,10 +43,22 @@ def check_name(name: str) -> None:
 class Vehicle:
     """Run the vehicle's flight stack on board: flight and comms process."""
 
-    serial: tuple[Path, ...]
-    """the microcontroller's serial ports, one or two"""
+    serial: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PORT[,PORT]")] = ()
+    """the microcontroller's serial ports, one or two; auto looks for them behind all devices"""
+    check: bool = False
+    """only test the connection and print what was found"""
+    find: bool = False
+    """only look at all serial devices and print what is there"""
+    robot_id: Annotated[int, tyro.conf.arg(metavar="ID")] = THE_ONE.robot_id
+    """the number the microcontroller calls itself by; motors start with no other"""
+    firmware: Annotated[int, tyro.conf.arg(metavar="REVISION")] = THE_ONE.firmware
+    """revision of its firmware; motors start with no other"""
     data: Folder = None
     """data folder"""
+    rate: Rate = DEFAULT_RATE
+    """IMU samples and ticks a second, 60 to 1000; one port carries 338, two carry 677"""
+    in_process: bool = False
+    """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
     name: str = "quad1"
@@ -52,6 +68,17 @@ class Vehicle:
 
     def run(self) -> int:
         check_name(self.name)
+        identity = Identity(self.robot_id, self.firmware)
+        identity.check()
+        if self.find and self.check:
+            raise UsageError("--find looks at all devices, --check tests two: give one of them")
+        if self.find:
+            return serial_ports.find(self.serial, identity)
+        if self.check:
+            return serial_ports.check(self.serial, identity)
+        ports = serial_ports.ports_at_rate(
+            self.serial, self.rate, in_process=self.in_process, identity=identity
+        )
         from vehicle.process import run_vehicle
 
         settings = {}
@@ -60,11 +87,13 @@ class Vehicle:
 
             settings = parse_settings(new_parameters(), self.set)
         return run_vehicle(
-            [str(port) for port in self.serial],
+            ports,
             data=open_data_folder(self.data),
             link_port=self.link_port,
             name=self.name,
             settings=settings,
+            rate=self.rate,
+            identity=identity,
         )
 
 

@@ -25,11 +25,11 @@ from vehicle import mailbox
 from vehicle.bearing_pose import BearingPose
 from vehicle.microcontroller import Microcontroller
 from vehicle.modes import Mode
+from vehicle.orders import Orders
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.stack import FlightStack
-from vehicle_link.serial.ids import MotorState
 from vehicle_link.topics import TOPICS, encode_joy
 
 HEARTBEAT_NS = 50_000_000
@@ -72,14 +72,14 @@ class SimulatedFlight:
         self.stack = FlightStack(parameters, estimator=estimator)
         self.clock = StageClock()
         self._simulated = simulated
-        self._mcu = Microcontroller(simulated.ports, epoch_ns=0)
+        self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
         self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
         self._log = log
-        self._motor_state = MotorState.OFF
+        self._orders = Orders(self.stack, self._mcu)
         self._requests = 0
-        self._next_heartbeat_ns = self._next_station_ns = 0
+        self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once: they follow the plant.
         self._true_position_w = simulated.truth["position_w"][0]
         self._true_quaternion_wb = simulated.truth["quaternion_wb"][0]
@@ -151,16 +151,12 @@ class SimulatedFlight:
         self._simulated.step()
         lap("simulated robot")
         samples = mcu.receive()
-        mcu.service(self._simulated.stamp_ns * 1e-9)
+        self._orders.keep(self._simulated.stamp_ns * 1e-9)
         lap("serial")
         for sample in samples:
-            motors = stack.tick(sample)
+            command = stack.tick(sample)
             lap("tick")
-            if stack.motor_state_wanted is not self._motor_state:
-                self._motor_state = stack.motor_state_wanted
-                mcu.set_motor_state(self._motor_state)
-            if motors is not None:
-                mcu.command(motors)
+            self._orders.send(command)
             lap("serial")
             log.tick(stack.record)
             if stack.outbox:
@@ -175,7 +171,8 @@ class SimulatedFlight:
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))
-        if now_ns % TRUTH_NS == 0:
+        if now_ns >= self._next_truth_ns:
+            self._next_truth_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
             position_w, quaternion_wb = self._true_position_w, self._true_quaternion_wb
             self._tracker.observe(now_ns, position_w, quaternion_wb)
             self._emulator.observe(now_ns, position_w, quaternion_wb)

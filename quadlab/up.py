@@ -15,12 +15,14 @@ from types import FrameType
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
 from quadlab.page_options import PageOptions
-from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Settings, check_name
+from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Rate, Settings, check_name
 from quadlab.settings import parse_settings
 from quadlab.supervise import Child
 from quadrotor.errors import UsageError
+from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate
 
 WATCH_PERIOD = 0.2
+MCU_PORTS = ("mcu0", "mcu1")
 
 
 @dataclass
@@ -35,6 +37,8 @@ class Up(PageOptions):
     """do not open a browser"""
     link_port: int = 7447
     """port of the radio link (UDP) and of the station's loopback session (TCP)"""
+    rate: Rate = DEFAULT_RATE
+    """ticks of the vehicle a second, 60 to 677: what two serial ports carry"""
     name: str = "quad1"
     """namespace of the vehicle's topics"""
     set: Settings = ()
@@ -42,6 +46,7 @@ class Up(PageOptions):
 
     def run(self) -> int:
         check_name(self.name)
+        check_rate(self.rate, len(MCU_PORTS))
         self._check_ports()
         vehicle_words, simulator_words = self._check_settings()
         folder = open_data_folder(self.data)
@@ -88,13 +93,14 @@ class Up(PageOptions):
         token = {SIGN_IN_TOKEN: secrets.token_urlsafe(24)}
         if not self.no_browser:
             token[OPEN_BROWSER] = "1"
-        ports = (str(run_folder / "mcu0"), str(run_folder / "mcu1"))
+        ports = [str(run_folder / port) for port in MCU_PORTS]
+        rate = ("--rate", str(self.rate))
         link = ("--link-port", str(self.link_port), "--name", self.name)
         address = f"127.0.0.1:{self.link_port}"
         # What flies goes before what shows: a busy browser must not delay tracker and link.
         first, last = {"niceness": -10}, {"niceness": 5}
         robot = ["simulator", "--folder", str(run_folder), *loopback, *simulator]
-        on_board = ["vehicle", "--serial", *ports, *common, *link, *vehicle]
+        on_board = ["vehicle", "--serial", *ports, *rate, *common, *link, *vehicle]
         base = ["station", *common, "--vehicle", address, *loopback]
         page = ["web", *common, "--port", str(self.port), *loopback, *self.words()]
         return [

@@ -28,7 +28,9 @@ KEPT = 3
 """Versions of one module whose machine code is kept: two branches do not evict each other."""
 
 _IMPORT = re.compile(
-    rb"^\s*(?:from|import) ((?:quadrotor|control|estimation|bearing_sim|vehicle)\b[\w.]*)", re.M
+    rb"^\s*(?:from|import) "
+    rb"((?:quadrotor|control|estimation|bearing_sim|vehicle|vehicle_link)\b[\w.]*)",
+    re.M,
 )
 
 

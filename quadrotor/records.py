@@ -99,6 +99,7 @@ STATUS = np.dtype(
         ("behavior", "u1"),  # index into control.behaviors.table.BehaviorName
         ("armed", "u1"),
         ("airborne", "u1"),
+        ("control_mode", "u1"),  # vehicle.modes.ControlMode
         ("flags", "u4"),  # bit set of vehicle.modes.Flag
         ("parameter_revision", "u4"),
         ("tick_rate", "f8"),  # Hz
@@ -108,6 +109,12 @@ STATUS = np.dtype(
         ("missed_share", "f8"),  # periods without a tick, 0..1, over the last second
         ("battery_voltage", "f8"),  # V
         ("pressure", "f8"),  # Pa
+        # Since the start of the flight process:
+        ("lateness_histogram", "u4", 8),  # ticks; bounds in vehicle.lateness.BOUNDS_NS
+        ("overruns", "u4"),  # ticks that took longer than a period
+        ("missed_frames", "u4"),  # periods without a sample
+        ("damaged_frames", "u4"),  # pieces of bytes that were no frames
+        ("nominal_rate", "f8"),  # Hz, of the samples as they were asked for
     ],
     align=True,
 )

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
 import shutil
+import tempfile
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 
-REAL_TIME = ("system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py")
-"""Whole laboratories and vehicles that fly in real time: one after the other, when the rest is
-nearly done, for they need both cores."""
+REAL_TIME = (
+    "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",
+    "console/test_beacon_agreement.py", "console/test_comparison_session.py",
+    "console/test_parameter_history_of_everybody.py", "console/test_run_marks.py",
+)  # fmt: skip
+"""Whole laboratories, vehicles that fly in real time and links that must stay good meanwhile: the
+last, and nothing runs beside them."""
 BROWSER = "web/browser/"
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
@@ -28,10 +35,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         path = _path(item)
         group = "real time" if path.startswith(REAL_TIME) else path
         item.add_marker(pytest.mark.xdist_group(group))
-        if path.startswith(REAL_TIME):
-            # A machine that stands still for 0.25 s makes the simulated microcontroller stop its
-            # motors (docs/safety.md): that flight is flown once more, and told as a rerun.
+        if path.startswith((*REAL_TIME, BROWSER)):
+            # A machine that stands still for 0.25 s makes the simulated microcontroller land
+            # (docs/safety.md), and starves a browser beside two other processes: once more then,
+            # and told as a rerun.
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """What flies has the machine to itself, whichever of several processes it is in."""
+    run = getattr(item.config, "workerinput", {}).get("testrunuid")
+    if run is None:
+        return (yield)
+    alone = _path(item).startswith(REAL_TIME)
+    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        return (yield)
 
 
 @pytest.fixture(scope="session")

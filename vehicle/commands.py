@@ -19,12 +19,15 @@ from vehicle.parameters import VehicleParameters, check_pairs
 from vehicle.steering import Steering
 from vehicle.supervisor import Supervisor
 
+WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
+
 
 class Commanded(Protocol):
     """What commands need of the flight stack."""
 
     mode: Mode
     airborne: bool
+    obstacle: str
     parameters: VehicleParameters
     store: ParameterStore
     supervisor: Supervisor
@@ -52,6 +55,10 @@ class Commanded(Protocol):
     def say(self, text: str, level: int = mailbox.INFO) -> None: ...
 
     def land_now(self, why: str) -> None: ...
+
+    def descend_now(self, why: str) -> None: ...
+
+    def hand_over(self, why: str) -> None: ...
 
 
 class CommandHandler:
@@ -121,6 +128,8 @@ class CommandHandler:
             raise RefusedError("not armed: the gyroscope is still being calibrated; keep it still")
         if stack.mode is Mode.CUT:
             raise RefusedError("not armed: the motors were cut; disarm first to acknowledge it")
+        if stack.obstacle:
+            raise RefusedError(f"not armed: {stack.obstacle}")
         if not stack.has_pose:
             raise RefusedError("not armed: no fresh pose measurement; check tracker and station")
         stack.guard.check_take_off()
@@ -148,6 +157,12 @@ class CommandHandler:
         stack = self._stack
         if stack.mode is Mode.EMERGENCY_LAND:
             raise RefusedError(f"{command.name} refused: emergency landing; only cut is open")
+        held = stack.behaviors.level is None
+        if not held and not stack.has_pose and command.name not in WITHOUT_A_POSE:
+            raise RefusedError(
+                f"{command.name} refused: no fresh pose measurement to hold the vehicle by; "
+                f"possible now: {', '.join(WITHOUT_A_POSE)}"
+            )
         stack.behaviors.request(
             command.name,
             command.arguments,
@@ -166,8 +181,19 @@ class CommandHandler:
         if command.action == "cut":
             if stack.mode is not Mode.CUT:
                 stack.move(Mode.CUT, f"emergency cut by {command.requester}", mailbox.ERROR)
-        elif stack.mode is Mode.ARMED:
-            if stack.airborne:
-                stack.land_now(f"emergency land by {command.requester}")
-            else:
-                stack.move(Mode.READY, f"emergency land on the ground by {command.requester}")
+        elif stack.mode is Mode.ARMED and not stack.airborne:
+            stack.move(Mode.READY, f"emergency land on the ground by {command.requester}")
+        elif stack.mode is not Mode.CUT and stack.airborne:
+            self._land(f"emergency land by {command.requester}")
+
+    def _land(self, why: str) -> None:
+        """As `safety.emergency_land` says; a milder landing that is under way gives way to it."""
+        stack = self._stack
+        chosen = stack.parameters.safety.emergency_land
+        if stack.mode is Mode.EMERGENCY_LAND and chosen == "land":
+            return  # as mild as any that may be under way
+        {
+            "land": stack.land_now,
+            "descend": stack.descend_now,
+            "emergency": stack.hand_over,
+        }[chosen](why)

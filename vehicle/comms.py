@@ -67,7 +67,7 @@ class Comms:
         self._dropped = 0
         self._fetch_due_ns = 0
         serve(node, self._flight, self._mirror, self._clock, config.name)
-        self._checks = SelfChecks(Path(config.data))
+        self._checks = SelfChecks(Path(config.data), identity=config.identity)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
         reader = OnboardReader(self._log, config.name)
         node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)

@@ -17,7 +17,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import TICK, Record
 from vehicle import mailbox
 from vehicle.comms_clock import VehicleClock
-from vehicle.modes import Flag, Mode
+from vehicle.modes import ControlMode, Flag, Mode
 from vehicle.onboard_log import OnboardLog
 from vehicle_link import telemetry, topics
 
@@ -34,7 +34,7 @@ _STABLE = ~int(
 _PERIOD_NS = {name: round(1e9 / topic.rate) for name, topic in topics.TOPICS.items() if topic.rate}
 # mode, behavior, armed, airborne, flags, parameter_revision: unpacked at once, because reading a
 # structured record field by field takes 2 µs.
-_STATUS = struct.Struct("<4B2I")
+_STATUS = struct.Struct("<5B3x2I")
 _STATUS_OFFSET = int(TICK.fields["status"][1])
 
 
@@ -152,6 +152,7 @@ class Publisher:
             Mode(status["mode"]).name.lower(),
             BehaviorName(status["behavior"]).name.lower(),
             flag_names(int(status["flags"])),
+            ControlMode(status["control_mode"]).name.lower(),
         )
 
     def _due(self, topic: str, now_ns: int) -> bool:
@@ -193,10 +194,10 @@ def flag_names(flags: int) -> Sequence[str]:
 
 def _status_key(ticks: Record) -> tuple[int, ...]:
     """What of the newest tick's status is published when it changes."""
-    mode, behavior, armed, airborne, flags, revision = _STATUS.unpack_from(
+    mode, behavior, armed, airborne, control_mode, flags, revision = _STATUS.unpack_from(
         ticks[-1:].tobytes(), _STATUS_OFFSET
     )
-    return flags & _STABLE, mode, behavior, armed, airborne, revision
+    return flags & _STABLE, mode, behavior, armed, airborne, control_mode, revision
 
 
 def _too_old(first: Record, ticks: Record) -> bool:

@@ -1,211 +1,41 @@
 """The flight process: one real-time thread between the microcontroller and the rings.
 
-No network, no log, no logging and no garbage collection here; what leaves goes through rings
-that never make this thread wait. Run as `python -m vehicle.flight CONFIG` by vehicle.process.
+Run as `python -m vehicle.flight CONFIG` by vehicle.process. What it does all the time is
+vehicle.flight_loop.
 """
 
 from __future__ import annotations
 
-import select
 import signal
 import sys
 import time
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import msgspec
 
-from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import Record
 from vehicle import mailbox
-from vehicle.lateness import Lateness
-from vehicle.microcontroller import Microcontroller, RawSample
-from vehicle.modes import Mode
-from vehicle.process_config import FlightConfig, Rings, open_rings
+from vehicle.flight_loop import FlightLoop, say
+from vehicle.microcontroller import Microcontroller
+from vehicle.pacing import MemoryPacer, Pacer, PortPacer
+from vehicle.process_config import FlightConfig, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
-from vehicle_link.serial.ids import MotorState
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.capacity import sample_period_us
+from vehicle_link.serial.port import PortError, PortProblem, SerialPort
 
 if TYPE_CHECKING:
-    from vehicle.kernels import Later
+    from vehicle.simulator.in_process import InProcessRobot
     from vehicle.stack import FlightStack
 
-POLL_MS = 50
-SILENCE_NS = 500_000_000
 PORT_PATIENCE_S = 10.0
-COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
-
-
-class Stack(Protocol):
-    """What the loop needs of vehicle.stack.FlightStack."""
-
-    record: Record
-    store: ParameterStore
-    outbox: list[mailbox.Event | mailbox.ParameterChange]
-    motor_state_wanted: MotorState
-    mode: Mode
-
-    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
-    def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
-    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
-    def measure(self, measurement: mailbox.Measurement) -> None: ...
-    def loop_statistics(
-        self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
-    ) -> None: ...
-
-
-class Mcu(Protocol):
-    """What the loop needs of vehicle.microcontroller.Microcontroller."""
-
-    failures: list[str]
-
-    def receive(self) -> list[RawSample]: ...
-    def command(self, references: Sequence[int]) -> None: ...
-    def set_motor_state(self, state: MotorState) -> None: ...
-    def service(self, now_s: float) -> None: ...
-    def filenos(self) -> Sequence[int]: ...
-
-
-class FlightLoop:
-    """Sample in, tick, references out; inbox before, rings after."""
-
-    def __init__(
-        self, stack: Stack, mcu: Mcu, rings: Rings, *, real_time: bool, later: Later | None = None
-    ) -> None:
-        self.stopping = False
-        self._later = later
-        self._stack = stack
-        self._mcu = mcu
-        self._rings = rings
-        self._real_time = real_time
-        self._lateness = Lateness()
-        self._motor_state = stack.motor_state_wanted
-        self._heard_ns = time.monotonic_ns()
-        self._silent = False
-        self._poll = select.poll()
-        for descriptor in mcu.filenos():
-            self._poll.register(descriptor, select.POLLIN)
-        stack.loop_statistics(
-            rate=0.0, p50=0.0, p99=0.0, longest=0.0, missed=0.0, real_time=real_time
-        )
-
-    def run(self) -> None:
-        """Until `stopping` is set. Raises LinkError when a port is gone."""
-        while not self.stopping:
-            self.once()
-
-    def once(self, timeout_ms: int = POLL_MS) -> None:
-        """Wait for bytes, at most `timeout_ms`, and tick on every sample they complete."""
-        self._poll.poll(timeout_ms)
-        samples = self._mcu.receive()
-        for sample in samples:
-            self._tick(sample)
-        if self._later is not None and self._later.arrived and self._stack.mode is Mode.READY:
-            self._load(self._later)
-        self._watch_silence(bool(samples))
-        if self._silent:
-            self._drain_inbox()
-        if self._stack.motor_state_wanted is not self._motor_state:
-            self._motor_state = self._stack.motor_state_wanted
-            self._mcu.set_motor_state(self._motor_state)
-        self._mcu.service(time.monotonic())
-        if self._mcu.failures:
-            for line in self._mcu.failures:
-                self._report(line)
-            self._mcu.failures.clear()
-
-    def _tick(self, sample: RawSample) -> None:
-        began_ns = time.monotonic_ns()
-        stack = self._stack
-        self._drain_inbox()
-        references = stack.tick(sample)
-        if references is not None:
-            self._mcu.command(references)
-        self._rings.ticks.push(stack.record)
-        self._send_outbox()
-        statistics = self._lateness.add(began_ns, sample.stamp_ns)
-        if statistics is not None:
-            stack.loop_statistics(
-                rate=statistics.rate,
-                p50=statistics.lateness_p50,
-                p99=statistics.lateness_p99,
-                longest=statistics.lateness_max,
-                missed=statistics.missed_share,
-                real_time=self._real_time,
-            )
-
-    def _load(self, later: Later) -> None:
-        parts = later.load()
-        self._later = None
-        if parts:
-            self._stack.say(f"compiled beside, and ready: {', '.join(parts)}")
-            self._send_outbox()
-
-    def _drain_inbox(self) -> None:
-        inbox = self._rings.inbox
-        for _ in range(min(len(inbox), COMMANDS_A_TICK)):
-            message = inbox.pop()
-            if message is not None:
-                self._take(mailbox.decode_inbound(message))
-
-    def _take(self, message: mailbox.Inbound) -> None:
-        if isinstance(message, mailbox.Measurement):
-            self._stack.measure(message)
-            return
-        reply = self._reply(message)
-        self._send_outbox()  # first: who gets the reply may rely on the changes it caused
-        self._rings.outbox.push(mailbox.encode(reply))
-
-    def _reply(self, command: mailbox.Command) -> mailbox.Reply:
-        if isinstance(command, mailbox.ChangeParameters) and not command.values:
-            # An empty change asks for all values: how a comms process starts its copy.
-            store = self._stack.store
-            return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
-        if self._silent and isinstance(command, mailbox.Arm | mailbox.StartBehavior):
-            return mailbox.Reply(
-                command.request_id, False, "refused: the microcontroller gives no samples"
-            )
-        try:
-            return self._stack.handle(command)
-        except Exception as error:
-            # A defect in one command must not stop the motors: report it and fly on.
-            traceback.print_exc()
-            text = f"defect on board: {type(error).__name__}: {error}"
-            return mailbox.Reply(command.request_id, False, text)
-
-    def _send_outbox(self) -> None:
-        messages = self._stack.outbox
-        if messages:
-            for message in messages:
-                self._rings.outbox.push(mailbox.encode(message))
-            messages.clear()
-
-    def _watch_silence(self, heard: bool) -> None:
-        now_ns = time.monotonic_ns()
-        if heard:
-            if self._silent:
-                self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
-            self._heard_ns, self._silent = now_ns, False
-        elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
-            self._silent = True
-            self._report(
-                "no sample from the microcontroller for 0.5 s; waiting. "
-                "Is it switched on, and are these its ports?"
-            )
-
-    def _report(self, line: str) -> None:
-        """To the terminal and to the page."""
-        say(line)
-        self._stack.say(line, mailbox.WARN)
-        self._send_outbox()
-
-
-def say(line: str) -> None:
-    """One line to the terminal."""
-    print(f"vehicle: {line}", file=sys.stderr, flush=True)
+TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
+TOLD_AFTER_S = 2.0
+"""For what is not told at once: a missing port is a simulator's, as a rule, and soon there."""
+SOON_NS = 20_000_000
+"""To the first sample in memory."""
 
 
 def fly(config: FlightConfig) -> None:
@@ -227,6 +57,7 @@ def fly(config: FlightConfig) -> None:
         load_trajectories(stack, Path(config.trajectories))
     for refusal in refusals:
         say(f"not compiled before the flight: {refusal}")
+    robot = None if ports else _in_process(config.rate, stack)
     granted = become_real_time()
     if granted.refusal:
         say(granted.refusal)
@@ -236,9 +67,8 @@ def fly(config: FlightConfig) -> None:
     for port in ports:
         while port.read():  # samples from before are old
             pass
-    loop = FlightLoop(
-        stack, Microcontroller(ports), rings, real_time=granted.scheduled, later=later
-    )
+    mcu, pacer = _connect(ports, robot, config)
+    loop = FlightLoop(stack, mcu, rings, pacer, real_time=granted.scheduled, later=later)
 
     def stop(signal_number: int, frame: object) -> None:
         loop.stopping = True
@@ -247,6 +77,28 @@ def fly(config: FlightConfig) -> None:
     signal.signal(signal.SIGINT, stop)
     loop.run()
     later.close()
+
+
+def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
+    from vehicle.simulator.in_process import InProcessRobot
+
+    say(f"a simulated vehicle inside this process, {rate} Hz")
+    return InProcessRobot(rate, stack.measure)
+
+
+def _connect(
+    ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig
+) -> tuple[Microcontroller, Pacer]:
+    """The microcontroller behind the ports or in memory, and what waits for its samples."""
+    rate = config.rate
+    period_ns = 1000 * sample_period_us(rate)
+    if robot is None:
+        mcu = Microcontroller(ports, rate=rate, identity=config.identity)
+        return mcu, PortPacer(mcu, period_ns)
+    robot.epoch_ns = time.time_ns() + SOON_NS
+    start_ns = time.monotonic_ns() + SOON_NS
+    mcu = Microcontroller(robot.ports, robot.epoch_ns, rate=rate)
+    return mcu, MemoryPacer(robot, period_ns, start_ns)
 
 
 def load_trajectories(stack: FlightStack, folder: Path) -> None:
@@ -264,20 +116,26 @@ def load_trajectories(stack: FlightStack, folder: Path) -> None:
 
 
 def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:
-    """Open the serial ports, which a simulator may still be making.
+    """Open the serial ports, which a simulator may still be making or another program holding.
 
-    Raises LinkError when they cannot be opened for `patience_s`.
+    Raises PortError when they cannot be opened for `patience_s`.
     """
     deadline = time.monotonic() + patience_s
     ports: list[SerialPort] = []
+    told: set[str] = set()
     for path in paths:
         while True:
             try:
                 ports.append(SerialPort(path))
                 break
-            except LinkError:
-                if time.monotonic() >= deadline:
+            except PortError as error:
+                if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:
                     raise
+                waited_s = time.monotonic() - deadline + patience_s
+                due = error.problem in TOLD_AT_ONCE or waited_s >= TOLD_AFTER_S
+                if due and str(error) not in told:
+                    told.add(str(error))
+                    say(f"{error}; trying for {patience_s:.0f} s")
             time.sleep(0.1)
     return ports
 

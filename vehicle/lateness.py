@@ -3,17 +3,21 @@
 Stamps come from the microcontroller's clock, the loop reads the host's; their difference is a
 constant, plus drift, plus the lateness. Its smallest value over this second and the one before
 is taken for the constant: longer, and a drift of 50 ppm would look like lateness.
+
+`BOUNDS_NS` also stands, in words, in quadlab_msgs/VehicleStatus.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 SECOND_NS = 1_000_000_000
 CAPACITY = 2048  # samples a second at most
+BOUNDS_NS = np.array([50, 100, 200, 500, 1000, 2000, 5000], np.int64) * 1000
+"""Between the classes of the histogram; the last class has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,10 +31,30 @@ class LoopStatistics:
     missed_share: float  # 0..1
 
 
+def new_histogram() -> npt.NDArray[np.uint32]:
+    """Ticks in each class of lateness: none yet."""
+    return np.zeros(len(BOUNDS_NS) + 1, np.uint32)
+
+
+@dataclass(slots=True)
+class LoopCounts:
+    """Since the start of the loop."""
+
+    lateness: npt.NDArray[np.uint32] = field(default_factory=new_histogram)  # ticks in each class
+    overruns: int = 0  # ticks that took longer than a period
+    missed_frames: int = 0  # periods without a sample
+    damaged_frames: int = 0  # pieces of bytes that were no frames
+
+
 class Lateness:
-    """Collects one pair of times a tick; answers once a second."""
+    """Collects one pair of times a tick; answers once a second.
+
+    Attributes:
+        histogram: (8,) ticks by lateness since the start, renewed once a second.
+    """
 
     def __init__(self) -> None:
+        self.histogram = new_histogram()
         self._stamps = np.zeros(CAPACITY + 1, np.int64)  # [0]: the last of the second before
         self._offsets = np.zeros(CAPACITY, np.int64)
         self._count = 0
@@ -60,6 +84,8 @@ class Lateness:
         minimum = int(offsets[0])
         floor = min(minimum, self._last_minimum)
         self._last_minimum = minimum
+        ends = np.append(offsets.searchsorted(floor + BOUNDS_NS), count)
+        self.histogram += np.diff(ends, prepend=0).astype(np.uint32)
         period_ns, skipped = _gaps(self._stamps[0 if self._has_previous else 1 : count + 1])
         self._stamps[0], self._has_previous = self._stamps[count], True
         late = count - int(offsets.searchsorted(floor + period_ns, side="right"))

@@ -3,7 +3,8 @@
 The microcontroller sends its time in ms modulo 60 s. The vehicle's clock is that time counted on
 without wrapping, plus a constant: the host's epoch time at which the first sample was taken. A
 sample can only arrive late, so the constant is the least (arrival - elapsed) over the first
-samples; those are spent on it. In simulated time the constant is given, usually 0.
+samples, less the time its frame takes on the line; those are spent on it. In simulated time the
+constant is given, usually 0.
 """
 
 from __future__ import annotations
@@ -12,17 +13,25 @@ import time
 from collections.abc import Callable
 
 from vehicle_link.serial.ids import TIME_PERIOD_MS
+from vehicle_link.serial.port import BAUD_RATE
 
 SETTLING_SAMPLES = 50
+SETTLING_NS = 400_000_000
+"""Between the first and the last of them: a busy machine may hold all bytes back for 0.3 s."""
 LATE_MS = 1_000
 """A step that looks like 59 s to 60 s forward is a sample that came late by up to 1 s."""
-JUMP_MS = 500
-"""A longer step forward is believed only when a second sample confirms it."""
+JUMP_MS = 50
+"""A longer step forward is believed only when a second sample confirms it: believed wrongly, every
+true sample would be late until that time."""
 SLACK_MS = 1_000
 """Such a step must not lead further ahead of the host's steady clock than ever before, but this."""
 RESTART_MS = 1_000
 """Times refused for so long are those of a microcontroller that began anew."""
 MS = 1_000_000
+AHEAD_NS = 5_000_000
+"""A sample that arrives so long before its own stamp shows that all the first ones came late."""
+FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
+"""On the line, a `D` frame of 34 bytes."""
 
 
 class MicrocontrollerClock:
@@ -99,8 +108,21 @@ class MicrocontrollerClock:
         least_ns = self._host_ns() - newest_elapsed_ns
         self._least_ns = least_ns if self._least_ns is None else min(self._least_ns, least_ns)
         self._settling += samples
-        if self._settling >= SETTLING_SAMPLES:
-            self._epoch_ns = self._least_ns
+        if self._settling >= SETTLING_SAMPLES and newest_elapsed_ns >= SETTLING_NS:
+            self._epoch_ns = self._least_ns - FRAME_NS
+
+    def correct(self, newest_elapsed_ns: int) -> float:
+        """Set the clock back when it is ahead of the host's: all samples it was set by came late.
+
+        Only while nobody flies by it: stamps go back. Returns by how much, s.
+        """
+        if self._steady_ns is None or self._epoch_ns is None:
+            return 0.0
+        ahead_ns = self._epoch_ns + FRAME_NS + newest_elapsed_ns - self._host_ns()
+        if ahead_ns <= AHEAD_NS:
+            return 0.0
+        self._epoch_ns -= ahead_ns
+        return ahead_ns * 1e-9
 
     def _host_ms(self) -> int | None:
         """Since the first sample, by the host's clock; None in simulated time."""

@@ -35,6 +35,34 @@ def check_move(current: Mode, wanted: Mode) -> None:
         )
 
 
+class ControlMode(IntEnum):
+    """Who turns what into motor references."""
+
+    NEAR_HOVERING = 0  # the microcontroller, from angles, yaw rate and thrust it is sent
+    DIRECT = 1  # this vehicle's own controller
+    EMERGENCY = 2  # the microcontroller alone: it obeys nothing but off, and lands
+
+
+CONTROL_MOVES: dict[ControlMode, frozenset[ControlMode]] = {
+    ControlMode.DIRECT: frozenset({ControlMode.NEAR_HOVERING, ControlMode.EMERGENCY}),
+    ControlMode.NEAR_HOVERING: frozenset({ControlMode.DIRECT, ControlMode.EMERGENCY}),
+    ControlMode.EMERGENCY: frozenset(),  # over only when the motors are off
+}
+
+
+def check_control_move(current: ControlMode, wanted: ControlMode) -> None:
+    """Raises RefusedError when the table has no such move."""
+    if wanted is not current and wanted not in CONTROL_MOVES[current]:
+        raise RefusedError(
+            f"cannot go from {_words(current)} to {_words(wanted)} mode: "
+            "the microcontroller lands alone until the motors are off"
+        )
+
+
+def _words(mode: ControlMode) -> str:
+    return mode.name.lower().replace("_", "-")
+
+
 class Flag(IntFlag):
     """Conditions shown on the page; several may hold at once."""
 

@@ -13,59 +13,8 @@ from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.imu_calibration import ImuCalibration
-
-
-class SafetyParameters(Parameters):
-    """Thresholds and reactions of the supervisor; the table is docs/safety.md."""
-
-    link_timeout: float = parameter(
-        0.4, unit="s", ge=0.1, le=2.0, step=0.05,
-        description="silence of the station after which a flying vehicle brakes",
-    )  # fmt: skip
-    link_land_after: float = parameter(
-        2.0, unit="s", ge=0.0, le=60.0, step=0.5,
-        description="time from braking for a lost link to landing",
-    )  # fmt: skip
-    pose_land_after: float = parameter(
-        1.0, unit="s", ge=0.1, le=5.0, step=0.1,
-        description="time without a pose measurement after which the vehicle lands on its IMU",
-    )  # fmt: skip
-    battery_warning: float = parameter(
-        13.8, unit="V", ge=12.0, le=16.8, step=0.1,
-        description="battery voltage below which a warning is given and arming is refused",
-    )  # fmt: skip
-    battery_land: float = parameter(
-        13.1, unit="V", ge=12.0, le=16.8, step=0.1,
-        description="battery voltage below which the vehicle lands",
-    )  # fmt: skip
-    battery_delay: float = parameter(
-        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
-        description="time the voltage must stay below a limit before it counts",
-    )  # fmt: skip
-    tilt_cut: float = parameter(
-        100.0, unit="deg", ge=60.0, le=180.0, step=5.0,
-        description="tilt at which the motors are stopped: the vehicle has turned over",
-    )  # fmt: skip
-    arm_tilt_max: float = parameter(
-        15.0, unit="deg", ge=2.0, le=45.0, step=1.0,
-        description="largest tilt at which the vehicle may be armed",
-    )  # fmt: skip
-    disarm_after_landing: float = parameter(
-        1.0, unit="s", ge=0.0, le=30.0, step=0.5,
-        description="time from touch-down to motors off",
-    )  # fmt: skip
-    landing_support: float = parameter(
-        0.1, ge=0.05, le=1.0, step=0.01,
-        description="touch-down: share by which the lift exceeds what the thrust gives in the air",
-    )  # fmt: skip
-    gyro_samples: int = parameter(
-        500, ge=50, le=5000, step=50,
-        description="still gyroscope samples averaged at each start (Sec. 5.1)",
-    )  # fmt: skip
-    gyro_deviation_max: float = parameter(
-        1.0, unit="deg/s", ge=0.1, le=10.0, step=0.1,
-        description="standard deviation above which the vehicle was not still",
-    )  # fmt: skip
+from vehicle.near_hovering import NearHoveringParameters
+from vehicle.safety_parameters import SafetyParameters
 
 
 class BeaconParameters(Parameters):
@@ -146,6 +95,7 @@ class VehicleParameters(Parameters):
     fallback: FallBackParameters = FallBackParameters()
     mass: MassParameters = MassParameters()
     behavior: BehaviorParameters = BehaviorParameters()
+    near_hovering: NearHoveringParameters = NearHoveringParameters()
     safety: SafetyParameters = SafetyParameters()
     imu: ImuCalibration = ImuCalibration()
 
@@ -157,6 +107,7 @@ ORDERED = (
     ("model.motor_reference_min", "model.motor_reference_max"),
     ("mass.mass_min", "mass.mass_max"),
     ("safety.battery_land", "safety.battery_warning"),
+    ("safety.tilt_max", "safety.tilt_cut"),
 )
 """Pairs whose first must stay below the second."""
 

@@ -22,6 +22,8 @@ import msgspec
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle.process_config import CommsConfig, FlightConfig, RingDescriptors, create_rings
+from vehicle_link.serial.capacity import DEFAULT_RATE
+from vehicle_link.serial.identity import THE_ONE, Identity
 
 PATIENCE_S = 5.0
 GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
@@ -109,16 +111,21 @@ def run_vehicle(
     link_port: int,
     name: str = "quad1",
     settings: Mapping[str, ParameterValue] | None = None,
+    rate: int = DEFAULT_RATE,
+    identity: Identity = THE_ONE,
 ) -> int:
     """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
 
     Call it from the main thread.
 
     Args:
-        ports: the microcontroller's serial ports, one or two.
+        ports: the microcontroller's serial ports, one or two; none for a simulated vehicle inside
+            the flight process.
         data: folder for certificates and onboard logs.
         link_port: UDP port the station dials.
         settings: parameter values to start with.
+        rate: ticks a second, which the ports must carry.
+        identity: of the microcontroller; motors do not start with another.
     """
     rings = create_rings()
     values = dict(settings or {})
@@ -129,8 +136,10 @@ def run_vehicle(
         recovery.start()
         children = _Children(
             rings,
-            FlightConfig(parent, rings, ports, values, str(data.resolve() / TRAJECTORIES)),
-            CommsConfig(parent, rings, name, str(data.resolve()), link_port, values),
+            FlightConfig(
+                parent, rings, ports, rate, values, str(data.resolve() / TRAJECTORIES), identity
+            ),
+            CommsConfig(parent, rings, name, str(data.resolve()), link_port, values, identity),
         )
         try:
             return _watch(children, signals, recovery)

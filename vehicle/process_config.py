@@ -9,8 +9,10 @@ import msgspec
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import TICK
 from vehicle.rings import ByteRing, RecordRing, create
+from vehicle_link.serial.capacity import DEFAULT_RATE
+from vehicle_link.serial.identity import THE_ONE, Identity
 
-TICK_SLOTS = 4096  # 8 s at 500 Hz: longer than a restart of comms
+TICK_SLOTS = 4096  # 8 s at 500 Hz, 4 s at 1000 Hz: longer than a restart of comms
 INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192
 OUTBOX_SLOTS, OUTBOX_SLOT_SIZE = 256, 16384  # a reply may quote a whole command
 
@@ -32,9 +34,11 @@ class FlightConfig(msgspec.Struct, frozen=True):
 
     parent: int  # process id
     rings: RingDescriptors
-    ports: list[str]  # of the microcontroller
+    ports: list[str]  # of the microcontroller; none: a simulated vehicle in this very process
+    rate: int = DEFAULT_RATE  # Hz
     parameters: dict[str, ParameterValue] = {}  # set before the start
     trajectories: str = ""  # folder of trajectory files, may be missing
+    identity: Identity = THE_ONE
 
 
 class CommsConfig(msgspec.Struct, frozen=True):
@@ -46,6 +50,7 @@ class CommsConfig(msgspec.Struct, frozen=True):
     data: str  # folder
     link_port: int
     parameters: dict[str, ParameterValue] = {}
+    identity: Identity = THE_ONE
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 PRIORITY = 50  # SCHED_FIFO: above every ordinary thread, below the kernel's interrupt threads
 # ONFAULT: what was touched stays; locking all that is mapped would take 300 MB for nothing.
@@ -37,6 +38,9 @@ def become_real_time() -> RealTime:
     locked = libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0
     if not locked:
         refusals.append(f"mlockall refused ({os.strerror(ctypes.get_errno())})")
+    elif not locked_kilobytes():
+        locked = False
+        refusals.append("mlockall granted, but the kernel counts no locked memory (VmLck is 0)")
     refusal = ""
     if refusals:
         refusal = (
@@ -45,6 +49,14 @@ def become_real_time() -> RealTime:
             "or CAP_SYS_NICE and CAP_IPC_LOCK"
         )
     return RealTime(scheduled, locked, refusal)
+
+
+def locked_kilobytes(status: Path = Path("/proc/self/status")) -> int:
+    """Memory of this process that the kernel keeps from being swapped out (VmLck)."""
+    for line in status.read_text().splitlines():
+        if line.startswith("VmLck:"):
+            return int(line.split()[1])
+    return 0
 
 
 def freeze_garbage() -> None:

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from vehicle.microcontroller import FIRMWARE_REVISION
 from vehicle.onboard_log import FREE_BYTES_MIN
 from vehicle.realtime import PRIORITY
 from vehicle_link.certificate_checks import certificate_check
@@ -24,10 +23,10 @@ from vehicle_link.machine_checks import (
     real_time_check,
 )
 from vehicle_link.messages import Message, new
+from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.topics import SERVICES
 
 PLACE: Place = "vehicle"
-_FIRMWARE = f"revision {FIRMWARE_REVISION}; the motors start with no other"
 VERSION = "version"
 """The check whose `found` the station compares with its own revision."""
 
@@ -36,12 +35,13 @@ HEARD = 0.5
 """s after which the flight loop's last word on whether it is armed is no longer believed."""
 
 
-def self_checks(data: Path, *, disarmed: bool) -> list[Check]:
+def self_checks(data: Path, *, disarmed: bool, identity: Identity = THE_ONE) -> list[Check]:
     """Of the computer this runs on.
 
     Args:
         data: the vehicle's data folder.
         disarmed: known to be; else the disk is not looked at.
+        identity: of the microcontroller.
     """
     disk = Check(
         "log's disk", "unknown", "not looked at: the flight loop is silent, and may be flying",
@@ -49,6 +49,7 @@ def self_checks(data: Path, *, disarmed: bool) -> list[Check]:
     )  # fmt: skip
     if disarmed:
         disk = disk_check(PLACE, "log's disk", data / "onboard", FREE_BYTES_MIN)
+    firmware = f"revision {identity.firmware}; the motors start with no other"
     return [
         clock_check(PLACE),
         real_time_check(PLACE, PRIORITY),
@@ -56,7 +57,7 @@ def self_checks(data: Path, *, disarmed: bool) -> list[Check]:
         governor_check(PLACE),
         disk,
         certificate_check(PLACE, data / "certificates", "vehicle"),
-        Check("firmware", "ok", _FIRMWARE, place=PLACE),
+        Check("firmware", "ok", firmware, place=PLACE),
         Check(VERSION, "ok", provenance()["git_revision"], place=PLACE),
     ]
 
@@ -64,8 +65,13 @@ def self_checks(data: Path, *, disarmed: bool) -> list[Check]:
 class SelfChecks:
     """Serves `checks`; `answer` runs in the service's own thread. Args: `clock`, s, steady."""
 
-    def __init__(self, data: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        self._data, self._clock = data, clock
+    def __init__(
+        self,
+        data: Path,
+        clock: Callable[[], float] = time.monotonic,
+        identity: Identity = THE_ONE,
+    ) -> None:
+        self._data, self._clock, self._identity = data, clock, identity
         self._told: tuple[float, bool] | None = None
 
     def heard(self, armed: bool) -> None:
@@ -84,5 +90,7 @@ class SelfChecks:
         if armed:
             reason = "the vehicle is armed; checks are made on the ground"
             return new(kind, accepted=False, reason=reason)
-        checks = to_messages(self_checks(self._data, disarmed=armed is False))
+        checks = to_messages(
+            self_checks(self._data, disarmed=armed is False, identity=self._identity)
+        )
         return new(kind, accepted=True, checked=time.time(), checks=checks)

@@ -12,30 +12,32 @@ import math
 
 from bearing_sim.beacons import parse_layout
 from control.behaviors.ground import stand
+from control.behaviors.near_hovering import Level
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
 from estimation.estimator import Estimator
 from quadrotor.errors import MeasurementError
 from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
-from vehicle.bearings_guard import BearingsGuard
 from vehicle.commands import CommandHandler
 from vehicle.gyro_calibration import GyroCalibration
+from vehicle.lateness import LoopCounts, LoopStatistics
 from vehicle.microcontroller import RawSample
-from vehicle.modes import Mode, check_move
+from vehicle.modes import ControlMode, Mode
 from vehicle.parameters import VehicleParameters
-from vehicle.stack_parts import StackParts
+from vehicle.stack_modes import StackModes
 from vehicle.status_writer import FLYING
-from vehicle.supervisor import Reaction, Verdict
+from vehicle.supervisor import Situation
 from vehicle_link.serial.ids import MotorState
 
 LONGEST_STEP = 0.05
 """s: after a longer gap between samples the filters are stepped by this much only."""
 NOMINAL_STEP = 0.002
-MOTOR_START_GRACE_NS = 1_500_000_000
+LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
+TURNING = (MotorState.ON, MotorState.EMERGENCY)
 
 
-class FlightStack(StackParts):
+class FlightStack(StackModes):
     """The vehicle's behaviour between one IMU sample and the next motor references.
 
     Args:
@@ -52,18 +54,20 @@ class FlightStack(StackParts):
     ) -> None:
         super().__init__(parameters, estimator, controller)
         self.commands = CommandHandler(self)
-        self.guard = BearingsGuard(self)
         self.configure()
 
     # ------------------------------------------------------------------ the tick
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
-        """One IMU sample in, four motor references (counts) out, None while motors are off."""
+        """One IMU sample in, four command bytes out, None while nothing is to be commanded.
+
+        They are motor references (counts), or what `flight_control_mode` says.
+        """
         dt = self._advance_time(sample.stamp_ns)
         if dt <= 0.0:
             return None
         self.imu_calibrator.calibrate(sample, self.imu)
         if self.mode is Mode.STARTING:
-            self._calibrate_gyroscope()
+            self._calibrate_gyroscope(sample)
 
         airborne = self.ground.airborne
         self.navigation.step(self.imu, dt, self.state, self.estimate)
@@ -73,41 +77,53 @@ class FlightStack(StackParts):
             self.behaviors.model = self.steering.model
 
         pose_age = self.navigation.active.measurement_age
-        verdict = self.supervisor.step(
-            self._stamp_ns,
-            airborne=airborne,
-            voltage=sample.battery_voltage,
-            pose_age=pose_age,
-            tilt=self.tilt,
-        )
-        if verdict is not None:
-            self._react(verdict)
+        self._follow_altitude(sample, dt)
+        verdict = self.supervisor.step(self._stamp_ns, self._look(sample, pose_age))
+        if verdict is not None and self.mode in FLYING:
+            self.react(verdict)
         if self.guard.on:
             self.guard.step()
+        if self.mode in FLYING:
+            self.heed(sample)
 
-        flying = self.mode in FLYING
-        if flying and self.behaviors.name is not BehaviorName.GROUND:
-            self.behaviors.step(
-                self._stamp_ns,
-                dt,
-                self.state,
-                self._joy,
-                airborne,
-                self._wrench.item(0),
-                self.reference,
-            )
-            self.steering.controller.step(self.state, self.reference, airborne, dt, self.actuators)
-            if self.behaviors.aborted:
-                self.say(f"braking: {self.behaviors.aborted}", mailbox.WARN)
-                self.behaviors.aborted = ""
-            self._watch_ground(dt)
-        elif flying:
-            self._idle()
-        else:
+        command = None
+        if self.mode not in FLYING or self.control_mode is ControlMode.EMERGENCY:
             self._rest()
-        motors = self._motor_references(sample, flying)
+        elif self.behaviors.name is BehaviorName.GROUND:
+            self._idle()
+            command = self._references() if self.mode in FLYING else None
+        else:
+            command = self._fly(dt, airborne)
         self._write_status(sample, pose_age)
-        return motors
+        return command
+
+    def _fly(self, dt: float, airborne: bool) -> tuple[int, int, int, int]:
+        """The behavior's reference, then what holds it."""
+        behaviors = self.behaviors
+        behaviors.step(
+            self._stamp_ns, dt, self.state, self._joy, airborne, self._wrench.item(0),
+            self.reference,
+        )  # fmt: skip
+        level = behaviors.level
+        self.steer_by(ControlMode.DIRECT if level is None else ControlMode.NEAR_HOVERING)
+        if level is None:
+            self.steering.controller.step(self.state, self.reference, airborne, dt, self.actuators)
+            self.near_hovering.observe(self._wrench.item(0), dt)
+            command = self._references()
+        else:
+            command = self._level(level, dt)
+        if behaviors.aborted:
+            self.say(f"braking: {behaviors.aborted}", mailbox.WARN)
+            behaviors.aborted = ""
+        self._watch_ground(dt)
+        return command
+
+    def _level(self, level: Level, dt: float) -> tuple[int, int, int, int]:
+        """A command to the microcontroller, which holds the angles."""
+        self.actuators[...] = self._off
+        command, thrust = self.near_hovering.command(level, self.parameters.model.mass, dt)
+        self._wrench[0] = thrust
+        return command
 
     # ------------------------------------------------------------------ inputs between ticks
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
@@ -124,10 +140,13 @@ class FlightStack(StackParts):
             self.supervisor.heard(measurement.stamp_ns)
 
     def loop_statistics(
-        self, *, rate: float, p50: float, p99: float, longest: float, missed: float, real_time: bool
+        self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None:
-        """What the loop measured of itself over the last second (Hz, s, s, s, share 0..1)."""
-        self._status_writer.loop(rate, p50, p99, longest, missed)
+        """What the loop measured of itself: over the last second, and since its start.
+
+        Args: `rate` in Hz, as it is meant to be.
+        """
+        self._status_writer.loop(statistics, counts, rate)
         self._status_writer.real_time = real_time
 
     def configure(self) -> None:
@@ -147,24 +166,6 @@ class FlightStack(StackParts):
         self.behaviors.hover_thrust = p.model.mass * GRAVITY
         self.behaviors.control = p.control
 
-    # ------------------------------------------------------------------ mode changes
-    def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
-        """Change the mode by the table of vehicle.modes and say so. Raises RefusedError."""
-        check_move(self.mode, mode)
-        self.mode = mode
-        if mode is Mode.ARMED:
-            self.motor_state_wanted = MotorState.ON
-            self._armed_ns = self._stamp_ns
-            self.ground.arm(float(self.state["position_w"][0, 2]))
-            self.supervisor.begin_flight()
-            self.guard.begin_flight()
-        elif mode in (Mode.READY, Mode.CUT):
-            self.motor_state_wanted = MotorState.OFF
-            self.ground.disarm()
-            self.behaviors.reset()
-            self.controller.reset()
-        self.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
-
     # ------------------------------------------------------------------ parts of the tick
     def _advance_time(self, stamp_ns: int) -> float:
         dt = (stamp_ns - self._stamp_ns) * 1e-9 if self._stamp_ns else NOMINAL_STEP
@@ -174,8 +175,13 @@ class FlightStack(StackParts):
         self._sequence[0] += 1
         return min(dt, LONGEST_STEP)
 
-    def _calibrate_gyroscope(self) -> None:
+    def _calibrate_gyroscope(self, sample: RawSample) -> None:
         p = self.parameters
+        if sample.motor_state in TURNING:  # started anew while the microcontroller lands
+            if not self._told_motors:
+                self.say("gyroscope not calibrated: motors run; waiting for them", mailbox.WARN)
+            self._told_motors, self._gyro = True, None
+            return
         if self._gyro is None:
             self.imu_calibrator.clear_gyroscope_bias()
             deviation = math.radians(p.safety.gyro_deviation_max)
@@ -193,28 +199,36 @@ class FlightStack(StackParts):
             self._gyro = None
             self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
 
-    def _react(self, verdict: Verdict) -> None:
-        if verdict.reaction is Reaction.CUT:
-            self.move(Mode.CUT, verdict.reason, mailbox.ERROR)
-        elif verdict.reaction is Reaction.LAND:
-            if self.mode is Mode.ARMED:
-                self.land_now(verdict.reason)
-        elif self.behaviors.name not in (BehaviorName.LAND, BehaviorName.BRAKE):
-            self._override("brake")
-            self.say(f"braking: {verdict.reason}", mailbox.WARN)
+    def _follow_altitude(self, sample: RawSample, dt: float) -> None:
+        """By the barometer, in every mode: nobody knows when it will be needed."""
+        altitude = self.near_hovering.altitude
+        if self.ground.airborne:
+            altitude.step(sample.pressure, self._specific_force.item(2), dt)
+        else:
+            altitude.stand(sample.pressure, dt)
 
-    def land_now(self, why: str) -> None:
-        """Enter EMERGENCY_LAND: land from here, refuse everything but cut."""
-        self.move(Mode.EMERGENCY_LAND, why, mailbox.ERROR)
-        self._override("land")
-
-    def _override(self, behavior: str) -> None:
-        """Start `behavior` by the vehicle's own decision; the table allows it from any flight."""
-        self.behaviors.request(behavior, {}, self.state, armed=True, airborne=True)
+    def _look(self, sample: RawSample, pose_age: float) -> Situation:
+        """What the supervisor is to know of this tick."""
+        now, p = self._situation, self.parameters.behavior
+        now.airborne = self.ground.airborne
+        now.by_microcontroller = self.control_mode is not ControlMode.DIRECT
+        now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, self.tilt
+        x, y, z = self._innovation.tolist()
+        now.innovation = math.sqrt(x * x + y * y + z * z)
+        x, y, z = self._velocity.tolist()
+        now.speed = math.sqrt(x * x + y * y + z * z)
+        x, y, z = self._position.tolist()
+        now.outside = max(
+            p.volume_x_min - x, x - p.volume_x_max, p.volume_y_min - y, y - p.volume_y_max,
+            z - p.volume_z_max,
+        )  # fmt: skip
+        now.saturated = self._scaling.item() < 1.0
+        now.lost_ports = self.lost_ports
+        return now
 
     def _watch_ground(self, dt: float) -> None:
         ground, p = self.ground, self.parameters
-        landing = self.behaviors.name is BehaviorName.LAND
+        landing = self.behaviors.name in LANDING
         if ground.airborne:
             ground.feel(
                 self._specific_force.item(2), self._wrench.item(0), p.safety.landing_support, dt
@@ -234,25 +248,16 @@ class FlightStack(StackParts):
         if self.ground.rested(self._stamp_ns) >= self.parameters.safety.disarm_after_landing:
             self.move(Mode.READY, "landed")
 
-    def _rest(self) -> None:
-        stand(self.state, self.reference)
-        self.actuators[...] = self._off
-
-    def _motor_references(
-        self, sample: RawSample, flying: bool
-    ) -> tuple[int, int, int, int] | None:
-        if not flying:
-            return None
-        started = self._stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
-        if started and sample.motor_state != MotorState.ON:
-            state = MotorState(sample.motor_state).name.lower()
-            self.move(Mode.CUT, f"microcontroller reports motors {state}", mailbox.ERROR)
-            return None
+    def _references(self) -> tuple[int, int, int, int]:
         return self._rounding.round(self._wanted_references)
 
     def _write_status(self, sample: RawSample, pose_age: float) -> None:
+        # An emergency is told once the microcontroller shows it: people wait for that.
+        if self.control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
+            self._told_control_mode = self.control_mode
         self._status_writer.write(
             mode=self.mode,
+            control_mode=self._told_control_mode,
             behavior=self.behaviors.name,
             airborne=self.ground.airborne,
             supervisor_flags=self.supervisor.flags,

@@ -14,16 +14,18 @@ from estimation.mass_estimator import MassEstimator
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import ACTUATORS, Record, new_tick
 from vehicle import mailbox
+from vehicle.bearings_guard import BearingsGuard
 from vehicle.ground_contact import GroundContact
 from vehicle.gyro_calibration import GyroCalibration
 from vehicle.imu_calibration import ImuCalibrator
-from vehicle.modes import Mode
+from vehicle.modes import ControlMode, Mode
 from vehicle.navigation import Navigation
+from vehicle.near_hovering import NearHovering
 from vehicle.parameters import VehicleParameters
 from vehicle.reference_rounding import ReferenceRounding
 from vehicle.status_writer import StatusWriter
 from vehicle.steering import Steering
-from vehicle.supervisor import Supervisor
+from vehicle.supervisor import Situation, Supervisor
 from vehicle_link.serial.ids import MotorState
 
 
@@ -37,6 +39,8 @@ class StackParts:
     Attributes:
         record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
         outbox: what others are to be told, taken by the caller between ticks.
+        lost_ports: of the microcontroller, told by the caller; so is
+        obstacle: why it would not start the motors, empty when it would.
     """
 
     def __init__(
@@ -60,6 +64,10 @@ class StackParts:
         self.estimate = self.record["estimate"]
         self.status = self.record["status"]
         self.mode = Mode.STARTING
+        self.control_mode = self._told_control_mode = ControlMode.DIRECT
+        self.lost_ports = 0
+        self.obstacle = ""
+        self.near_hovering = NearHovering(parameters.near_hovering)
         self.ground = GroundContact()
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self._stamp_ns = 0
@@ -73,6 +81,7 @@ class StackParts:
         )
         self.motor_state_wanted = MotorState.OFF
         self._gyro: GyroCalibration | None = None
+        self._told_motors = False  # that they run while the gyroscope is to be calibrated
         self._off = np.zeros(1, ACTUATORS)
         self._off["scaling"] = 1.0
         self._rounding = ReferenceRounding()
@@ -84,8 +93,13 @@ class StackParts:
         self._scaling = self.actuators["scaling"]
         self._quaternion_wb = self.state["quaternion_wb"][0]
         self._sequence = self.record["sequence"]
+        self._position = self.state["position_w"][0]
+        self._velocity = self.state["velocity_w"][0]
+        self._innovation = self.estimate["position_innovation_w"][0]
+        self._situation = Situation()
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._armed_ns = 0
+        self.guard = BearingsGuard(self)  # type: ignore[arg-type] - of FlightStack, not of a part
 
     def say(self, text: str, level: int = mailbox.INFO) -> None:
         """Put one line into the log and on the page."""

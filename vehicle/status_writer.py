@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from quadrotor.records import Record
-from vehicle.modes import Flag, Mode
+from vehicle.lateness import LoopCounts, LoopStatistics
+from vehicle.modes import ControlMode, Flag, Mode
 
 FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
-_ROW = ("mode", "behavior", "armed", "airborne", "flags")
+_ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 # As plain numbers: an IntFlag costs half a microsecond an operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
 _SATURATED, _TILT_LIMITED = int(Flag.SATURATED), int(Flag.TILT_LIMITED)
@@ -26,17 +27,24 @@ class StatusWriter:
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
 
-    def loop(self, rate: float, p50: float, p99: float, longest: float, missed: float) -> None:
-        """What the loop measured of itself over the last second (Hz, s, s, s, share 0..1)."""
+    def loop(self, statistics: LoopStatistics, counts: LoopCounts, rate: float) -> None:
+        """What the loop measured of itself; `rate` (Hz) as it is meant to be."""
         status = self._status
-        status["tick_rate"], status["missed_share"] = rate, missed
-        status["lateness_p50"], status["lateness_p99"] = p50, p99
-        status["lateness_max"] = longest
+        status["tick_rate"], status["nominal_rate"] = statistics.rate, rate
+        status["missed_share"] = statistics.missed_share
+        status["lateness_p50"] = statistics.lateness_p50
+        status["lateness_p99"] = statistics.lateness_p99
+        status["lateness_max"] = statistics.lateness_max
+        status["lateness_histogram"] = counts.lateness
+        status["overruns"] = counts.overruns
+        status["missed_frames"] = counts.missed_frames
+        status["damaged_frames"] = counts.damaged_frames
 
     def write(
         self,
         *,
         mode: Mode,
+        control_mode: ControlMode,
         behavior: int,
         airborne: bool,
         supervisor_flags: Flag,
@@ -60,7 +68,7 @@ class StatusWriter:
             flags |= _TILT_LIMITED
         if not self.real_time:
             flags |= _NOT_REAL_TIME
-        row = (mode, behavior, mode in FLYING, airborne, flags)
+        row = (mode, behavior, mode in FLYING, airborne, control_mode, flags)
         if row != self._written:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):

@@ -143,7 +143,8 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/commands/emergency")
     async def emergency(body: commands.EmergencyBody, session: Asker) -> dict[str, Any]:
-        """`land` comes down at once under control, and is everybody's; `cut` stops the motors.
+        """`land` comes down at once as `safety.emergency_land` says, and is everybody's; `cut`
+        stops the motors.
 
         Answers once the vehicle has accepted it; whether it shows it is told as `emergency`.
         """

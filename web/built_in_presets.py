@@ -6,9 +6,10 @@ from control.presets import PRESETS as CONTROL
 from control.presets import preset
 from estimation.parameters import PRESETS as ESTIMATION
 from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle_link.parameter_authority import SIMULATOR, authority_of
 from web.parameter_mirror import LAYOUT, ParameterMirror
 
-DEFAULTS = "defaults"
+DEFAULTS, CALM = "defaults", "simulator defaults"
 GAINS = ("position.", "attitude.")
 MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
 """What was measured of this vehicle and its room; the defaults leave it alone."""
@@ -25,11 +26,14 @@ def built_in(mirror: ParameterMirror) -> dict[str, dict[str, ParameterValue]]:
     for name, poles in ESTIMATION.items():
         sets[f"estimation {name}"] = {f"estimation.{key}": v for key, v in poles.items()}
     known = {d.name for d in mirror.descriptions()}
-    sets[DEFAULTS] = {
+    defaults = {
         d.name: d.default
         for d in mirror.descriptions()
         if not d.read_only and not d.name.startswith(MEASURED)
     }
+    world = {name: v for name, v in defaults.items() if authority_of(name) == SIMULATOR}
+    sets[DEFAULTS] = {name: v for name, v in defaults.items() if name not in world}
+    sets[CALM] = world
     present = {
         name: {key: value for key, value in values.items() if key in known}
         for name, values in sets.items()

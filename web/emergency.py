@@ -4,7 +4,8 @@ The newest press is told to every page (event type `emergency`, and in the `hell
 comes later), for whoever pressed wants to know, and whoever did not must know too. A press is
 
 - `sent` until the vehicle has answered (try n of 3, under one request id: it is done once),
-- `accepted` until a status that came after the press shows it,
+- `accepted` until a status that came after the press shows it: of a landing the one that
+  `safety.emergency_land` chooses, or a worse one; the microcontroller's once it has taken over,
 - `acknowledged`, or `failed` with its reason.
 
 Presses of one kind that are under way are one call: however often anybody presses, there are at
@@ -31,8 +32,10 @@ TRIES = 3
 SPACING = 0.5  # s at least from one try to the next: what fails at once may be back soon
 LOOKS = 0.02  # s between looks at the newest status
 PATIENCE = 10.0  # s for an accepted press to show in the status
-SHOWN_BY = {"land": ("emergency_land", "cut", "ready"), "cut": ("cut", "ready")}
-"""Modes that show it; `ready`: on the ground with the motors off, which refuses both before."""
+OVER = ("cut", "ready")
+"""Modes that show both; `ready`: on the ground with the motors off, which refuses both before."""
+LANDINGS = ("land", "descend", "emergency")
+"""Choices of safety.emergency_land, from the mildest."""
 NAMES = {"land": "emergency land", "cut": "cut of the motors"}
 
 Message = dict[str, Any]
@@ -67,6 +70,7 @@ class EmergencyDesk:
     Args:
         publish: takes the messages for all pages.
         say: (level, line) for everybody's list of events.
+        chosen: safety.emergency_land, None while that is not known.
     """
 
     def __init__(
@@ -76,8 +80,10 @@ class EmergencyDesk:
         publish: Callable[[Message], None],
         say: Callable[[str, str], None],
         clock: Callable[[], float] = time.monotonic,
+        chosen: Callable[[], Any] = lambda: None,
     ) -> None:
         self._station, self._live = station, live
+        self._chosen = chosen
         self._publish, self._say = publish, say
         self._clock = clock
         self._newest: Press | None = None
@@ -171,7 +177,7 @@ class EmergencyDesk:
             if self._shows(press):
                 self._finish(press, "acknowledged")
             elif self._clock() - press.pressed > PATIENCE:
-                press.reason = f"accepted, but not shown by the vehicle within {PATIENCE:g} s"
+                press.reason = f"accepted, but {self._missing(press)} within {PATIENCE:g} s"
                 self._finish(press, "failed")
 
     def _shows(self, press: Press) -> bool:
@@ -179,7 +185,26 @@ class EmergencyDesk:
         if self._live.age("status") >= self._clock() - press.pressed:
             return False
         status = self._live.newest("status")
-        return status is not None and str(status.mode).lower() in SHOWN_BY[press.action]
+        if status is None or str(status.mode).lower() in OVER:
+            return status is not None
+        return press.action == "land" and self._lands(status)
+
+    def _lands(self, status: Any) -> bool:
+        """As chosen, or worse: without a pose the vehicle cannot land by one."""
+        if str(status.mode).lower() != "emergency_land":
+            return False
+        if str(status.control_mode).lower() == "emergency":
+            shown = "emergency"
+        else:
+            is_descent = str(status.behavior).lower() == "emergency_landing"
+            shown = "descend" if is_descent else "land"
+        chosen = self._chosen()
+        return chosen not in LANDINGS or LANDINGS.index(shown) >= LANDINGS.index(chosen)
+
+    def _missing(self, press: Press) -> str:
+        if press.action == "land" and self._chosen() == "emergency":
+            return "the microcontroller has not taken over"
+        return "not shown by the vehicle"
 
     def _finish(self, press: Press, phase: str) -> None:
         press.phase = phase

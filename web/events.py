@@ -154,10 +154,10 @@ def _fields(message: Any) -> Message | None:
 
 
 def _number(value: Any) -> Any:
-    """JSON has no NaN and needs no 17 digits."""
+    """JSON has no NaN, no arrays of numpy, and needs no 17 digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
-    return value
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 async def _send(socket: WebSocket, message: Message) -> None:

@@ -15,14 +15,15 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError
+from vehicle_link.parameter_authority import SIMULATOR, STATION, VEHICLE, authority_of
 from web.live import Live
 from web.parameter_mirror import ParameterMirror
 from web.scene import Box, Scene
 from web.station import Station
 
 PERIOD = 0.5  # s between looks at the revision
+ROUND = 2.0  # s between looks for the simulator, which has a life of its own
 GLANCE = 0.05  # s between looks at what the 3D view shows
-STATION_NODE = "station"
 BEARINGS = "station.bearings."
 
 
@@ -46,6 +47,7 @@ class ParameterFollower:
         self._is_first = True
         self._is_lower = False
         self._shown: dict[str, Any] = {}
+        self._surprises = 0  # looks in a row that found another simulator than is known
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -61,6 +63,7 @@ class ParameterFollower:
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
         due = loop.time() + PERIOD
+        round_due = due
         while True:
             await asyncio.sleep(GLANCE)
             self.show_beacons()
@@ -72,6 +75,10 @@ class ParameterFollower:
                 self._is_first = True  # another vehicle may come back
             elif self._is_news(int(status.parameter_revision)):
                 await self._read(int(status.parameter_revision))
+            elif loop.time() >= round_due:
+                round_due = loop.time() + ROUND
+                if await self.is_simulator_news():
+                    await self._read(int(status.parameter_revision))
             if (box := flight_volume(self._mirror.value)) is not None:
                 self._scene.set_volume(box)
 
@@ -96,16 +103,27 @@ class ParameterFollower:
         is_lower = was_lower and self._is_lower
         return self._is_first or is_lower or revision > self._mirror.revision
 
+    async def is_simulator_news(self) -> bool:
+        """Whether it came, or went: one that does not answer once may only be late."""
+        described = self._mirror.descriptions()
+        is_known = any(authority_of(d.name) == SIMULATOR for d in described)
+        is_there = await self._station.has_parameters(f"{self._namespace}/{SIMULATOR}")
+        self._surprises = self._surprises + 1 if is_there != is_known else 0
+        return self._surprises > (1 if is_known else 0)
+
     async def _read(self, revision: int) -> None:
-        """Vehicle and station; one that does not answer is asked again in the next period."""
+        """Vehicle, station and simulator, of which a real vehicle has none.
+
+        A vehicle that does not answer is asked again in the next period.
+        """
         since = None if self._is_first or self._is_lower else self._mirror.clock
         descriptions: list[Any] = []
         values: dict[str, Any] = {}
-        for node in ("vehicle", STATION_NODE):
+        for node in (VEHICLE, STATION, SIMULATOR):
             try:
                 described, read = await self._station.read_parameters(f"{self._namespace}/{node}")
             except QuadlabError:
-                if node == "vehicle":
+                if node == VEHICLE:
                     return
                 continue
             descriptions += described

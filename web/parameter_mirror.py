@@ -14,8 +14,8 @@ from typing import Any
 
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
+from vehicle_link.parameter_authority import VEHICLE, authority_of
 
-STATION_PREFIX = "station."
 LAYOUT = "station.bearings.layout"
 
 Message = dict[str, Any]
@@ -37,7 +37,7 @@ class ParameterMirror:
         self._values: dict[str, ParameterValue] = {}
         self._revisions: dict[str, int] = {}
         self._taken: dict[str, int] = {}  # at which `clock`
-        self._told = {"vehicle": -1, "station": -1}
+        self._told = {VEHICLE: -1}
         self.revision = -1
         self.generation = 0
         self.clock = 0
@@ -60,14 +60,14 @@ class ParameterMirror:
         if since is None:
             self.generation = max(self.generation + 1, time.time_ns() // 1_000_000)
             self._revisions, self.revision = {}, revision
-            self._told = {"vehicle": revision, "station": -1}
+            self._told = {VEHICLE: revision}
         else:
             newer = {n: v for n, v in self._values.items() if self._taken.get(n, -1) > since}
             self.revision = max(self.revision, revision)
         self._descriptions = {d.name: d for d in descriptions}
         self._values = {**values, **{n: v for n, v in newer.items() if n in values}}
         for name in values:
-            if name not in newer and not name.startswith(STATION_PREFIX):
+            if name not in newer and authority_of(name) == VEHICLE:
                 self._revisions[name] = max(self._revisions.get(name, -1), revision)
         self._publish({"type": "parameters", "revision": self.revision})
 
@@ -89,15 +89,14 @@ class ParameterMirror:
                 "type": "parameter", "name": name, "value": value, "requester": requester,
                 "revision": revision, "generation": self.generation,
             })  # fmt: skip
-        if not all(name.startswith(STATION_PREFIX) for name in values):  # it counts its own
+        if any(authority_of(name) == VEHICLE for name in values):
             self.revision = max(self.revision, revision)
 
     def told(self, name: str, value: ParameterValue, requester: str, revision: int) -> None:
         """As `apply`, of a message that authorities send in order: a lower one is of a restart."""
-        authority = "station" if name.startswith(STATION_PREFIX) else "vehicle"
-        if revision < self._told[authority]:
-            theirs = name.startswith(STATION_PREFIX)
-            for one in [n for n in self._revisions if n.startswith(STATION_PREFIX) == theirs]:
+        authority = authority_of(name)
+        if revision < self._told.get(authority, -1):
+            for one in [n for n in self._revisions if authority_of(n) == authority]:
                 del self._revisions[one]
         self._told[authority] = revision
         self.apply({name: value}, requester, revision)

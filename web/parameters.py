@@ -16,7 +16,8 @@ from typing import Protocol
 
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
-from web.parameter_mirror import STATION_PREFIX, ParameterMirror
+from vehicle_link.parameter_authority import SIMULATOR, STATION, authority_of
+from web.parameter_mirror import ParameterMirror
 from web.parameter_walk import step_towards, steps_between, walk
 
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
@@ -121,9 +122,22 @@ class GainPath:
                 slot.waiting = waiting
 
     async def _call(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
+        """The simulator's go last and apart: nothing is left to be refused but by its silence."""
+        simulated = {n: v for n, v in values.items() if authority_of(n) == SIMULATOR}
+        if not simulated or len(simulated) == len(values):
+            return await self._call_one(values, requester)
+        others = {n: v for n, v in values.items() if n not in simulated}
+        applied, revision = await self._call_one(others, requester)
+        try:
+            more, _ = await self._call_one(simulated, requester)
+        except QuadlabError as error:
+            raise type(error)(f"{error}; all but the simulator's values were applied") from error
+        return {**applied, **more}, revision
+
+    async def _call_one(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
         applied, revision = await self._target.change_parameters(values, requester)
         # Of a mixed call the revision is the vehicle's; the station tells of its own by itself.
-        mine = {n: v for n, v in applied.items() if not n.startswith(STATION_PREFIX)} or applied
+        mine = {n: v for n, v in applied.items() if authority_of(n) != STATION} or applied
         self._mirror.apply(mine, requester, revision)
         return applied, revision
 

@@ -116,15 +116,28 @@ class Station:
             self._callers, self._read_parameters, remote
         )
 
+    async def has_parameters(self, remote: str) -> bool:
+        """Whether that node answers."""
+        try:
+            await asyncio.get_running_loop().run_in_executor(
+                self._callers, lambda: self._parameter_client(remote).names()
+            )
+        except LinkError:
+            return False
+        return True
+
     def _read_parameters(self, remote: str) -> Described:
+        client = self._parameter_client(remote)
+        return client.describe(), client.values()
+
+    def _parameter_client(self, remote: str) -> ParameterClient:
         from vehicle_link.parameter_service import ParameterClient
 
         node = self._require_node()
         with self._making:
             if remote not in self._parameters:
                 self._parameters[remote] = ParameterClient(node, remote)
-        client = self._parameters[remote]
-        return client.describe(), client.values()
+        return self._parameters[remote]
 
     def publish_stick(
         self, axes: tuple[float, float, float, float], enabled: bool, requester: str

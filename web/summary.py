@@ -27,7 +27,8 @@ class Summary:
         self._newest: Message = {}
 
     def __call__(self) -> Message:
-        """Newest status messages, ages, experiment, control, pre-flight; to be read only."""
+        """Newest status messages, ages, experiment, control, pre-flight, what Emergency land does;
+        to be read only."""
         now = self._clock()
         if now - self._made > SHARED:
             self._newest, self._made = self.fresh(), now
@@ -41,5 +42,6 @@ class Summary:
             "experiment": experiment_summary(parts.live),
             "control": parts.control.summary(),
             "preflight": preflight_summary(parts.live),
+            "emergency_land": parts.mirror.value("safety.emergency_land"),
             "pages": parts.hub.pages,
         }

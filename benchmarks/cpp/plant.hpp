@@ -47,23 +47,23 @@ inline double rotor(double speed, const Model& m) {
 
 inline void move(Plant& p, const double* target, int steps, double dt, double share) {
     const Model& m = p.model;
-    double by_mass = 1.0 / m.mass, e = p.thrust_efficiency * p.battery_share;
-    Vec J = load(m.inertia_b), inverse{1 / J.x, 1 / J.y, 1 / J.z}, pull = load(p.disturbance_w);
+    double by_mass = 1.0 / m.mass, e = p.thrust_efficiency * p.battery_share * p.ground_share;
+    Vec J = load(m.inertia_b), inverse{1 / J.x, 1 / J.y, 1 / J.z}, pull = load(p.disturbance_w), air = load(p.air_w);
     Vec ratios = Vec{J.z - J.y, J.x - J.z, J.y - J.x} * inverse;
     Motion now{load(p.x), load(p.x + 3), {p.x[6], p.x[7], p.x[8], p.x[9]}, load(p.x + 10)};
     double s[4] = {p.rotor_speeds[0], p.rotor_speeds[1], p.rotor_speeds[2], p.rotor_speeds[3]};
     double f[4] = {};
     for (int k = 0; k < steps; ++k) {
-        for (int i = 0; i < 4; ++i) s[i] += share * (target[i] - s[i]), f[i] = e * rotor(s[i], m);
+        for (int i = 0; i < 4; ++i) s[i] += share * (target[i] - s[i]), f[i] = e * p.motor_gain[i] * rotor(s[i], m);
         Vec torque{m.arm * (f[1] - f[3]), m.arm * (f[2] - f[0]),
                    m.torque_ratio * (f[0] - f[1] + f[2] - f[3])};
-        Vec push = by_mass * (pull - p.drag * now.v);
+        Vec push = by_mass * (pull - p.drag * (now.v - air));
         now = rk4(now, by_mass * (f[0] + f[1] + f[2] + f[3]), push, torque * inverse, ratios, dt);
     }
     store(now.p, p.x), store(now.v, p.x + 3), store(now.w, p.x + 10);
     p.x[6] = now.q.w, p.x[7] = now.q.x, p.x[8] = now.q.y, p.x[9] = now.q.z;
     for (int i = 0; i < 4; ++i) p.rotor_speeds[i] = s[i];
-    Vec felt = to_body(axes_of(now.q), pull - p.drag * now.v);
+    Vec felt = to_body(axes_of(now.q), pull - p.drag * (now.v - air));
     felt.z += f[0] + f[1] + f[2] + f[3];
     store(by_mass * felt, p.specific_force_b);
 }

@@ -85,4 +85,5 @@ struct Plant {
     Model model;
     double thrust_efficiency, drag, stiffness, damping, friction, rest_depth, capacity, resistance;
     double battery_nominal, battery_exponent, battery_share;
+    double air_w[3], wind_w[3], gust, gust_time, motor_gain[4], ground_effect, ground_share;
 };

@@ -23,6 +23,7 @@ class Facts:
     airborne: bool = False
     flags: frozenset[str] = frozenset()
     tick_rate: float = 0.0  # Hz, of the flight loop
+    nominal_rate: float = 500.0  # Hz, what the vehicle wants of its flight loop
     missed_share: float = 0.0  # of the flight loop's periods
     position_innovation: float | None = None  # m
     attitude_innovation: float | None = None  # rad

@@ -65,6 +65,7 @@ class Gatherer:
             airborne=status is not None and bool(status.airborne),
             flags=frozenset(str(flag).lower() for flag in status.flags) if status else frozenset(),
             tick_rate=0.0 if status is None else float(status.tick_rate),
+            nominal_rate=(0.0 if status is None else float(status.nominal_rate)) or 500.0,
             missed_share=0.0 if status is None else float(status.missed_share),
             tracker_rate=self._tracker.rate,
             bearings_rate=self._tracker.bearings_rate,

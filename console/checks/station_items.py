@@ -11,7 +11,6 @@ from typing import Any
 from console.checks.facts import Facts
 from console.parameters import StationParameters
 from vehicle_link.checks import Check, State
-from vehicle_link.telemetry import SAMPLES_A_PACKET
 from vehicle_link.topics import TOPICS
 
 ROUND_TRIP = 0.02
@@ -36,12 +35,12 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 
 def rates(f: Facts, p: StationParameters) -> list[Check]:
     """What comes and goes, against what it is meant to be."""
-    packets = TOPICS["telemetry"].rate
+    packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
     heard = f.mode is not None
     return [
         _rate("telemetry", f.telemetry_rate if heard else None, packets, "look at the link"),
         _rate(
-            "flight loop", f.tick_rate if heard else None, packets * SAMPLES_A_PACKET,
+            "flight loop", f.tick_rate if heard else None, f.nominal_rate,
             "look at the microcontroller's cables and the load of the vehicle's computer",
         ),
         _real_time(f),

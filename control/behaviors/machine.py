@@ -22,6 +22,7 @@ from control.behaviors.follow_trajectory import FollowTrajectory
 from control.behaviors.ground import Ground, stand
 from control.behaviors.hover import Hover
 from control.behaviors.land import Land
+from control.behaviors.near_hovering import EmergencyLanding, Level, NearHovering
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName, behavior_of, check_transition
 from control.behaviors.take_off import TakeOff
@@ -46,6 +47,8 @@ BEHAVIORS: dict[BehaviorName, type[Startable]] = {
     BehaviorName.LAND: Land,
     BehaviorName.BRAKE: Brake,
     BehaviorName.EXCITE: Excite,
+    BehaviorName.NEAR_HOVERING: NearHovering,
+    BehaviorName.EMERGENCY_LANDING: EmergencyLanding,
 }
 """Those that can be requested: all but GROUND."""
 
@@ -102,6 +105,11 @@ class BehaviorMachine:
     def progress(self) -> float:
         """Share of the behavior done, 0..1; 0 for those without an end."""
         return self._behavior.progress
+
+    @property
+    def level(self) -> Level | None:
+        """What the microcontroller is to hold, in a behavior that it flies."""
+        return self._behavior if isinstance(self._behavior, Level) else None
 
     def reset(self) -> None:
         """To the ground at once: disarmed or cut."""

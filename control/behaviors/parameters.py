@@ -27,6 +27,10 @@ class BehaviorParameters(Parameters):
     landing_speed: float = parameter(
         0.3, unit="m/s", ge=0.05, le=1.0, step=0.05, description="descent speed of land"
     )
+    emergency_landing_speed: float = parameter(
+        0.5, unit="m/s", ge=0.2, le=0.8, step=0.05,
+        description="descent by the barometer of emergency_landing",
+    )  # fmt: skip
     fly_to_speed: float = parameter(
         0.8, unit="m/s", ge=0.05, le=5.0, step=0.05, description="speed of fly_to"
     )
@@ -96,6 +100,14 @@ class BehaviorParameters(Parameters):
     joy_yaw_rate: float = parameter(
         1.0, unit="rad/s", ge=0.05, le=4.0, step=0.05, description="full stick yaw"
     )
+    joy_tilt: float = parameter(
+        12.0, unit="deg", ge=1.0, le=30.0, step=0.5,
+        description="near_hovering: full stick forward or left",
+    )  # fmt: skip
+    joy_thrust: float = parameter(
+        0.3, ge=0.05, le=0.6, step=0.05,
+        description="near_hovering without altitude hold: full stick up, in weights",
+    )  # fmt: skip
     joy_acceleration: float = parameter(
         2.0, unit="m/s²", ge=0.1, le=5.0, step=0.1, description="how fast sticks change the speed"
     )

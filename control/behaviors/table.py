@@ -20,9 +20,14 @@ class BehaviorName(IntEnum):
     LAND = 6
     BRAKE = 7  # to a stop, then hover
     EXCITE = 8  # steps of the reference, for tuning
+    NEAR_HOVERING = 9  # sticks are angles, which the microcontroller holds
+    EMERGENCY_LANDING = 10  # level and down, without a pose
 
 
-_GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE, _EXCITE = BehaviorName
+(
+    _GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE, _EXCITE, _NEAR,
+    _EMERGENCY,
+) = BehaviorName  # fmt: skip
 
 _ON_GROUND = "the vehicle is on the ground: request take_off first"
 _STANDING = "the vehicle is on the ground already"
@@ -31,6 +36,8 @@ _REACHED_BY_LANDING = "ground is reached by landing: request land"
 _CLIMBING = "take_off is still climbing: wait for hover, or request brake to stop here"
 _MOVING = "a trajectory starts from rest: request brake and wait for hover"
 _NOT_AT_REST = "a test of the gains starts from hover: request brake and wait for hover"
+_NOT_STEERED = "the vehicle is not held in place now: request hover or brake first"
+_NEVER_BACK = "the emergency landing is under way: request brake first to stop it in the air"
 _DESCENDING = "the vehicle is landing: request hover first to abort the landing"
 
 _IN_MOTION = {
@@ -50,6 +57,8 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _LAND: _STANDING,
         _BRAKE: _ON_GROUND,
         _EXCITE: _ON_GROUND,
+        _NEAR: _ON_GROUND,
+        _EMERGENCY: _STANDING,
     },
     _TAKE_OFF: {
         _GROUND: _REACHED_BY_LANDING,
@@ -58,6 +67,7 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _FOLLOW: _CLIMBING,
         _VELOCITY: _CLIMBING,
         _EXCITE: _CLIMBING,
+        _NEAR: _CLIMBING,
     },
     _HOVER: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING},
     _FLY_TO: dict(_IN_MOTION),
@@ -70,15 +80,33 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _FOLLOW: _DESCENDING,
         _VELOCITY: _DESCENDING,
         _EXCITE: _DESCENDING,
+        _NEAR: _DESCENDING,
     },
     _BRAKE: dict(_IN_MOTION),
     _EXCITE: _IN_MOTION | {_EXCITE: "excite is under way already"},
+    _NEAR: {
+        _GROUND: _REACHED_BY_LANDING,
+        _TAKE_OFF: _FLYING,
+        _FLY_TO: _NOT_STEERED,
+        _FOLLOW: _NOT_STEERED,
+        _EXCITE: _NOT_STEERED,
+    },
+    _EMERGENCY: {
+        _GROUND: "emergency_landing is under way already",
+        _TAKE_OFF: _NEVER_BACK,
+        _FLY_TO: _NEVER_BACK,
+        _FOLLOW: _NEVER_BACK,
+        _EXCITE: _NEVER_BACK,
+    },
 }
 """REFUSALS[present][wanted] is the reason of a refusal; every other move is allowed.
 
 Landing again with another speed, and braking or hovering twice, are allowed: a repeated
 command must not fail.
 """
+
+BY_THE_MICROCONTROLLER = frozenset({_NEAR, _EMERGENCY})
+"""Flown in near-hovering mode: it holds the angles."""
 
 NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
 """Refused before lift-off and after touch-down: they would hold the reference on the ground."""

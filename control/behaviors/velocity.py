@@ -51,11 +51,11 @@ class Velocity:
         if joy is not self._obeyed:
             self._obeyed = joy
             for i in range(4):
-                self._command[i] = 0.0 if joy is None else self._speeds[i] * _axis(joy[1][i])
+                self._command[i] = 0.0 if joy is None else self._speeds[i] * stick_axis(joy[1][i])
         advance(self._filter, dt, reference)
         return False
 
 
-def _axis(value: float) -> float:
+def stick_axis(value: float) -> float:
     """A stick axis in -1..1; what is not a number counts as released."""
     return max(-1.0, min(1.0, value)) if math.isfinite(value) else 0.0

@@ -19,8 +19,9 @@ from console.beacon_layout import THEIRS
 from console.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from vehicle.comms import Comms
-from vehicle.flight import FlightLoop
+from vehicle.flight_loop import FlightLoop
 from vehicle.microcontroller import RawSample
+from vehicle.pacing import PortPacer
 from vehicle.parameters import new_parameters
 from vehicle.process_config import CommsConfig, create_rings, open_rings
 from vehicle.stack import FlightStack
@@ -29,11 +30,12 @@ from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import to_parameters
-from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 from vehicle_link.session import loopback_session, station_session, vehicle_session
 from vehicle_link.topics import SERVICES
 
-LIMIT = 20.0
+LIMIT = 60.0
+"""s, for a broken program only: the first flight stack of a fresh clone compiles meanwhile."""
 SAMPLE_NS = 10_000_000
 
 
@@ -98,6 +100,8 @@ class StillMicrocontroller:
 
     def __init__(self) -> None:
         self.failures: list[str] = []
+        self.lost_ports = self.damaged = 0
+        self.obstacle = ""
         self.motor_state = MotorState.OFF
         self._newest_ns = time.time_ns()
 
@@ -109,7 +113,8 @@ class StillMicrocontroller:
         still, battery, pressure = (512, 512, 512), 12.0, 101_325.0
         return [RawSample(ns, still, still, battery, pressure, self.motor_state) for ns in stamps]
 
-    def command(self, references: Sequence[int]) -> None: ...
+    def command(self, command: Sequence[int], mode: FlightControlMode) -> None: ...
+    def set_value(self, id: Id, value: int) -> None: ...
     def set_motor_state(self, state: MotorState) -> None: ...
     def service(self, now_s: float) -> None: ...
     def filenos(self) -> Sequence[int]:
@@ -124,7 +129,8 @@ class Vehicle:
         rings = open_rings(descriptors)
         self.stack = FlightStack(new_parameters())
         self.microcontroller = StillMicrocontroller()
-        self._loop = FlightLoop(self.stack, self.microcontroller, rings, real_time=False)
+        pacer = PortPacer(self.microcontroller, 5 * SAMPLE_NS)  # a thread beside others: rarely
+        self._loop = FlightLoop(self.stack, self.microcontroller, rings, pacer, real_time=False)
         self._session = vehicle_session(
             port, ensure_certificates(data / "certificates"), "127.0.0.1"
         )

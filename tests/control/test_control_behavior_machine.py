@@ -327,7 +327,7 @@ def test_each_requestable_behavior_describes_its_arguments():
     for behavior in BEHAVIORS.values():
         for d in argument_descriptions(behavior.arguments).values():
             assert d.description
-            assert d.type == "str" or (d.minimum is not None and d.maximum is not None)
+            assert d.type in ("str", "bool") or (d.minimum is not None and d.maximum is not None)
     with pytest.raises(QuadlabError):
         describe_arguments("nothing")
 

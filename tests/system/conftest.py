@@ -148,9 +148,12 @@ class Laboratory:
 
     # ------------------------------------------------------------------ processes
     def pid(self, command: str) -> int | None:
-        """Of the child that runs `quadlab <command>`."""
+        """Of the child that runs `quadlab <command>` or is the vehicle's `vehicle.<command>`."""
         for pid, words in self.processes().items():
-            if len(words) > 3 and words[1:4] == ["-m", "quadlab", command]:
+            if words[1:4] == ["-m", "quadlab", command] or words[1:3] == [
+                "-m",
+                f"vehicle.{command}",
+            ]:
                 return pid
         return None
 

@@ -22,7 +22,7 @@ def stamps(path: Path, topic: str) -> np.ndarray:
     return np.array([m.publish_ns for m in read_log(path, {f"/quad1/{topic}"})]) * 1e-9
 
 
-def test_a_killed_web_touches_neither_flight_nor_log(
+def test_a_killed_web_touches_neither_flight_nor_log_and_a_killed_flight_process_lands(
     start_laboratory: Callable[[], Lab], until: Callable[..., Any]
 ) -> None:
     lab = start_laboratory().sign_in()
@@ -36,15 +36,24 @@ def test_a_killed_web_touches_neither_flight_nor_log(
         lambda: (lab.summary().get("station") or {}).get("recording_duration", 0) > flown,
         10,
     )
-    lab.start("land")
-    lab.reach(armed=False)
+    lab.start("brake")  # the new page commands it
+    killed = time.time()
+    dead = lab.kill("flight")
+    lab.restarted("flight", dead)
+    lab.reach(mode="ready")  # not before the microcontroller has landed and stopped the motors
     run = next(r for r in lab.runs())
     path = lab.data / "runs" / f"{run['id']}.mcap"
     times = stamps(path, "state")
-    assert np.diff(times).max() < 0.2, "the log has a hole"
-    heights = [decode_odometry(m.payload)[1]["position_w"][0, 2]
-               for m in read_log(path, {"/quad1/truth"})]  # fmt: skip
-    assert max(heights) == pytest.approx(1.0, abs=0.1)
+    assert np.diff(times[times < killed]).max() < 0.2, "the log has a hole"
+    truth = [decode_odometry(m.payload) for m in read_log(path, {"/quad1/truth"})]
+    heights = np.array([state["position_w"][0, 2] for _, state in truth])
+    assert heights.max() == pytest.approx(1.0, abs=0.1)
+    falling = np.array([stamp * 1e-9 > killed for stamp, _ in truth])
+    sinking = np.array([-state["velocity_w"][0, 2] for _, state in truth])
+    down = int(np.flatnonzero(falling & (heights < 0.005))[0])
+    assert 0.0 < sinking[down - 1] < 0.8
+    tilted = max(np.hypot(*state["quaternion_wb"][0, 1:3]) for _, state in truth[down:])
+    assert tilted < np.sin(np.radians(5.0) / 2), "not upright"
 
 
 def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recovered(

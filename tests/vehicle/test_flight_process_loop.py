@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import pytest
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import Record, new_tick
-from vehicle import flight, mailbox
-from vehicle.flight import COMMANDS_A_TICK, FlightLoop, open_ports
+from vehicle import mailbox
+from vehicle.flight import open_ports
+from vehicle.flight_loop import COMMANDS_A_TICK, FlightLoop
+from vehicle.lateness import LoopCounts, LoopStatistics
 from vehicle.microcontroller import RawSample
 from vehicle.modes import Mode
+from vehicle.pacing import Deadlines, PortPacer
 from vehicle.process_config import Rings, create_rings, open_rings
-from vehicle_link.serial.ids import MotorState
+from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+from vehicle_link.serial.port import SerialPort
 
 PERIOD_NS = 2_000_000
 
@@ -36,9 +43,13 @@ class FakeStack:
         self.store = ParameterStore(Root().model_copy(deep=True))
         self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
         self.motor_state_wanted = MotorState.OFF
+        self.flight_control_mode = FlightControlMode.DIRECT
+        self.command_timeout_ms = 250
+        self.lost_ports = 0
+        self.obstacle = ""
         self.mode = Mode.READY
         self.calls: list[object] = []
-        self.statistics: list[dict[str, float]] = []
+        self.statistics: list[tuple[LoopStatistics, LoopCounts, float, bool]] = []
         self.references: tuple[int, int, int, int] | None = (1, 2, 3, 4)
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
@@ -62,8 +73,10 @@ class FakeStack:
     def measure(self, measurement: mailbox.Measurement) -> None:
         self.calls.append(measurement)
 
-    def loop_statistics(self, **statistics: float) -> None:
-        self.statistics.append(statistics)
+    def loop_statistics(
+        self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
+    ) -> None:
+        self.statistics.append((statistics, copy.deepcopy(counts), rate, real_time))
 
 
 class FakeMcu:
@@ -73,7 +86,12 @@ class FakeMcu:
         self.failures: list[str] = []
         self.given: list[RawSample] = []
         self.commands: list[Sequence[int]] = []
+        self.modes: list[FlightControlMode] = []
         self.motor_states: list[MotorState] = []
+        self.values: list[tuple[Id, int]] = []
+        self.lost_ports = 0
+        self.obstacle = ""
+        self.damaged = 0
         self.serviced = 0
         self._reader, self._writer = os.pipe()
 
@@ -81,11 +99,15 @@ class FakeMcu:
         given, self.given = self.given, []
         return given
 
-    def command(self, references: Sequence[int]) -> None:
-        self.commands.append(references)
+    def command(self, command: Sequence[int], mode: FlightControlMode) -> None:
+        self.commands.append(command)
+        self.modes.append(mode)
 
     def set_motor_state(self, state: MotorState) -> None:
         self.motor_states.append(state)
+
+    def set_value(self, id: Id, value: int) -> None:
+        self.values.append((id, value))
 
     def service(self, now_s: float) -> None:
         self.serviced += 1
@@ -98,14 +120,23 @@ class FakeMcu:
         os.close(self._writer)
 
 
+class NoWaiting:
+    """A pacer for samples that are there already."""
+
+    def __init__(self) -> None:
+        self.deadlines = Deadlines(PERIOD_NS)
+
+    def wait(self) -> None: ...
+
+
 class Bench:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_ns = 1_000_000_000
         self._samples = 0
-        monkeypatch.setattr(flight.time, "monotonic_ns", lambda: self.now_ns)
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.now_ns)
         self.stack, self.mcu = FakeStack(), FakeMcu()
         self.rings: Rings = open_rings(create_rings())
-        self.loop = FlightLoop(self.stack, self.mcu, self.rings, real_time=False)
+        self.loop = FlightLoop(self.stack, self.mcu, self.rings, NoWaiting(), real_time=False)
 
     def send(self, *messages: mailbox.Inbound) -> None:
         for message in messages:
@@ -121,12 +152,12 @@ class Bench:
             )
         stamps = [sample.stamp_ns for sample in self.mcu.given]
         self.now_ns += count * PERIOD_NS
-        self.loop.once(timeout_ms=0)
+        self.loop.once()
         return stamps
 
     def nothing(self, nanoseconds: int) -> None:
         self.now_ns += nanoseconds
-        self.loop.once(timeout_ms=0)
+        self.loop.once()
 
     def outbox(self) -> list[mailbox.Outbound]:
         return [mailbox.decode_outbound(message) for message in self.rings.outbox.pop_all()]
@@ -158,18 +189,25 @@ def test_what_was_compiled_beside_is_loaded_on_the_ground_and_only_there(
 ) -> None:
     made = Bench(monkeypatch)
     later = Compiled()
-    loop = FlightLoop(made.stack, made.mcu, made.rings, real_time=False, later=later)  # type: ignore[arg-type]
+    loop = FlightLoop(
+        made.stack,
+        made.mcu,
+        made.rings,
+        NoWaiting(),
+        real_time=False,
+        later=later,  # type: ignore[arg-type]
+    )
     made.stack.mode = Mode.READY
-    loop.once(timeout_ms=0)
+    loop.once()
     assert later.loads == 0
     later.arrived = True
     for mode in (Mode.STARTING, Mode.ARMED, Mode.EMERGENCY_LAND):
         made.stack.mode = mode
-        loop.once(timeout_ms=0)
+        loop.once()
     assert later.loads == 0
     made.stack.mode = Mode.READY
     for _ in range(3):
-        loop.once(timeout_ms=0)
+        loop.once()
     assert later.loads == 1
     made.mcu.close()
 
@@ -237,12 +275,38 @@ def test_a_defect_in_a_command_is_reported_and_flying_goes_on(
 
 
 def test_a_second_of_samples_gives_statistics(bench: Bench) -> None:
-    assert bench.stack.statistics[0]["real_time"] is False
+    _, _, rate, real_time = bench.stack.statistics[0]
+    assert (rate, real_time) == (500.0, False)
+    bench.mcu.damaged = 3
     for _ in range(501):
         bench.samples(1)
-    assert bench.stack.statistics[1:] == [
-        {"rate": 500.0, "p50": 0.0, "p99": 0.0, "longest": 0.0, "missed": 0.0, "real_time": False}
-    ]
+    ((statistics, counts, _, _),) = bench.stack.statistics[1:]
+    assert statistics == LoopStatistics(500.0, 0.0, 0.0, 0.0, 0.0)
+    assert counts.lateness.tolist() == [500] + [0] * 7
+    assert (counts.overruns, counts.missed_frames, counts.damaged_frames) == (0, 0, 3)
+
+
+def test_ticks_longer_than_a_period_and_periods_without_a_sample_are_counted(bench: Bench) -> None:
+    bench.samples(1)
+    tick = bench.stack.tick
+
+    def slow(sample: RawSample) -> tuple[int, int, int, int] | None:
+        bench.now_ns += PERIOD_NS + 1
+        return tick(sample)
+
+    bench.stack.tick = slow  # type: ignore[method-assign]
+    bench.samples(1)
+    bench.stack.tick = tick  # type: ignore[method-assign]
+    bench.now_ns -= PERIOD_NS + 1
+    bench.samples(1)
+    assert bench.loop.counts.overruns == 1
+    bench.nothing(3 * PERIOD_NS)
+    bench.now_ns -= 3 * PERIOD_NS
+    bench._samples += 2  # lost on the line
+    bench.now_ns += 2 * PERIOD_NS
+    for _ in range(500):
+        bench.samples(1)
+    assert bench.stack.statistics[-1][1].missed_frames == 2
 
 
 def test_silence_is_said_once_and_so_is_its_end(
@@ -259,6 +323,16 @@ def test_silence_is_said_once_and_so_is_its_end(
     (line,) = capsys.readouterr().err.splitlines()
     assert "samples again after 1.2 s" in line
     assert [type(message) for message in bench.outbox()] == [mailbox.Event] * 2
+
+
+def test_bytes_that_are_no_frames_are_told_apart_from_silence(
+    bench: Bench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bench.samples(1)
+    bench.mcu.damaged = 12
+    bench.nothing(600_000_000)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "for 0.5 s; waiting. 12 pieces of bytes came that are no frames: is its baud" in line
 
 
 def test_without_samples_an_emergency_acts_and_arming_is_refused(bench: Bench) -> None:
@@ -293,5 +367,75 @@ def test_a_full_ring_costs_records_not_ticks(bench: Bench) -> None:
 
 
 def test_a_port_that_never_comes_is_one_clear_line() -> None:
-    with pytest.raises(LinkError, match="cannot open serial port /nowhere/mcu0"):
+    with pytest.raises(LinkError, match="serial port /nowhere/mcu0 cannot be opened"):
         open_ports(["/nowhere/mcu0"], patience_s=0.0)
+
+
+def test_what_is_no_serial_device_is_not_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(LinkError, match="not a serial device"):
+        open_ports([str(tmp_path / "file")], patience_s=1e9)
+
+
+def test_a_port_that_is_missing_for_longer_than_a_simulator_starts_is_told_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("vehicle.flight.TOLD_AFTER_S", 0.1)
+    with pytest.raises(LinkError, match="plug it in"):
+        open_ports(["/nowhere/mcu0"], patience_s=0.5)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("vehicle: serial port /nowhere/mcu0 cannot be opened: No such file")
+    assert line.endswith("; trying for 0 s")
+
+
+def test_a_port_in_use_is_told_once_and_opened_when_it_is_free(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    master, slave = os.openpty()
+    path = os.ttyname(slave)
+    other = SerialPort(path)
+    tries = 0
+
+    def pause(seconds: float) -> None:
+        nonlocal tries
+        tries += 1
+        if tries == 3:
+            other.close()
+
+    monkeypatch.setattr(time, "sleep", pause)
+    (port,) = open_ports([path], patience_s=60.0)
+    assert tries == 3
+    assert capsys.readouterr().err == (
+        f"vehicle: serial port {path} cannot be opened: busy: another program has it open; "
+        "end that one, another `quadlab vehicle` for one; trying for 60 s\n"
+    )
+    port.close()
+    os.close(master)
+    os.close(slave)
+
+
+def test_the_mode_goes_with_each_command_and_the_timeout_once(bench: Bench) -> None:
+    bench.stack.flight_control_mode = FlightControlMode.NEAR_HOVERING
+    for _ in range(3):
+        bench.samples(1)
+    assert bench.mcu.modes == [FlightControlMode.NEAR_HOVERING] * 3
+    assert bench.mcu.values == [(Id.EMERGENCY_TIMEOUT, 250)]
+    bench.stack.command_timeout_ms = 400
+    bench.mcu.lost_ports = 1
+    bench.samples(1)
+    assert bench.mcu.values[1:] == [(Id.EMERGENCY_TIMEOUT, 400)]
+    assert bench.stack.lost_ports == 1
+
+
+def test_a_port_that_is_gone_does_not_wake_the_loop_any_more(bench: Bench) -> None:
+    reader, writer = os.pipe()
+    pacer = PortPacer(bench.mcu, PERIOD_NS)
+    gone = bench.mcu.filenos()
+    bench.mcu.filenos = lambda: (reader,)  # type: ignore[method-assign]
+    os.close(bench.mcu._writer)  # hung up
+    assert pacer._poll.poll(0)
+    bench.mcu.lost_ports = 1
+    pacer.wait()
+    assert pacer._poll.poll(0) == []
+    bench.mcu._reader, bench.mcu._writer = reader, writer
+    os.close(*gone)

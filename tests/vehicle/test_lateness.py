@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from vehicle.lateness import Lateness, LoopStatistics
@@ -75,3 +76,15 @@ def test_a_drifting_clock_does_not_look_late() -> None:
 def test_a_rate_beyond_the_buffer_closes_the_second_early() -> None:
     statistics = run([0.25 * k for k in range(2100)])[0]
     assert statistics.rate == pytest.approx(4000.0)
+
+
+def test_the_histogram_counts_every_tick_of_the_finished_seconds() -> None:
+    lateness, counted = Lateness(), 0
+    late_us = [0.0, 49.9, 50.0, 99.0, 150.0, 300.0, 700.0, 1500.0, 3000.0, 7000.0]
+    for k in range(1001):
+        if lateness.add(2 * MS * k + round(1000 * late_us[k % 10]), 2 * MS * k) is not None:
+            counted = k
+    bounds = [0, 50, 100, 200, 500, 1000, 2000, 5000, np.inf]
+    expected, _ = np.histogram([late_us[k % 10] for k in range(counted)], bounds)
+    assert counted > 990
+    assert lateness.histogram.tolist() == expected.tolist()

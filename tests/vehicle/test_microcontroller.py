@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle.microcontroller import TRIES, Microcontroller, RawSample
-from vehicle.simulator.firmware import Firmware
+from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import (
@@ -16,7 +16,9 @@ from vehicle_link.serial.commands import (
     encode_mirrored,
     encode_value,
 )
+from vehicle_link.serial.exchange import TRIES
 from vehicle_link.serial.frames import FrameDecoder
+from vehicle_link.serial.identity import Identity
 from vehicle_link.serial.ids import MIRROR, Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
@@ -63,7 +65,7 @@ def fly(simulated: SimulatedVehicle, mcu: Microcontroller, steps: int) -> list[R
 # ---------------------------------------------------------------- handshake
 def test_it_asks_for_the_mirror_who_it_is_and_direct_mode_at_once() -> None:
     lines = Lines()
-    assert lines.sent() == "luus"
+    assert lines.sent() == "lsuus"
     assert not lines.mcu.connected
 
 
@@ -77,22 +79,35 @@ def test_samples_count_only_once_the_mirror_is_confirmed() -> None:
     assert len(lines.mcu.receive()) == 1
 
 
+def test_a_value_of_no_id_neither_confirms_the_mirror_nor_takes_it_back() -> None:
+    lines = Lines()
+    lines.far[0].write(encode_value(-1, 0))
+    lines.mcu.receive()
+    lines.sent()
+    lines.mcu.service(0.0)
+    assert lines.sent() == "lsuus"
+    lines.mcu.service(0.1)
+    lines.confirm()
+    lines.far[0].write(encode_value(-1, 0) + data(1000))
+    assert len(lines.mcu.receive()) == 1
+
+
 def test_the_handshake_goes_on_for_a_microcontroller_switched_on_later() -> None:
     lines = Lines()
     for step in range(400):
         lines.mcu.service(step * 0.01)
-    assert len(lines.mcu.failures) == 4
+    assert len(lines.mcu.failures) == 1
     lines.sent()
     for step in range(400, 520):
         lines.mcu.service(step * 0.01)
     lines.confirm()
     assert lines.mcu.connected
-    assert len(lines.mcu.failures) == 4
+    assert len(lines.mcu.failures) == 1
 
 
 def test_the_wrong_robot_is_reported_and_gets_no_motors() -> None:
     simulated = SimulatedVehicle(SimulatorParameters())
-    mcu = Microcontroller(simulated.ports, 0, robot_id=7)
+    mcu = Microcontroller(simulated.ports, 0, identity=Identity(robot_id=7))
     mcu.set_motor_state(MotorState.ON)
     samples = fly(simulated, mcu, 1000)
     assert not mcu.connected
@@ -177,7 +192,7 @@ def test_damage_on_the_line_costs_only_what_it_hit() -> None:
     simulated = SimulatedVehicle(SimulatorParameters())
     mcu = Microcontroller(simulated.ports, 0)
     fly(simulated, mcu, 10)
-    far = simulated._outlets
+    far = simulated._wires
     stamps: list[float] = []
     for k in range(100):
         if k % 10 == 5:
@@ -261,3 +276,42 @@ def test_sets_carry_the_last_references_but_none_once_motors_are_off() -> None:
         lines.mcu.service(0.0)
         (frame,) = FrameDecoder().feed(lines.far[0].read())
         assert tuple(frame.payload[:4]) == expected
+
+
+def test_what_one_sample_alone_says_of_the_motors_is_not_believed() -> None:
+    lines = Lines()
+    lines.confirm()
+    states = [MotorState.ON] * 3 + [MotorState.OFF] + [MotorState.ON] * 2 + [MotorState.OFF] * 3
+    told = []
+    for k, state in enumerate(states):
+        lines.far[0].write(data(1000 + 2 * k, state=state))
+        told += [sample.motor_state for sample in lines.mcu.receive()]
+    assert told == [MotorState.ON] * 7 + [MotorState.OFF] * 2
+
+
+def test_a_command_is_repeated_while_no_sample_comes_but_not_for_long() -> None:
+    lines = Lines()
+    lines.confirm()
+    lines.mcu.command((1, 2, 3, 4))
+    lines.mcu.service(10.0)
+    lines.sent(0), lines.sent(1)
+    sent = {}
+    for ms in range(1, 200):
+        lines.mcu.service(10.0 + 0.001 * ms)
+        sent[ms] = lines.sent(0).count("b") + lines.sent(1).count("b")
+    at = [ms for ms, count in sent.items() if count]
+    assert 4 <= len(at) <= 7
+    assert at[0] <= 8
+    assert at[-1] < 40, "the microcontroller must land when nothing new comes"
+
+
+def test_no_command_is_repeated_once_the_motors_are_to_stop() -> None:
+    lines = Lines()
+    lines.confirm()
+    lines.mcu.command((1, 2, 3, 4))
+    lines.mcu.service(10.0)
+    lines.mcu.set_motor_state(MotorState.OFF)
+    lines.sent(0), lines.sent(1)
+    for ms in range(1, 60):
+        lines.mcu.service(10.0 + 0.001 * ms)
+    assert "b" not in lines.sent(0) + lines.sent(1)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import random
 
-from vehicle.microcontroller_clock import MS, SETTLING_SAMPLES, MicrocontrollerClock
+from vehicle.microcontroller_clock import FRAME_NS, MS, SETTLING_NS, MicrocontrollerClock
 
 
 def test_time_goes_on_through_the_wrap() -> None:
     clock = MicrocontrollerClock(0)
-    elapsed = [clock.elapsed_ns(ms % 60_000) for ms in range(59_000, 190_000, 250)]
-    assert elapsed == [250 * MS * k for k in range(len(elapsed))]
+    elapsed = [clock.elapsed_ns(ms % 60_000) for ms in range(59_000, 190_000, 50)]
+    assert elapsed == [50 * MS * k for k in range(len(elapsed))]
 
 
 def test_a_sample_up_to_a_second_late_has_an_earlier_time() -> None:
@@ -25,7 +25,7 @@ def test_the_epoch_is_the_least_arrival_less_the_elapsed_time() -> None:
     generator = random.Random(7)
     now = [0]
     clock = MicrocontrollerClock(host_ns=lambda: now[0])
-    delays = [generator.randrange(100_000, 20 * MS) for _ in range(SETTLING_SAMPLES)]
+    delays = [generator.randrange(100_000, 20 * MS) for _ in range(SETTLING_NS // (2 * MS) + 1)]
     for k, delay in enumerate(delays):
         assert not clock.settled
         now[0] = 1_700_000_000_000_000_000 + 2 * MS * k + delay
@@ -33,16 +33,30 @@ def test_the_epoch_is_the_least_arrival_less_the_elapsed_time() -> None:
         assert elapsed is not None
         clock.settle(elapsed, 1)
     assert clock.settled
-    assert clock.stamp_ns(0) == 1_700_000_000_000_000_000 + min(delays)
+    assert clock.stamp_ns(0) == 1_700_000_000_000_000_000 + min(delays) - FRAME_NS
 
 
 def test_samples_that_waited_unread_do_not_shift_the_epoch() -> None:
     clock = MicrocontrollerClock(host_ns=lambda: 5_000 * MS)
     newest = 0
-    for k in range(120):  # 240 ms of samples, read in one go
+    for k in range(240):  # 480 ms of samples, read in one go
         newest = clock.elapsed_ns(2 * k) or 0
-    clock.settle(newest, 120)
-    assert clock.stamp_ns(newest) == 5_000 * MS
+    clock.settle(newest, 240)
+    assert clock.stamp_ns(newest) == 5_000 * MS - FRAME_NS
+
+
+def test_a_clock_set_by_late_samples_is_set_back_by_the_first_in_time() -> None:
+    late, now = 380 * MS, [0]
+    clock = MicrocontrollerClock(host_ns=lambda: now[0], steady_ns=lambda: 0)
+    for k in range(SETTLING_NS // (2 * MS) + 1):
+        now[0] = 2 * MS * k + FRAME_NS + late
+        clock.settle(2 * MS * k, 1)
+    assert clock.settled
+    assert clock.correct(2 * MS * k) == 0.0
+    ahead = clock.correct(2 * MS * k + late)  # arrives in time at last
+    assert ahead == 0.380
+    assert clock.stamp_ns(0) == 0
+    assert clock.correct(2 * MS * k + late + 4 * MS) == 0.0, "4 ms may be the clocks' drift"
 
 
 def test_a_given_epoch_needs_no_host_clock() -> None:
@@ -91,6 +105,14 @@ def test_a_microcontroller_that_began_anew_goes_on_from_where_the_host_is() -> N
     assert told[:500] == [None] * 500
     assert told[500] == 1002.0
     assert told[501:] == [1002.0 + 2.0 * k for k in range(1, 100)]
+
+
+def test_a_time_that_only_one_sample_tells_is_not_believed() -> None:
+    host = Host()
+    assert host.after(0, 30_000) == 0.0
+    assert host.after(2, 30_302) is None  # 300 ms ahead: true ones would be late until then
+    assert host.after(2, 30_004) == 4.0
+    assert host.after(2, 30_006) == 6.0
 
 
 def test_samples_read_long_after_they_came_are_in_their_order_and_a_hole_in_them_is_one() -> None:

@@ -8,7 +8,7 @@ import select
 import signal
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from vehicle.simulator.process import RunStatistics, run
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.truth import Put, TruthPublisher
 from vehicle_link.node import Node, Received
-from vehicle_link.serial.port import SerialPort
+from vehicle_link.serial.port import PortError, SerialPort
 from vehicle_link.topics.ticks import decode_odometry
 
 BOUND = 30.0
@@ -85,7 +85,7 @@ def test_it_speaks_through_two_devices_and_removes_them(tmp_path: Path) -> None:
             port.close()
     assert mcu.connected
     assert all(sample.stamp_ns % 1_000_000 == samples[0].stamp_ns % 1_000_000 for sample in samples)
-    assert running.statistics.samples >= 100
+    assert running.statistics.periods >= 200
     assert os.listdir(tmp_path) == []
 
 
@@ -123,7 +123,7 @@ def test_when_the_machine_stopped_the_lost_samples_are_counted(
 
     monkeypatch.setattr(process, "_say", say)
     statistics = run(SimulatorParameters(), tmp_path, None, stop=stop)
-    assert statistics.samples <= 1
+    assert statistics.periods <= 2
     assert "samples are lost" in said[-1]
 
 
@@ -144,6 +144,30 @@ def test_unread_bytes_are_bounded_thrown_away_and_counted(tmp_path: Path) -> Non
     terminal.close()
 
 
+def test_a_pulled_adapter_is_gone_for_the_vehicle_and_comes_back_as_a_new_device(
+    tmp_path: Path,
+) -> None:
+    terminal = PseudoTerminal(tmp_path / "mcu0")
+    port = SerialPort(tmp_path / "mcu0")
+    terminal.write(b"#before\r")
+    terminal.unplug()
+    assert not os.path.lexists(tmp_path / "mcu0")
+    terminal.write(b"#lost\r")
+    assert terminal.read() == b""
+    with pytest.raises(PortError, match="is gone"):
+        _ = [port.read() for _ in range(2)]  # what came before may still be there
+    with pytest.raises(PortError, match="is gone"):
+        port.write(b"x")
+    port.close()
+    terminal.plug_in()
+    port = SerialPort(tmp_path / "mcu0")
+    terminal.write(b"#after\r")
+    assert select.select([port], [], [], BOUND)[0]
+    assert port.read() == b"#after\r"
+    port.close()
+    terminal.close()
+
+
 def test_a_newer_simulator_s_link_is_left_alone(tmp_path: Path) -> None:
     old, new = PseudoTerminal(tmp_path / "mcu0"), PseudoTerminal(tmp_path / "mcu0")
     old.close()
@@ -154,7 +178,7 @@ def test_a_newer_simulator_s_link_is_left_alone(tmp_path: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(StorageError, match=r"cannot make the serial device's link .*--data"):
+    with pytest.raises(StorageError, match=r"cannot make the serial device's link .*--folder"):
         PseudoTerminal(tmp_path / "file" / "mcu0")
 
 
@@ -211,6 +235,28 @@ def test_truth_is_sent_as_odometry_with_its_stamp() -> None:
     assert receiver.closed.is_set()
 
 
+def test_the_truth_s_thread_hurries_and_the_network_s_threads_do_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    policies: list[tuple[str, int]] = []
+    receiver = Receiver()
+
+    def scheduled(pid: int, policy: int, parameter: os.sched_param) -> None:
+        assert pid == 0, "of this thread only"
+        policies.append((threading.current_thread().name, policy))
+
+    def connect() -> tuple[Put, Callable[[], None]]:
+        assert policies[-1] == ("truth", os.SCHED_OTHER)
+        return receiver.connect()
+
+    monkeypatch.setattr(os, "sched_setscheduler", scheduled)
+    publisher = TruthPublisher(connect, "quad1")
+    while not receiver.arrived.acquire(timeout=0.1):
+        publisher.offer(1, new_state())
+    assert policies[-1] == ("truth", os.SCHED_FIFO)
+    publisher.close()
+
+
 def test_a_slow_network_costs_truth_and_not_the_plant() -> None:
     blocked = threading.Event()
 
@@ -265,7 +311,7 @@ def test_a_station_that_comes_later_and_comes_again_gets_the_truth(tmp_path: Pat
 
 def test_truth_and_vehicle_share_a_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     receiver = Receiver()
-    monkeypatch.setattr(process, "connect_to_station", lambda port, vehicle: receiver.connect)
+    monkeypatch.setattr(process, "connect_to_station", lambda port, vehicle, live: receiver.connect)
     with simulator(tmp_path, loopback_port=1):
         ports = open_ports(tmp_path)
         sample = receive(Microcontroller(ports), 100)[-1]

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from quadrotor.records import Record
-from vehicle.simulator.firmware import REGISTERS
+from vehicle.simulator.firmware.firmware import REGISTERS
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import new_plant
 from vehicle.simulator.sensors import BLOCK, CHANNELS, Noise, new_sensors, sample
@@ -64,7 +64,7 @@ def test_noise_and_bias_are_those_asked_for() -> None:
     rows = []
     for _ in range(8 * BLOCK):
         registers = np.zeros(REGISTERS, np.int16)
-        sample(plant, sensors, noise.block, noise.next_row(), registers)
+        sample(plant, sensors, noise.block, noise.next_rows(1), registers)
         rows.append(registers)
     counts = np.array(rows, float)
     print("seed 3")
@@ -80,7 +80,7 @@ def test_noise_and_bias_are_those_asked_for() -> None:
 def test_the_same_seed_gives_the_same_noise_in_every_block() -> None:
     def rows(seed: int) -> npt.NDArray[np.float64]:
         noise = Noise(seed)
-        return np.array([noise.block[noise.next_row()].copy() for _ in range(2 * BLOCK + 5)])
+        return np.array([noise.block[noise.next_rows(1)].copy() for _ in range(2 * BLOCK + 5)])
 
     assert (rows(1) == rows(1)).all()
     assert (rows(1) != rows(2)).any()

@@ -74,15 +74,31 @@ def test_the_first_sample_is_at_time_0_and_moves_nothing() -> None:
     assert simulated.truth["position_w"][0, 2] < 3.0
 
 
-@pytest.mark.parametrize("rate", [60, 120, 300, 650])
-def test_stamps_on_board_are_the_truth_s_in_whole_milliseconds(rate: int) -> None:
-    simulated = SimulatedVehicle(SimulatorParameters(imu_rate=rate))
-    mcu = Microcontroller(simulated.ports, 0)
+@pytest.mark.parametrize("rate", [60, 120, 300, 650, 677, 1000])
+def test_the_rate_asked_for_is_flown_and_stamps_on_board_are_the_truth_s(rate: int) -> None:
+    simulated = SimulatedVehicle(SimulatorParameters())
+    mcu = Microcontroller(simulated.ports, 0, rate=rate)
+    period_ns = 1000 * round(1e6 / rate)
     for k in range(rate):
         simulated.step()
         (sample,) = mcu.receive()
-        assert simulated.stamp_ns == k * 1_000_000_000 // rate
-        assert sample.stamp_ns == simulated.stamp_ns // 1_000_000 * 1_000_000
+        assert simulated.stamp_ns == k * period_ns
+        assert sample.stamp_ns == simulated.stamp_ns
+    assert mcu.connected
+
+
+def test_another_rate_while_it_runs_goes_on_from_the_present_sample() -> None:
+    simulated = SimulatedVehicle(SimulatorParameters())
+    for _ in range(4):
+        simulated.step()
+    mcu = Microcontroller(simulated.ports, 0, rate=250)
+    stamps = []
+    for _ in range(3):
+        simulated.step()
+        stamps.append(simulated.stamp_ns // 1_000_000)
+    assert stamps == [10, 14, 18]
+    assert simulated.sample_period_ns == 4_000_000
+    assert [sample.stamp_ns // 1_000_000 for sample in mcu.receive()] == [0, 4, 8]
 
 
 def test_warming_up_changes_nothing() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import grp
 import os
 import select
 import tty
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle_link.serial.port import SerialPort, memory_port_pair
+from vehicle_link.serial.port import PortError, PortProblem, SerialPort, memory_port_pair
 
 
 class Terminal:
@@ -102,12 +103,49 @@ def test_a_line_that_hangs_up_is_an_error(terminal: Terminal) -> None:
 
 def test_a_port_opens_once(terminal: Terminal) -> None:
     port = SerialPort(terminal.path)
-    with pytest.raises(LinkError, match="the port free"):
+    with pytest.raises(LinkError, match="busy: another program has it open"):
         SerialPort(terminal.path)
     port.close()
 
 
 def test_a_missing_device_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match=r"cannot open serial port .*No such file") as caught:
+    with pytest.raises(LinkError, match=r"mcu0 cannot be opened: No such file.*--find") as caught:
         SerialPort(tmp_path / "mcu0")
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_serial_device_is_said_to_be_none(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for path in (tmp_path / "file", tmp_path, Path("/dev/null")):
+        with pytest.raises(PortError, match="not a serial device") as caught:
+            SerialPort(path)
+        assert caught.value.problem is PortProblem.NOT_SERIAL
+
+
+def test_a_device_of_others_names_the_group_to_join(
+    terminal: Terminal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*arguments: object) -> int:
+        raise PermissionError(13, "Permission denied")
+
+    os.chmod(terminal.path, 0o660)
+    with monkeypatch.context() as patch:  # root, who may run the tests, is never refused
+        patch.setattr(os, "open", refuse)
+        patch.setattr(grp, "getgrgid", lambda _: type("Group", (), {"gr_name": "dialout"}))
+        with pytest.raises(PortError, match="usermod -aG dialout ") as caught:
+            SerialPort(terminal.path)
+        assert caught.value.problem is PortProblem.FORBIDDEN
+        os.chmod(terminal.path, 0o600)  # no group may open it
+        with pytest.raises(PortError, match=f"`sudo chmod a\\+rw {terminal.path}`"):
+            SerialPort(terminal.path)
+
+
+def test_a_device_that_floods_does_not_keep_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
+    master, slave = os.openpty()
+    port = SerialPort(os.ttyname(slave))
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "read", lambda descriptor, size: bytes(size))
+        assert len(port.read()) == 65_536
+    port.close()
+    os.close(master)
+    os.close(slave)

@@ -137,12 +137,17 @@ def test_status_carries_texts_and_statistics() -> None:
     ticks = _ticks(1)
     ticks["status"]["armed"] = 1
     ticks["status"]["parameter_revision"] = 7
+    ticks["status"]["lateness_histogram"] = range(8)
+    for number, name in enumerate(("overruns", "missed_frames", "damaged_frames"), start=1):
+        ticks["status"][name] = number
     payload = encode_status(ticks, "armed", "hover", ["link_degraded", "saturated"])
     message = decode(payload, "quadlab_msgs/VehicleStatus")
     assert (message.mode, message.behavior) == ("armed", "hover")
     assert message.flags == ["link_degraded", "saturated"]
     assert (message.armed, message.airborne, message.parameter_revision) == (True, False, 7)
     assert message.lateness_p99 == ticks["status"]["lateness_p99"][0]
+    assert message.lateness_histogram.tolist() == list(range(8))
+    assert (message.overruns, message.missed_frames, message.damaged_frames) == (1, 2, 3)
 
 
 def test_a_status_without_flags_has_the_same_fields() -> None:
@@ -153,7 +158,8 @@ def test_a_status_without_flags_has_the_same_fields() -> None:
     assert plain.flags == []
     for field in fields(plain):
         if field.name != "flags":
-            assert getattr(plain, field.name) == getattr(flagged, field.name), field.name
+            one, other = getattr(plain, field.name), getattr(flagged, field.name)
+            assert np.all(one == other), field.name
 
 
 def test_events_and_parameter_changes() -> None:

@@ -70,6 +70,7 @@ class ScriptedStation(Station):
         self.sticks: list[tuple[tuple[float, ...], bool]] = []
         self.answers_sticks = True
         self.present: set[str] = set()
+        self.said: dict[str, Any] = {}  # fields of the status that are other than usual
         self.refusal = ""
         self.away = False
         self.compared = False
@@ -123,9 +124,16 @@ class ScriptedStation(Station):
         self.put(
             "status",
             new(
-                "quadlab_msgs/VehicleStatus", header=stamp, mode="armed", behavior="hover",
-                armed=True, airborne=True, flags=["not_real_time"], lateness_p99=1.4e-4,
-                parameter_revision=self.store.revision,
+                "quadlab_msgs/VehicleStatus", header=stamp,
+                **{
+                    "mode": "armed", "behavior": "hover", "control_mode": "direct",
+                    "armed": True, "airborne": True, "flags": ["not_real_time"],
+                    "lateness_p50": 4.2e-5, "lateness_p99": 1.4e-4, "lateness_max": 6e-3,
+                    "tick_rate": 499.8, "nominal_rate": 500.0,
+                    "lateness_histogram": (91234, 8123, 712, 60, 5, 0, 0, 1),
+                    "overruns": 2, "missed_frames": 5,
+                    "parameter_revision": self.store.revision, **self.said,
+                },
             ),
         )  # fmt: skip
         self.put("battery", new("sensor_msgs/BatteryState", header=stamp, voltage=15.6))
@@ -423,6 +431,7 @@ def station(site: Site) -> Iterator[ScriptedStation]:
     site.station.requests.clear()
     yield site.station
     site.station.refusal = ""
+    site.station.said = {}
     site.station.away = False
     site.station.answering.set()
 

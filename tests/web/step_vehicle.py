@@ -76,8 +76,10 @@ class StepVehicle:
             self.behavior = self.ends_with
         return new(
             "quadlab_msgs/VehicleStatus", header=header(now_ns), mode="armed", armed=True,
-            behavior=self.behavior, airborne=self.airborne,
-            parameter_revision=self._station.store.revision, tick_rate=500.0, lateness_p99=1.4e-4,
+            behavior=self.behavior, airborne=self.airborne, control_mode="direct",
+            parameter_revision=self._station.store.revision, tick_rate=500.0, nominal_rate=500.0,
+            lateness_p50=4.2e-5, lateness_p99=1.4e-4, lateness_max=6e-4,
+            lateness_histogram=(912345, 8123, 712, 60, 5, 0, 0, 0),
         )  # fmt: skip
 
     def _call(self, service: str, request: Any) -> Any:

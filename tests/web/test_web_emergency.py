@@ -23,6 +23,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.now = 100.0
+        self.chosen: str | None = None  # safety.emergency_land, as far as known
         self.answers: list[Exception | None] = []
         self.calls: list[tuple[str, str, str]] = []
         self.published: list[dict[str, Any]] = []
@@ -32,7 +33,7 @@ class Bench:
         self.live = Live(decode, lambda: self.now)
         self.desk = EmergencyDesk(
             self, self.live, self.published.append, lambda _, line: self.said.append(line),
-            lambda: self.now,
+            lambda: self.now, lambda: self.chosen,
         )  # fmt: skip
 
     async def command(self, service: str, requester: str, **fields: Any) -> None:
@@ -43,8 +44,8 @@ class Bench:
         if error is not None:
             raise error
 
-    def show(self, mode: str) -> None:
-        self.live.put("status", encode(new("quadlab_msgs/VehicleStatus", mode=mode)))
+    def show(self, mode: str, **fields: str) -> None:
+        self.live.put("status", encode(new("quadlab_msgs/VehicleStatus", mode=mode, **fields)))
 
     @property
     def phases(self) -> list[tuple[str, int]]:
@@ -94,6 +95,46 @@ async def test_acknowledged_only_when_a_status_after_the_press_shows_it(bench: B
     assert state["after"] == 1.5
     assert (state["action"], state["by"], state["id"]) == ("land", "ada", "once")
     assert bench.phases == [("sent", 1), ("accepted", 1), ("acknowledged", 1)]
+
+
+LANDINGS = (
+    {"control_mode": "direct", "behavior": "land"},
+    {"control_mode": "near_hovering", "behavior": "emergency_landing"},
+    {"control_mode": "emergency", "behavior": "hover"},
+)
+"""From the mildest to the microcontroller's own."""
+
+
+@pytest.mark.parametrize(("chosen", "mildest"), [("land", 0), ("descend", 1), ("emergency", 2)])
+def test_a_milder_landing_than_the_chosen_one_acknowledges_nothing(
+    chosen: str, mildest: int
+) -> None:
+    @benched
+    async def pressed(bench: Bench) -> None:
+        bench.chosen = chosen
+        await bench.desk.press("land", "ada")
+        for place, landing in enumerate(LANDINGS):
+            bench.now += 0.1
+            bench.show("emergency_land", **landing)
+            if place >= mildest:
+                break
+            for _ in range(3):
+                await asyncio.sleep(0.02)
+            assert bench.desk.state is not None
+            assert bench.desk.state["phase"] == "accepted"
+        assert (await bench.until("acknowledged"))["reason"] == ""
+
+    pressed()
+
+
+@benched
+async def test_a_microcontroller_that_does_not_take_over_is_named(bench: Bench) -> None:
+    bench.chosen = "emergency"
+    await bench.desk.press("land", "ada")
+    bench.show("emergency_land", **LANDINGS[0])
+    bench.now += PATIENCE + 1.0
+    reason = (await bench.until("failed"))["reason"]
+    assert reason == "accepted, but the microcontroller has not taken over within 10 s"
 
 
 @benched

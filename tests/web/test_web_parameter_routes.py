@@ -11,6 +11,7 @@ import pytest
 
 from console.catalogue import Catalogue
 from console.parameter_history import ParameterChange, ParameterHistory
+from quadlab.simulated_flight import FlightParameters
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import new_parameters
 from web.built_in_presets import built_in
@@ -226,3 +227,13 @@ def test_built_in_presets_name_parameters_of_the_vehicle_and_leave_what_was_meas
         assert "beacons.layout" not in values
     assert sets["control stiff"]["control.position.kp_xy"] == 6.0
     assert sets["control stiff"]["control.position.kp_z"] == 8.0, "the whole set, not a patch"
+    assert "simulator defaults" not in sets, "there is no simulator"
+
+
+def test_the_defaults_of_a_simulated_world_are_a_preset_of_their_own() -> None:
+    mirror, store = ParameterMirror(lambda _: None), ParameterStore(FlightParameters())
+    mirror.load(store.descriptions(), store.values(), 0)
+    sets = built_in(mirror)
+    assert sets["simulator defaults"]["simulator.gust"] == 0.0
+    assert all(name.startswith("simulator.") for name in sets["simulator defaults"])
+    assert not any(name.startswith("simulator.") for name in sets["defaults"])

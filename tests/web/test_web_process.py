@@ -83,8 +83,8 @@ def test_the_pages_behaviors_are_the_vehicles() -> None:
             store.check(name, value)
         for argument in behavior["arguments"]:
             description = store.description(argument["name"])
-            if argument.get("type") == "text":
-                store.check(argument["name"], "0 0 1")
+            if argument.get("type") in ("text", "bool"):
+                store.check(argument["name"], argument.get("value", "0 0 1"))
                 continue
             scale = argument.get("scale", 1.0)
             assert description.minimum is not None

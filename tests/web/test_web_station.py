@@ -158,6 +158,8 @@ def test_parameters_are_read_and_changed(router: Router, client: Client) -> None
     changed = client.run(client.station.change_parameters({"gains.kp": 5.5}, "operator 1"))
     assert changed == ({"gains.kp": 5.5}, 7)
     assert router.requests[-1][1].requester == "operator 1"
+    assert client.run(client.station.has_parameters("/quad1/vehicle"))
+    assert not client.run(client.station.has_parameters("/quad1/simulator")), "it is a real one"
 
 
 def test_events_and_parameter_changes_reach_the_page(

@@ -17,16 +17,81 @@ class SimulatorParameters(VehicleModel):
         description="of all random numbers; the same seed gives the same bytes",
     )  # fmt: skip
     imu_rate: int = parameter(
-        500, unit="Hz", ge=50, le=650, step=10, read_only=True,
-        description="IMU samples a second, over both ports; stamps are whole milliseconds",
+        500, unit="Hz", ge=60, le=1000, step=10, read_only=True,
+        description="IMU samples a second, over both ports, until the vehicle asks for its own "
+        "rate; `quadlab fly` asks for this one",
     )  # fmt: skip
     thrust_efficiency: float = parameter(
         1.0, ge=0.5, le=1.2, step=0.001,
         description="true thrust over the motor law's; 0.938 gives the paper's 1.394 kg (Sec. 7)",
     )  # fmt: skip
+    payload: float = parameter(
+        0.0, unit="kg", ge=0.0, le=1.0, step=0.05,
+        description="mass added at the centre, which the flight stack does not know",
+    )  # fmt: skip
+    motor_gain_front: float = parameter(
+        1.0, ge=0.5, le=1.2, step=0.01, description="true thrust of this motor over the others'"
+    )
+    motor_gain_left: float = parameter(
+        1.0, ge=0.5, le=1.2, step=0.01, description="true thrust of this motor over the others'"
+    )
+    motor_gain_rear: float = parameter(
+        1.0, ge=0.5, le=1.2, step=0.01, description="true thrust of this motor over the others'"
+    )
+    motor_gain_right: float = parameter(
+        1.0, ge=0.5, le=1.2, step=0.01, description="true thrust of this motor over the others'"
+    )
+    failed_motor: int = parameter(
+        0, ge=0, le=4, step=1,
+        description="gives no thrust though it turns: 1 front, 2 left, 3 rear, 4 right; 0 none",
+    )  # fmt: skip
+    missing_motor: int = parameter(
+        0, ge=0, le=4, step=1,
+        description="its controller does not answer on the motors' bus; numbers as above",
+    )  # fmt: skip
     drag: float = parameter(
         0.0, unit="N s/m", ge=0.0, le=2.0, step=0.01,
-        description="linear drag of the whole vehicle, against its velocity",
+        description="linear drag of the whole vehicle, against its velocity through the air",
+    )  # fmt: skip
+    wind_x: float = parameter(
+        0.0, unit="m/s", ge=-15.0, le=15.0, step=0.1,
+        description="steady wind along x_W; acts by the drag",
+    )  # fmt: skip
+    wind_y: float = parameter(
+        0.0, unit="m/s", ge=-15.0, le=15.0, step=0.1,
+        description="steady wind along y_W; acts by the drag",
+    )  # fmt: skip
+    wind_z: float = parameter(
+        0.0, unit="m/s", ge=-15.0, le=15.0, step=0.1,
+        description="steady wind along z_W; acts by the drag",
+    )  # fmt: skip
+    gust: float = parameter(
+        0.0, unit="m/s", ge=0.0, le=10.0, step=0.1,
+        description="standard deviation of the wind about the steady one, an axis",
+    )  # fmt: skip
+    gust_time: float = parameter(
+        1.0, unit="s", ge=0.05, le=20.0, step=0.05, description="correlation time of the gusts"
+    )
+    push_x: float = parameter(
+        0.0, unit="N", ge=-20.0, le=20.0, step=0.1, description="steady force along x_W"
+    )
+    push_y: float = parameter(
+        0.0, unit="N", ge=-20.0, le=20.0, step=0.1, description="steady force along y_W"
+    )
+    push_z: float = parameter(
+        0.0, unit="N", ge=-20.0, le=20.0, step=0.1, description="steady force along z_W"
+    )
+    ground_effect: float = parameter(
+        0.0, ge=0.0, le=3.0, step=0.1,
+        description="gain of thrust near the ground over Cheeseman and Bennett's for one rotor",
+    )  # fmt: skip
+    vibration: float = parameter(
+        0.0, unit="m/s²", ge=0.0, le=20.0, step=0.1,
+        description="the accelerometer's further deviation at hover speed, from the rotors",
+    )  # fmt: skip
+    vibration_gyroscope: float = parameter(
+        0.0, unit="deg/s", ge=0.0, le=50.0, step=0.5,
+        description="the gyroscope's further deviation at hover speed, from the rotors",
     )  # fmt: skip
     accelerometer_noise: float = parameter(
         0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01, description="standard deviation a sample"
@@ -79,3 +144,18 @@ class SimulatorParameters(VehicleModel):
     battery_resistance: float = parameter(
         0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="inner resistance and cables"
     )
+    unplugged_port: str = parameter(
+        "none", choices=("none", "first", "second", "both"),
+        description="serial port whose adapter is pulled out; plugged in again it is a new device, "
+        "which the vehicle opens at its next start",
+    )  # fmt: skip
+    corrupted_bytes: float = parameter(
+        0.0, ge=0.0, le=0.5, step=0.005,
+        description="share of the bytes on the serial wires that arrive as others, both ways",
+    )  # fmt: skip
+
+    @property
+    def unplugged(self) -> tuple[bool, bool]:
+        """Whether the first and the second serial port's adapter is pulled out."""
+        which = self.unplugged_port
+        return which in ("first", "both"), which in ("second", "both")

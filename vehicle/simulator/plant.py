@@ -1,4 +1,4 @@
-"""The true dynamics of one vehicle: rotors, rigid body, drag, ground contact, battery.
+"""The true dynamics of one vehicle: rotors, rigid body, air, ground contact, battery.
 
 Rotors and body are those of quadrotor.rigid_body. The landing gear is four feet, 0.15 m along
 the body axes, folded into the plane through the body's origin: a vehicle at rest stands level with
@@ -23,7 +23,6 @@ from quadrotor.rigid_body import (
     motor_share,
     rk4,
     rotor_thrust,
-    rotors,
     store_motion,
 )
 from quadrotor.vectors import (
@@ -35,12 +34,13 @@ from quadrotor.vectors import (
     cross,
     scale,
     store,
+    subtract,
     times,
     to_body,
     to_world,
     vector,
 )
-from quadrotor.vehicle_model import GRAVITY, MODEL, Four
+from quadrotor.vehicle_model import GRAVITY, MODEL, Four, wrench_of_thrusts
 from vehicle.simulator.parameters import SimulatorParameters
 
 Array = npt.NDArray[np.float64]
@@ -56,9 +56,13 @@ SLIP_DAMPING = 100.0
 SUBSTEP = 0.001
 """s, the longest integration step."""
 
+ROTOR_RADIUS, ROTOR_HEIGHT = 0.127, 0.15
+"""m (Sec. 2); of the rotors' plane over the body's origin, where the feet are folded."""
+
 CELLS = 4
-CELL_FULL, CELL_EMPTY = 4.2, 3.5
-"""V of one cell without load; linear in charge, so that 13.8 V under load is ≈ 75 % used."""
+CELL_CURVE = (3.0, 3.68, 3.74, 3.77, 3.79, 3.82, 3.87, 3.92, 3.98, 4.06, 4.2)
+"""V of one lithium-polymer cell without load, at each tenth of its charge: a long plateau between
+two steep ends, so that the last tenth goes quickly."""
 AVIONICS_POWER = 8.0
 """W."""
 POWER_PER_THRUST = 1.0 / (0.37 * math.sqrt(2.0 * 1.2 * math.pi * 0.127**2))
@@ -70,7 +74,7 @@ PLANT = np.dtype(
         ("x", "f8", 13),  # memory of a STATE: position_w, velocity_w, quaternion_wb, omega_b
         ("rotor_speeds", "f8", 4),  # counts of motor reference
         ("specific_force_b", "f8", 3),  # m/s^2, what an ideal accelerometer reads
-        ("disturbance_w", "f8", 3),  # N, gust or pull, set from outside
+        ("disturbance_w", "f8", 3),  # N, push or pull, set from outside
         ("charge", "f8"),  # A s left
         ("voltage", "f8"),  # V at the terminals
         ("model", MODEL),
@@ -85,6 +89,13 @@ PLANT = np.dtype(
         ("battery_nominal", "f8"),  # V
         ("battery_exponent", "f8"),
         ("battery_share", "f8"),  # of the thrust at the nominal voltage, 1 for exponent 0
+        ("air_w", "f8", 3),  # m/s, of the air that drag is against
+        ("wind_w", "f8", 3),  # m/s, its steady part
+        ("gust", "f8"),  # m/s, standard deviation of the rest, an axis
+        ("gust_time", "f8"),  # s, its correlation time
+        ("motor_gain", "f8", 4),  # true thrust of each motor over the efficiency's
+        ("ground_effect", "f8"),  # share of Cheeseman and Bennett's gain of thrust
+        ("ground_share", "f8"),  # of the thrust far from the ground
     ],
     align=True,
 )
@@ -103,23 +114,55 @@ def new_plant(parameters: SimulatorParameters) -> Record:
 
 def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     """Take new true values; motion and charge stay."""
+    mass = parameters.mass + parameters.payload
     plant["model"] = parameters.record()
+    plant["model"]["mass"] = mass
     plant["thrust_efficiency"] = parameters.thrust_efficiency
     plant["drag"] = parameters.drag
     plant["stiffness"] = parameters.ground_stiffness / 4.0
     plant["damping"] = parameters.ground_damping / 4.0
     plant["friction"] = parameters.ground_friction
-    plant["rest_depth"] = parameters.mass * GRAVITY / parameters.ground_stiffness
+    plant["rest_depth"] = mass * GRAVITY / parameters.ground_stiffness
     plant["capacity"] = parameters.battery_capacity * 3600.0
     plant["resistance"] = parameters.battery_resistance
     plant["battery_nominal"] = parameters.battery_nominal
     plant["battery_exponent"] = parameters.battery_exponent
-    plant["battery_share"] = 1.0
+    plant["battery_share"] = plant["ground_share"] = 1.0
+    plant["wind_w"] = parameters.wind_x, parameters.wind_y, parameters.wind_z
+    plant["air_w"] = plant["wind_w"]
+    plant["gust"], plant["gust_time"] = parameters.gust, parameters.gust_time
+    plant["disturbance_w"] = parameters.push_x, parameters.push_y, parameters.push_z
+    plant["ground_effect"] = parameters.ground_effect
+    gains = [parameters.motor_gain_front, parameters.motor_gain_left,
+             parameters.motor_gain_rear, parameters.motor_gain_right]  # fmt: skip
+    if parameters.failed_motor:
+        gains[parameters.failed_motor - 1] = 0.0
+    plant["motor_gain"] = gains
 
 
+@compiled
 def open_voltage(charge: float) -> float:
-    """V of the battery without load, at a share of its charge."""
-    return CELLS * (CELL_EMPTY + (CELL_FULL - CELL_EMPTY) * charge)
+    """V of the battery without load, at a share (0..1) of its charge."""
+    tenths = 10.0 * min(1.0, max(0.0, charge))
+    below = min(9, int(tenths))
+    low, high = CELL_CURVE[below], CELL_CURVE[below + 1]
+    return CELLS * (low + (tenths - below) * (high - low))
+
+
+@compiled(inner=True)
+def blow(plant: Record, noise: Array, row: int, dt: float) -> None:
+    """Let the gusts go on for dt (s): a first-order process with a given deviation and time.
+
+    Args:
+        noise: standard normal numbers (rows, >= 3 columns).
+    """
+    p = plant[0]
+    if p.gust > 0.0:
+        fade = math.exp(-dt / p.gust_time)
+        draw = p.gust * math.sqrt(1.0 - fade * fade)
+        for i in range(3):
+            gust = p.air_w[i] - p.wind_w[i]
+            p.air_w[i] = p.wind_w[i] + fade * gust + draw * noise[row, i]
 
 
 @compiled
@@ -129,6 +172,7 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
     if p.battery_exponent > 0.0:  # thrust goes with the square of speed
         voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
         p.battery_share = voltage ** (2.0 * p.battery_exponent)
+    p.ground_share = ground_gain(p.ground_effect, p.x[2])
     steps = math.ceil(duration / SUBSTEP - 1e-9)
     dt = duration / steps
     target = (
@@ -172,12 +216,32 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
 
 
 @compiled(inner=True)
+def ground_gain(share: float, height: float) -> float:
+    """Thrust over that far from the ground, at a height (m) of the body's origin.
+
+    I. C. Cheeseman, W. E. Bennett, "The effect of the ground on a helicopter rotor in forward
+    flight", 1955: 1 / (1 - (R / 4z)^2), here times `share`, with z of the rotors.
+    """
+    if share <= 0.0 or height > 1.0:
+        return 1.0
+    ratio = ROTOR_RADIUS / (4.0 * max(ROTOR_RADIUS, height + ROTOR_HEIGHT))
+    return 1.0 / (1.0 - share * ratio * ratio)
+
+
+@compiled(inner=True)
 def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float, Vector, Vector]:
     """Thrust (N), torque about body axes (N m) and further force in world axes (N)."""
-    m, e = p.model, p.thrust_efficiency * p.battery_share
-    wrench = rotors(speeds, m.motor_slope, m.motor_offset, m.arm, m.torque_ratio)
+    m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.ground_share, p.motor_gain
+    a, b = m.motor_slope, m.motor_offset
+    thrusts = (
+        g[0] * rotor_thrust(speeds[0], a, b),
+        g[1] * rotor_thrust(speeds[1], a, b),
+        g[2] * rotor_thrust(speeds[2], a, b),
+        g[3] * rotor_thrust(speeds[3], a, b),
+    )
+    wrench = wrench_of_thrusts(thrusts, m.arm, m.torque_ratio)
     torque_b = e * wrench[1], e * wrench[2], e * wrench[3]
-    force_w = along(vector(pull_w), -p.drag, motion[1])
+    force_w = along(vector(pull_w), -p.drag, subtract(motion[1], vector(p.air_w)))
     if motion[0][2] < CONTACT_HEIGHT:
         axes = axes_of(motion[2])
         for lever in (FOOT, -FOOT):
@@ -219,5 +283,4 @@ def _discharge(plant: Record, duration: float) -> None:
         power += POWER_PER_THRUST * f * math.sqrt(f)
     current = power / max(p.voltage, 1.0)
     p.charge = max(0.0, p.charge - current * duration)
-    open_cell = CELL_EMPTY + (CELL_FULL - CELL_EMPTY) * p.charge / p.capacity
-    p.voltage = max(0.0, CELLS * open_cell - p.resistance * current)
+    p.voltage = max(0.0, open_voltage(p.charge / p.capacity) - p.resistance * current)

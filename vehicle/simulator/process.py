@@ -1,9 +1,9 @@
 """The simulated vehicle in real time, behind two pseudo-terminals (`quadlab simulator`).
 
-Time. Sample k leaves at start + k / rate on the monotonic clock. Truth is stamped with the host's
-epoch time at the start plus k / rate; the vehicle stamps the same sample with its own estimate
-of the same constant (vehicle.microcontroller_clock), so the two agree to the least delay of a
-sample on its way, well below 2 ms, while both hosts are one.
+Time. Sample k is taken at start + k / rate on the monotonic clock and takes 3 ms on the line.
+Truth is stamped with the host's epoch time at the start plus k / rate; the vehicle stamps the same
+sample with its own estimate of the same constant (vehicle.microcontroller_clock), so the two agree
+to the least delay of a sample on its way, well below 2 ms, while both hosts are one.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
+from vehicle.simulator.uart import Uart
 
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
@@ -36,9 +38,10 @@ SECOND_NS = 1_000_000_000
 class RunStatistics:
     """What a run came to."""
 
-    samples: int = 0
+    periods: int = 0  # of the microcontroller
     lost_samples: int = 0  # the machine slept
     dropped_bytes: int = 0  # nobody read them
+    overruns: int = 0  # bytes the wire was too slow for
     dropped_truth: int = 0  # the network was too slow
 
 
@@ -61,14 +64,17 @@ def run(
     if stop is None:
         stop = _stop_on_signals()
     terminals: list[PseudoTerminal] = []
+    lines: list[Uart] = []
     publisher = None
     try:
         for index in (0, 1):
             terminals.append(PseudoTerminal(folder / f"mcu{index}"))
-        simulated = SimulatedVehicle(parameters, terminals)
+            lines.append(Uart(terminals[-1]))
+        simulated = SimulatedVehicle(parameters, lines)
+        live = LiveParameters(parameters)
         simulated.warm_up()
         if loopback_port is not None:
-            connect = connect_to_station(loopback_port, vehicle)
+            connect = connect_to_station(loopback_port, vehicle, live)
             publisher = TruthPublisher(connect, vehicle)
         _say(
             f"microcontroller at {terminals[0].link} and {terminals[1].link}, "
@@ -76,8 +82,9 @@ def run(
         )
         gc.collect()
         gc.freeze()
-        statistics = _loop(simulated, publisher, stop)
-        statistics.dropped_bytes = sum(terminal.dropped for terminal in terminals)
+        statistics = _loop(simulated, lines, live, publisher, stop)
+        statistics.dropped_bytes = sum(line.terminal.dropped for line in lines)
+        statistics.overruns = sum(line.overruns for line in lines)
         if publisher is not None:
             statistics.dropped_truth = publisher.dropped
         return statistics
@@ -89,24 +96,32 @@ def run(
 
 
 def _loop(
-    simulated: SimulatedVehicle, publisher: TruthPublisher | None, stop: threading.Event
+    simulated: SimulatedVehicle,
+    lines: list[Uart],
+    live: LiveParameters,
+    publisher: TruthPublisher | None,
+    stop: threading.Event,
 ) -> RunStatistics:
     statistics = RunStatistics()
-    rate = simulated.parameters.imu_rate
     truth_due_ns = 0
     epoch_ns, start_ns = time.time_ns(), time.monotonic_ns()
     while not stop.is_set():
-        due_ns = start_ns + simulated.next_stamp_ns
+        due_ns = start_ns + simulated.next_period_ns
         wait_ns = due_ns - time.monotonic_ns()
         if wait_ns < -GIVE_UP_NS:
-            lost = -wait_ns * rate // SECOND_NS
+            lost = -wait_ns // simulated.sample_period_ns
             simulated.skip(lost)
             statistics.lost_samples += lost
             _say(f"this machine stopped for {-wait_ns * 1e-9:.1f} s; {lost} samples are lost")
             continue
         time.sleep(max(wait_ns * 1e-9, MIN_PAUSE_S))
-        simulated.step()
-        statistics.samples += 1
+        changed = live.take()
+        if changed is not None:
+            simulated.configure(changed)
+        for line in lines:
+            line.advance(simulated.period)
+        simulated.step_period()
+        statistics.periods += 1
         if publisher is not None and simulated.stamp_ns >= truth_due_ns:
             truth_due_ns = simulated.stamp_ns + SECOND_NS // TRUTH_RATE
             publisher.offer(epoch_ns + simulated.stamp_ns, simulated.truth)

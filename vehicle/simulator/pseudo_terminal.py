@@ -34,12 +34,17 @@ class PseudoTerminal:
     def __init__(self, link: Path) -> None:
         self.link = link
         self.dropped = 0
+        self._waiting = array.array("i", [0])
+        self._unplugged = False
+        self._open()
+
+    def _open(self) -> None:
+        link = self.link
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
         os.set_blocking(self._slave, False)
         self.device = os.ttyname(self._slave)
-        self._waiting = array.array("i", [0])
         new = link.with_name(f".{link.name}.{os.getpid()}")
         try:
             link.parent.mkdir(parents=True, exist_ok=True)
@@ -49,16 +54,32 @@ class PseudoTerminal:
             self._close_files()
             raise StorageError(
                 f"cannot make the serial device's link {link}: {error.strerror}; "
-                "choose a folder that can be written, with --data"
+                "choose a folder that can be written, with --folder"
             ) from None
 
-    def read(self) -> bytes:
+    def unplug(self) -> None:
+        """Hang up as when a USB adapter is pulled out; the bytes written from now on are lost."""
+        self._unplugged = True
+        self._remove()
+
+    def plug_in(self) -> None:
+        """Make a new device behind the same link. Raises StorageError."""
+        self._open()
+        self._unplugged = False
+
+    def read(self, most: int = _CHUNK) -> bytes:
+        """At most so many of the bytes that wait."""
+        if self._unplugged:
+            return b""
         try:
-            return os.read(self._master, _CHUNK)
+            return os.read(self._master, most)
         except BlockingIOError:
             return b""
 
     def write(self, data: bytes) -> None:
+        if self._unplugged:
+            self.dropped += len(data)
+            return
         fcntl.ioctl(self._slave, termios.FIONREAD, self._waiting)
         if self._waiting[0] > BACKLOG:
             self._throw_away()
@@ -78,6 +99,10 @@ class PseudoTerminal:
 
     def close(self) -> None:
         """Hang up; the link goes, unless another simulator has made it its own meanwhile."""
+        if not self._unplugged:
+            self._remove()
+
+    def _remove(self) -> None:
         try:
             if os.readlink(self.link) == self.device:
                 self.link.unlink()

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from quadrotor.vehicle_model import GRAVITY
+from quadrotor.vehicle_model import GRAVITY, reference_of_thrust
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle_link.serial.ids import PRESSURE_OFFSET, Id
 
@@ -27,8 +27,10 @@ GYROSCOPE_SCALE = math.radians(0.586)
 ZERO, FULL_SCALE = 512, 1023
 PRESSURE_LAPSE = 11.6
 """Pa/m, standard atmosphere in the lowest few hundred metres."""
-CHANNELS = 8
-"""Random numbers a sample: accelerometer 3, gyroscope 3, pressure, battery."""
+CHANNELS = 11
+"""Random numbers a sample: accelerometer 3, gyroscope 3, pressure, battery; gusts 3."""
+GUSTS = 8
+"""The gusts' first channel."""
 BLOCK = 512
 
 _ACCELEROMETER, _GYROSCOPE = int(Id.ACCELEROMETER_X), int(Id.GYROSCOPE_X)
@@ -43,6 +45,9 @@ SENSORS = np.dtype(
         ("gyroscope_noise", "f8"),  # rad/s
         ("ground_pressure", "f8"),  # Pa
         ("pressure_noise", "f8"),  # Pa
+        ("vibration", "f8"),  # m/s^2, at hover speed
+        ("vibration_gyroscope", "f8"),  # rad/s, at hover speed
+        ("hover_speed", "f8"),  # counts of motor reference
     ],
     align=True,
 )
@@ -62,6 +67,10 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     sensors["gyroscope_noise"] = math.radians(p.gyroscope_noise)
     sensors["ground_pressure"] = p.ground_pressure
     sensors["pressure_noise"] = p.pressure_noise
+    sensors["vibration"] = p.vibration
+    sensors["vibration_gyroscope"] = math.radians(p.vibration_gyroscope)
+    hover = 0.25 * p.mass * GRAVITY
+    sensors["hover_speed"] = reference_of_thrust(hover, p.motor_slope, p.motor_offset)
     return sensors
 
 
@@ -73,13 +82,13 @@ class Noise:
         self.block = np.empty((BLOCK, CHANNELS))
         self._row = BLOCK
 
-    def next_row(self) -> int:
-        """Row of `block` to use for the next sample."""
+    def next_rows(self, count: int) -> int:
+        """First of `count` rows of `block` to use for the next samples."""
         row = self._row
-        if row == BLOCK:
+        if row + count > BLOCK:
             self._generator.standard_normal(out=self.block)
             row = 0
-        self._row = row + 1
+        self._row = row + count
         return row
 
 
@@ -106,12 +115,16 @@ def gyroscope_count(rate: float, bias: float, deviation: float, normal: float) -
 def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Registers) -> None:
     """Write the counts of a PLANT (1,) into the registers (65,), with noise row `row`."""
     p, s = plant[0], sensors[0]
+    n = p.rotor_speeds
+    speed = 0.25 * (n[0] + n[1] + n[2] + n[3]) / s.hover_speed
+    shaken = math.hypot(s.accelerometer_noise, speed * s.vibration)
+    twisted = math.hypot(s.gyroscope_noise, speed * s.vibration_gyroscope)
     for i in range(3):
         registers[_ACCELEROMETER + i] = accelerometer_count(
-            p.specific_force_b[i], s.accelerometer_bias[i], s.accelerometer_noise, noise[row, i]
+            p.specific_force_b[i], s.accelerometer_bias[i], shaken, noise[row, i]
         )
         registers[_GYROSCOPE + i] = gyroscope_count(
-            p.x[10 + i], s.gyroscope_bias[i], s.gyroscope_noise, noise[row, 3 + i]
+            p.x[10 + i], s.gyroscope_bias[i], twisted, noise[row, 3 + i]
         )
     pressure = s.ground_pressure - PRESSURE_LAPSE * p.x[2] + s.pressure_noise * noise[row, 6]
     registers[_PRESSURE] = _count(pressure - PRESSURE_OFFSET, -32768, 32767)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,23 +10,45 @@ import numpy.typing as npt
 
 from quadrotor.compiled import compiled
 from quadrotor.records import STATE, Record
-from vehicle.simulator.firmware import Firmware
+from vehicle.simulator.firmware.firmware import Firmware
+from vehicle.simulator.firmware.program import period
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, configure_plant, new_plant
-from vehicle.simulator.sensors import Noise, new_sensors, sample
-from vehicle_link.serial.port import MemoryPort, Port, memory_port_pair
+from vehicle.simulator.plant import advance, blow, configure_plant, new_plant
+from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
+from vehicle.simulator.wires import Line, configure_wires, new_wires
+from vehicle_link.serial.ids import Id
+from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 PORTS = 2
+_MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
+
+PERIOD_MAX_US = 1000
+"""The microcontroller estimates and controls at least this often, whatever it sends."""
 
 
 @compiled
-def _period(
-    plant: Record, references: tuple[int, int, int, int], duration: float, sensors: Record,
-    noise: npt.NDArray[np.float64], row: int, registers: npt.NDArray[np.int16],
+def _run(
+    plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
+    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], periods: int, dt: float,
 ) -> None:  # fmt: skip
-    """One IMU period in one compiled call."""
-    advance(plant, references, duration)
+    """`periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
+    p = program[0]
+    for k in range(periods):
+        r = p.references
+        blow(plant, noise[:, GUSTS:], row + k, dt)
+        advance(plant, (r[0], r[1], r[2], r[3]), dt)
+        sample(plant, sensors, noise, row + k, registers)
+        period(p, registers, command, dt)
+
+
+@compiled
+def _begin(
+    plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
+    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], dt: float,
+) -> None:  # fmt: skip
+    """The very first period: nothing has moved yet."""
     sample(plant, sensors, noise, row, registers)
+    period(program[0], registers, command, dt)
 
 
 class SimulatedVehicle:
@@ -42,7 +65,7 @@ class SimulatedVehicle:
     """
 
     def __init__(
-        self, parameters: SimulatorParameters, ports: Sequence[Port] | None = None
+        self, parameters: SimulatorParameters, ports: Sequence[Line] | None = None
     ) -> None:
         self.ports: tuple[MemoryPort, ...] = ()
         if ports is None:
@@ -52,14 +75,15 @@ class SimulatedVehicle:
         self.parameters = parameters
         self.firmware = Firmware(len(ports))
         self.stamp_ns = 0
-        self._lines = tuple(enumerate(ports))
-        self._outlets = tuple(ports)
+        self._wires = new_wires(ports, parameters)
         self._plant = new_plant(parameters)
         self._sensors = new_sensors(parameters)
         self._noise = Noise(parameters.seed)
-        self._samples = 0
-        self._rate = parameters.imu_rate
-        self._duration = 1.0 / parameters.imu_rate
+        self._begun_ns = 0  # time of period 0
+        self._count = 0  # periods begun, period 0 included
+        self.firmware.registers[Id.MIRROR_PERIOD] = round(1e6 / parameters.imu_rate)
+        self._pace()
+        self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
 
     @property
@@ -74,47 +98,86 @@ class SimulatedVehicle:
         return speeds
 
     def step(self) -> None:
-        """Obey the bytes that arrived, move by one IMU period, send one sample.
+        """Obey the bytes that arrived, move on to the next sample and send it.
 
         The first call sends the sample at time 0 without moving.
         """
+        self._obey()
+        self._advance(self._periods - (self._count - 1) % self._periods if self._count else 1)
+
+    def step_period(self) -> None:
+        """As `step`, but for one period of the microcontroller only, the first one included."""
+        self._obey()
+        self._advance(1)
+
+    def _pace(self) -> None:
+        """Take over how often samples are wanted; the periods are counted anew from now."""
+        if self._count:
+            self._begun_ns, self._count = self._time_ns(self._count - 1), 1
+        self._sample_us = int(self.firmware.registers[_MIRROR_PERIOD])
+        self._periods = math.ceil(self._sample_us / PERIOD_MAX_US)
+        self._period = self._sample_us / (1e6 * self._periods)
+
+    def _time_ns(self, count: int) -> int:
+        return self._begun_ns + count * self._sample_us * 1000 // self._periods
+
+    def _obey(self) -> None:
         firmware = self.firmware
-        for index, port in self._lines:
-            data = port.read()
+        for index, wire in enumerate(self._wires):
+            data = wire.read()
             if data:
                 replies = firmware.receive(index, data)
                 if replies:
-                    port.write(replies)
-        self.stamp_ns = stamp_ns = self.next_stamp_ns
+                    wire.write(replies)
+        if firmware.registers[_MIRROR_PERIOD] != self._sample_us:
+            self._pace()
+
+    def _advance(self, periods: int) -> None:
+        """Move by so many periods, the last of which may send a sample."""
+        firmware, noise, first = self.firmware, self._noise, not self._count
+        last = self._count + periods - 1
+        self.stamp_ns = stamp_ns = self._time_ns(last)
         firmware.advance(stamp_ns // 1_000_000)
-        noise = self._noise
-        row = noise.next_row()
-        if self._samples:
-            _period(
-                self._plant, firmware.references, self._duration, self._sensors,
-                noise.block, row, firmware.registers,
-            )  # fmt: skip
+        arguments = (
+            self._plant, self._sensors, noise.block, noise.next_rows(periods), firmware.program,
+            firmware.registers, firmware.command,
+        )  # fmt: skip
+        if first:
+            _begin(*arguments, self._period)
         else:
-            sample(self._plant, self._sensors, noise.block, row, firmware.registers)
-        self._samples += 1
-        port_index, frame = firmware.next_data()
-        self._outlets[port_index].write(frame)
+            _run(*arguments, periods, self._period)
+            firmware.statistics.steps(stamp_ns // 1_000_000, periods, 1)
+        self._count = last + 1
+        if last % self._periods == 0:
+            port_index, frame = firmware.next_data()
+            self._wires[port_index].write(frame)
 
     @property
-    def next_stamp_ns(self) -> int:
-        """Time of the sample that the next `step` sends."""
-        return self._samples * 1_000_000_000 // self._rate
+    def next_period_ns(self) -> int:
+        """Time of the microcontroller's next period."""
+        return self._time_ns(self._count)
+
+    @property
+    def period(self) -> float:
+        """s, of the microcontroller."""
+        return self._period
+
+    @property
+    def sample_period_ns(self) -> int:
+        """Between two samples; the flight stack sets it."""
+        return 1000 * self._sample_us
 
     def skip(self, samples: int) -> None:
         """Let the clock run on by this many samples that are never sent, without motion."""
-        self._samples += samples
+        self._count += samples * self._periods
 
     def warm_up(self) -> None:
         """Compile what `step` calls, so that the first one takes no seconds; changes nothing."""
-        plant, registers = self._plant.copy(), self.firmware.registers.copy()
-        noise = np.zeros_like(self._noise.block)
-        _period(plant, (0, 0, 0, 0), self._duration, self._sensors, noise, 0, registers)
-        sample(plant, self._sensors, noise, 0, registers)
+        plant, program = self._plant.copy(), self.firmware.program.copy()
+        registers, noise = self.firmware.registers.copy(), np.zeros_like(self._noise.block)
+        rest = program, registers, (0, 0, 0, 0)
+        _begin(plant, self._sensors, noise, 0, *rest, self._period)
+        _run(plant, self._sensors, noise, 0, *rest, 1, self._period)
 
     def disturb(self, force_w: Sequence[float]) -> None:
         """Push the vehicle with this force (N, world axes) from now on; zeros end it."""
@@ -125,6 +188,11 @@ class SimulatedVehicle:
         self.parameters = parameters
         configure_plant(self._plant, parameters)
         self._sensors = new_sensors(parameters)
+        self._miss(parameters.missing_motor)
+        configure_wires(self._wires, parameters)
+
+    def _miss(self, motor: int) -> None:
+        self.firmware.program["missing"] = 1 << motor - 1 if motor else 0
 
     def place(
         self, position_w: Sequence[float], quaternion_wb: Sequence[float] = (1.0, 0.0, 0.0, 0.0)

@@ -7,15 +7,21 @@ are kept for sending.
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import sys
 import threading
+import time
 from collections.abc import Callable
 
-from quadrotor.errors import LinkError
+from quadrotor.errors import LinkError, ParameterError
+from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
+from vehicle.simulator.live_parameters import LiveParameters
 
 KEPT = 8
+PRIORITY = 10
+"""SCHED_FIFO, below the plant's."""
 RETRY_S = 1.0
 
 Put = Callable[[bytes, int], None]
@@ -57,16 +63,19 @@ class TruthPublisher:
         self._thread.join(2.0)
 
     def _run(self) -> None:
+        _hurry(True)
         # Imported here: the station's message types take a while, the plant need not wait.
         from vehicle_link.topics.ticks import encode_odometries
 
         while not self._stop.is_set():
+            _hurry(False)  # the network's threads are made now and are to be ordinary ones
             try:
                 put, close = self._connect()
             except LinkError as error:
                 self._complain(error)
                 self._stop.wait(RETRY_S)
                 continue
+            _hurry(True)
             with contextlib.suppress(queue.Empty):  # what waited for the session is old
                 while True:
                     self._states.get_nowait()
@@ -86,21 +95,66 @@ class TruthPublisher:
             print(f"simulator: truth is not published yet: {error}", file=sys.stderr, flush=True)
 
 
+def _hurry(on: bool) -> None:
+    """Give this thread a real-time priority, or take it, as far as it is allowed.
+
+    It shares the interpreter's lock with the plant: put off by others while it holds the lock, it
+    would stop the plant, whatever priority that has.
+    """
+    policy, priority = (os.SCHED_FIFO, PRIORITY) if on else (os.SCHED_OTHER, 0)
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, policy, os.sched_param(priority))
+
+
 def connect_to_station(
-    loopback_port: int, vehicle: str
+    loopback_port: int, vehicle: str, live: LiveParameters
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
-    """`connect` of a TruthPublisher: topic /<vehicle>/truth through the station's router."""
+    """`connect` of a TruthPublisher: topic /<vehicle>/truth through the station's router.
+
+    The parameters of the simulator are served the same way, as those of /<vehicle>/simulator.
+    """
 
     def connect() -> tuple[Put, Callable[[], None]]:
+        from vehicle_link.messages import Message, new
         from vehicle_link.node import Node
+        from vehicle_link.parameter_messages import from_parameters, to_parameters
+        from vehicle_link.parameter_service import serve_parameters
         from vehicle_link.session import loopback_session
-        from vehicle_link.topics import TOPICS
+        from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
 
         session = loopback_session(loopback_port)
         node = Node(session, f"/{vehicle}", "simulator")
         publisher = node.advertise(TOPICS["truth"])
+        changes = node.advertise(TOPICS["parameter_changes"])
+
+        def tell(
+            name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
+        ) -> None:
+            stamp_ns = time.time_ns()
+            change = encode_parameter_change(stamp_ns, name, old, value, requester, revision)
+            changes.put(change, stamp_ns)
+
+        def change(request: Message) -> Message:
+            try:
+                applied, revision = live.change(
+                    from_parameters(request.parameters), request.requester
+                )
+            except ParameterError as error:
+                return new(f"{service}_Response", accepted=False, reason=str(error))
+            return new(
+                f"{service}_Response",
+                accepted=True,
+                applied=to_parameters(applied),
+                revision=revision,
+            )
+
+        live.on_change = tell
+        serve_parameters(node, live)
+        service = SERVICES["change_parameters"]
+        node.serve("simulator/change_parameters", service, change)
 
         def close() -> None:
+            live.on_change = lambda *_: None
             node.close()
             session.close()  # type: ignore[no-untyped-call]
 

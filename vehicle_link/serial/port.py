@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import grp
 import os
 import termios
+from enum import Enum
 from pathlib import Path
 from typing import Protocol
 
@@ -13,7 +15,32 @@ import serial
 from quadrotor.errors import LinkError
 
 BAUD_RATE = 115_200
+NO_DEVICE = "not a serial device; `quadlab vehicle --find` looks for those there are"
+READ_AND_WRITE = 0o060
+"""Of a file's group."""
 _CHUNK = 4096  # one kernel buffer of a terminal
+_CHUNKS = 16  # read at once, at most: a device that floods must not keep the reader
+
+
+class PortProblem(Enum):
+    """Why a serial device cannot be used."""
+
+    MISSING = "no such device"
+    BUSY = "busy"
+    FORBIDDEN = "permission denied"
+    NOT_SERIAL = "not a serial device"
+    FAILED = "cannot be opened"
+    GONE = "gone"
+
+
+class PortError(LinkError):
+    """A serial device cannot be opened, or is gone. `why` is the message without the path."""
+
+    def __init__(self, problem: PortProblem, path: str, why: str) -> None:
+        verb = "is gone" if problem is PortProblem.GONE else "cannot be opened"
+        super().__init__(f"serial port {path} {verb}: {why}")
+        self.problem = problem
+        self.why = why
 
 
 class Port(Protocol):
@@ -36,7 +63,7 @@ class SerialPort:
 
     `dropped` counts frames that did not fit into the kernel's output buffer.
 
-    Raises LinkError when the device cannot be opened.
+    Raises PortError when the device cannot be opened.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -52,17 +79,14 @@ class SerialPort:
             attributes[6][termios.VMIN] = 1
             termios.tcsetattr(self._fd, termios.TCSANOW, attributes)
         except (serial.SerialException, OSError, termios.error) as error:
-            raise LinkError(
-                f"cannot open serial port {self.path}: {_reason(error)}; is the microcontroller "
-                "(or `quadlab simulator`) running, the port free, and the user in group dialout?"
-            ) from None
+            raise _refused(self.path, error) from None
 
     def read(self) -> bytes:
         data = self._read_chunk()
         if len(data) < _CHUNK:
             return data
         parts = [data]
-        while len(parts[-1]) == _CHUNK:
+        while len(parts[-1]) == _CHUNK and len(parts) < _CHUNKS:
             parts.append(self._read_chunk())
         return b"".join(parts)
 
@@ -93,10 +117,12 @@ class SerialPort:
     def close(self) -> None:
         self._serial.close()
 
-    def _gone(self, error: OSError) -> LinkError:
-        return LinkError(
-            f"serial port {self.path} is gone: {_reason(error)}; "
-            "plug it in (or start `quadlab simulator`) and start the vehicle again"
+    def _gone(self, error: OSError) -> PortError:
+        return PortError(
+            PortProblem.GONE,
+            self.path,
+            f"{error.strerror}; plug it in (or start `quadlab simulator`) "
+            "and start the vehicle again",
         )
 
 
@@ -110,14 +136,20 @@ class MemoryPort:
         self.dropped = 0
         self._arrived = b""
         self._peer = self
+        self._plugged: MemoryPort | None = None  # the other end while it is pulled out
+        self._gone = False
 
     def read(self) -> bytes:
         data = self._arrived
         if data:
             self._arrived = b""
+        elif self._gone:
+            raise self._error()
         return data
 
     def write(self, data: bytes) -> None:
+        if self._gone:
+            raise self._error()
         peer = self._peer
         waiting = peer._arrived
         if not waiting:
@@ -133,6 +165,22 @@ class MemoryPort:
     def close(self) -> None:
         self._arrived = b""
 
+    def unplug(self) -> None:
+        """Pull the other end's adapter out: there the line is gone, here it falls silent."""
+        if self._plugged is None:
+            self._plugged, self._peer = self._peer, MemoryPort()
+            self._plugged._gone = True
+            self._plugged._arrived = self._arrived = b""
+
+    def plug_in(self) -> None:
+        """Put it back."""
+        if self._plugged is not None:
+            self._peer, self._plugged = self._plugged, None
+            self._peer._gone = False
+
+    def _error(self) -> PortError:
+        return PortError(PortProblem.GONE, "in memory", "pulled out; fly again to plug it in")
+
 
 def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:
     """Two connected ends."""
@@ -141,6 +189,58 @@ def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:
     return one, other
 
 
-def _reason(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    return os.strerror(number) if isinstance(number, int) else str(error)
+# ---------------------------------------------------------------- why a device cannot be opened
+_PROBLEMS = {
+    errno.ENOENT: PortProblem.MISSING,
+    errno.ENXIO: PortProblem.MISSING,
+    errno.ENODEV: PortProblem.MISSING,
+    errno.EAGAIN: PortProblem.BUSY,
+    errno.EBUSY: PortProblem.BUSY,
+    errno.EACCES: PortProblem.FORBIDDEN,
+    errno.EPERM: PortProblem.FORBIDDEN,
+    errno.ENOTTY: PortProblem.NOT_SERIAL,
+    errno.EISDIR: PortProblem.NOT_SERIAL,
+}
+
+
+def _refused(path: str, error: Exception) -> PortError:
+    number = _number(error)
+    problem = _PROBLEMS.get(number or 0, PortProblem.FAILED)
+    said = os.strerror(number) if number is not None else str(error)
+    if problem is PortProblem.MISSING:
+        why = f"{said}; plug it in (or start `quadlab simulator`), `quadlab vehicle --find` looks"
+    elif problem is PortProblem.BUSY:
+        why = "busy: another program has it open; end that one, another `quadlab vehicle` for one"
+    elif problem is PortProblem.FORBIDDEN:
+        why = f"permission denied; {_permission(path)}"
+    elif problem is PortProblem.NOT_SERIAL:
+        why = NO_DEVICE
+    else:
+        why = f"{said}; is it plugged in and working?"
+    return PortError(problem, path, why)
+
+
+def _number(error: BaseException | None) -> int | None:
+    """The errno; pyserial keeps that of a termios.error only as what it came from."""
+    while error is not None:
+        number = getattr(error, "errno", None)
+        if number is None and isinstance(error, termios.error) and error.args:
+            number = error.args[0]
+        if isinstance(number, int):
+            return number
+        error = error.__context__
+    return None
+
+
+def _permission(path: str) -> str:
+    """What gives the right to open it."""
+    group, opens = "dialout", True
+    try:
+        about = os.stat(path)
+        opens = about.st_mode & READ_AND_WRITE == READ_AND_WRITE
+        group = grp.getgrgid(about.st_gid).gr_name
+    except (OSError, KeyError):
+        pass
+    if opens and group != "root":
+        return f"join its group: `sudo usermod -aG {group} $USER`, sign in again"
+    return f"until it is plugged in again: `sudo chmod a+rw {path}`"

@@ -20,25 +20,30 @@ DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
 
 _STATUS_FIELDS = (
     "armed", "airborne", "parameter_revision", "tick_rate", "lateness_p50", "lateness_p99",
-    "lateness_max", "missed_share",
+    "lateness_max", "missed_share", "lateness_histogram", "overruns", "missed_frames",
+    "damaged_frames", "nominal_rate",
 )  # fmt: skip
 
 
 @cache
-def _status_layout(mode: str, behavior: str) -> FixedLayout:
+def _status_layout(mode: str, behavior: str, control_mode: str) -> FixedLayout:
     """Of a status without flags."""
-    strings = {"header.frame_id": WORLD, "mode": mode, "behavior": behavior}
+    strings = {
+        "header.frame_id": WORLD, "mode": mode, "behavior": behavior, "control_mode": control_mode,
+    }  # fmt: skip
     return FixedLayout("quadlab_msgs/VehicleStatus", strings)
 
 
-def encode_status(tick: Record, mode: str, behavior: str, flags: Sequence[str]) -> bytes:
+def encode_status(
+    tick: Record, mode: str, behavior: str, flags: Sequence[str], control_mode: str = "direct"
+) -> bytes:
     """`status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
 
     The texts are given because their enums live in the layers above.
     """
     status = tick["status"][0]
     if not flags:  # almost always: then only numbers differ
-        statuses = _status_layout(mode, behavior)
+        statuses = _status_layout(mode, behavior, control_mode)
         out = statuses.new()
         set_stamps(out, int(tick["imu"]["stamp_ns"][0]))
         for field in _STATUS_FIELDS:
@@ -50,15 +55,9 @@ def encode_status(tick: Record, mode: str, behavior: str, flags: Sequence[str]) 
             header=header(int(tick["imu"]["stamp_ns"][0])),
             mode=mode,
             behavior=behavior,
-            armed=status["armed"],
-            airborne=status["airborne"],
+            control_mode=control_mode,
             flags=flags,
-            parameter_revision=status["parameter_revision"],
-            tick_rate=status["tick_rate"],
-            lateness_p50=status["lateness_p50"],
-            lateness_p99=status["lateness_p99"],
-            lateness_max=status["lateness_max"],
-            missed_share=status["missed_share"],
+            **{field: status[field] for field in _STATUS_FIELDS},
         )
     )
 

@@ -4,6 +4,7 @@ import { command } from "./api.js";
 import { bytes, duration, fixed, NONE, seconds, words } from "./format.js";
 import { onHold } from "./hold.js";
 import { armNote } from "./preflight.js";
+import { controlOf, isAlone } from "./who_flies.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -33,7 +34,8 @@ export class Bar {
   draw() {
     const { status, link, battery, station } = this.events.summary;
     this.set("mode", status && words(status.mode), /cut|emergency/i.test(status?.mode));
-    this.set("behavior", status && words(status.behavior));
+    this.drawControl(status);
+    this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
     this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && link.state !== "good");
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
@@ -44,6 +46,13 @@ export class Bar {
     $("arm").textContent = disarms ? "Disarm" : "Arm";
     if (this.isOperator) $("arm").disabled = !this.fresh("status"); // not by what was true once
     if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
+  }
+
+  drawControl(status) {
+    const control = controlOf(status), output = $("control-mode"), title = control?.title ?? "";
+    this.set("control-mode", control ? `${control.tone === "alarm" ? "⚠ " : ""}${control.text}` : words(status?.control_mode), control?.tone === "warn");
+    output.classList.toggle("alarm", control?.tone === "alarm" && this.fresh("status"));
+    if (output.parentElement.title !== title) output.parentElement.title = title;
   }
 
   // The station's own figure while it speaks; longer once it is silent.

@@ -6,6 +6,7 @@ import { element } from "./format.js";
 import { onHold } from "./hold.js";
 import { onKey } from "./keys.js";
 import { Events } from "./sockets.js";
+import { pressed } from "./who_flies.js";
 
 const CUT_HOLD = 500; // ms
 const STYLE = "/static/emergency.css";
@@ -20,10 +21,11 @@ export function addEmergency(place, events, session) {
 
 class Emergency {
   constructor(place, events, session) {
+    this.events = events;
     this.mayCut = session.role !== "viewer";
     this.sent = new EmergencyPress(events, session.label);
     if (!document.querySelector(`link[href="${STYLE}"]`)) document.head.append(element("link", { rel: "stylesheet", href: STYLE }));
-    this.land = element("button", { id: "emergency-land", className: "caution", title: "emergency: land now, whatever runs; other commands are refused until it is down (key e)", onclick: () => this.press("land") }, "Emergency land");
+    this.land = element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land");
     this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle, but not cut its motors" }, "Cut motors");
     onHold(this.cut, CUT_HOLD, () => this.press("cut"));
     this.said = element("span", { ariaLive: "assertive" });
@@ -43,7 +45,9 @@ class Emergency {
   }
 
   draw() {
-    const { tone, said, running } = this.sent.state;
+    const { tone, said, running } = this.sent.state, how = pressed(this.events.summary.emergency_land);
+    const title = `emergency: land now, whatever runs${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
+    if (this.land.title !== title) this.land.title = title;
     const isAway = document.activeElement?.tagName === "IFRAME";
     const idle = isAway ? AWAY : this.mayCut ? KEYS.operator : KEYS.viewer;
     show(this.said, tone === "idle" ? "" : said);

@@ -2,6 +2,7 @@
 // web process says (event `emergency`) counts; until it says anything, what we did ourselves.
 
 import { command, get } from "./api.js";
+import { isAlone, landing } from "./who_flies.js";
 
 export const NAMES = { land: "Emergency land", cut: "Cut motors" };
 const DONE = { land: "landing", cut: "motors cut" };
@@ -77,21 +78,31 @@ export class EmergencyPress {
     return own && (!told || own.since >= told.since || own.phase === "sent") ? own : told;
   }
 
-  // {tone: idle, waiting, done or failed; said: for a screen reader too; running: what counts up}
+  // {tone: idle, waiting, done, failed or landing, with "alone" while the microcontroller lands;
+  // said: for a screen reader too; running: what counts up}
   get state() {
+    const press = this.pressState, { status } = this.events.summary;
+    const who = this.events.age("status") < 1 ? landing(status) : "";
+    if (!who || !["idle", "done"].includes(press.tone)) return press;
+    const tone = `${press.tone === "idle" ? "landing" : press.tone}${isAlone(status) ? " alone" : ""}`;
+    return { tone, said: press.tone === "idle" ? who : `${who} · ${press.answered}`, running: "" };
+  }
+
+  get pressState() {
     const press = this.shown;
     if (!press) return { tone: "idle", said: "", running: "" };
     const age = (performance.now() - press.since) / 1e3, of = press.by === this.label ? "" : ` by ${press.by}`;
     const name = `${NAMES[press.action]}${of}`, ago = `${age.toFixed(1)} s`;
     if (age > (FORGET[press.phase] ?? Infinity)) return { tone: "idle", said: "", running: "" };
     if (press.phase === "acknowledged") {
-      const note = press.reason ? `; ${press.reason}` : "";
-      return { tone: "done", said: `${DONE[press.action]}${of}, acknowledged after ${press.after.toFixed(2)} s${note}`, running: "" };
+      const note = press.reason ? `; ${press.reason}` : "", answered = `acknowledged after ${press.after.toFixed(2)} s${note}`;
+      return { tone: "done", said: `${DONE[press.action]}${of}, ${answered}`, answered: `${of && `pressed${of}, `}${answered}`, running: "" };
     }
     if (press.phase === "failed") return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
     if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: quadlab web does not answer, trying again`, running: `, pressed ${ago} ago` };
     const silent = this.events.age("status") > 1 ? "; the vehicle is not heard" : "";
-    const what = press.phase === "sent" ? "not acknowledged" : "accepted, not yet shown by the vehicle";
+    const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
+    const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted, the microcontroller not yet flying" : "accepted, not yet shown by the vehicle";
     const tries = press.try > 1 ? `, try ${press.try} of ${press.tries}` : "";
     return { tone: "waiting", said: `${name}: ${what}${tries}${silent}`, running: `, sent ${ago} ago` };
   }

@@ -11,6 +11,7 @@ export class Fly {
     this.events = events;
     this.behaviors = behaviors;
     this.forms = new Map();
+    this.started = null; // {name, values}: the last behaviour this page started
     this.isOperator = isOperator;
     const plain = element("div", { className: "plain" });
     for (const behavior of behaviors) {
@@ -31,7 +32,9 @@ export class Fly {
 
   row(behavior) {
     const onkeydown = (event) => { if (event.key === "Enter") this.start(behavior); };
-    const inputs = behavior.arguments.map((field) => [field, element("input", field.type === "text" ? {
+    const inputs = behavior.arguments.map((field) => [field, element("input", field.type === "bool" ? {
+      type: "checkbox", checked: field.value, title: behavior.title, onkeydown,
+    } : field.type === "text" ? {
       type: "text", placeholder: field.placeholder, title: behavior.title, onkeydown,
     } : {
       type: "number", value: field.value ?? "", placeholder: "auto", min: field.min, max: field.max, step: field.step ?? "any",
@@ -48,13 +51,17 @@ export class Fly {
     const { name, label } = behavior;
     const values = { ...behavior.fixed };
     for (const [field, input] of this.forms.get(behavior)) {
+      if (field.type === "bool") { values[field.name] = input.checked; continue; }
       if (input.value === "") continue; // the vehicle's own default
       if (field.type === "text") { values[field.name] = input.value.trim(); continue; }
       const wrong = !input.checkValidity() || !Number.isFinite(input.valueAsNumber);
       if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.min} to ${field.max} ${field.unit ?? ""}`); return; }
       values[field.name] = input.valueAsNumber * (field.scale ?? 1);
     }
-    this.attempt(() => command("start_behavior", { name, arguments: values }), label);
+    this.attempt(async () => {
+      await command("start_behavior", { name, arguments: values });
+      this.started = { name, values };
+    }, label);
   }
 
   // Runs a command and shows its answer: a refusal stays until the next command.

@@ -36,7 +36,7 @@ export function exact(value) {
   return String(Number(value.toPrecision(7)));
 }
 
-export const words = (name) => (name ? String(name).replaceAll("_", " ").toLowerCase() : NONE);
+export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);
 
 export function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);

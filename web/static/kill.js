@@ -6,6 +6,7 @@ import { EmergencyPress } from "./emergency_press.js";
 import { words } from "./format.js";
 import { onKey } from "./keys.js";
 import { Events } from "./sockets.js";
+import { isAlone, landing, pressed } from "./who_flies.js";
 
 const $ = (id) => document.getElementById(id);
 const events = new Events();
@@ -30,10 +31,12 @@ get("/api/session").then(({ label, role }) => {
 }).catch(() => {});
 
 setInterval(() => {
-  const { status } = events.summary, age = events.age("status");
-  const text = !events.connected ? "no connection to quadlab web; reconnecting. Presses are sent all the same" : age > 1 ? "the vehicle is not heard; commands are tried all the same" : `${words(status.mode)}, ${words(status.behavior)}`;
+  const { status, emergency_land: chosen } = events.summary, age = events.age("status"), isHeard = events.connected && age <= 1;
+  const text = !events.connected ? "no connection to quadlab web; reconnecting. Presses are sent all the same" : !isHeard ? "the vehicle is not heard; commands are tried all the same" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
   show($("state"), text);
-  const { tone, said, running } = sent.state;
+  $("state").className = !isHeard ? "" : isAlone(status) ? "landing alone" : landing(status) ? "landing" : "";
+  if (pressed(chosen)) show($("emergency-land").lastElementChild, pressed(chosen));
+  const { tone, said, running } = sent.pressState; // who flies stands above
   show($("said"), said);
   show($("running"), running);
   $("answer").className = tone;

@@ -2,6 +2,7 @@
 
 import { duration, element, fixed } from "./format.js";
 import { LinkStrip } from "./link_strip.js";
+import { LoopPanel } from "./loop_panel.js";
 
 const TOPIC = "link_status";
 const SIGNS = { good: "●", degraded: "◐", lost: "○" };
@@ -37,6 +38,7 @@ export class LinkPanel {
       ...Object.values(this.strips).map(({ place: line }) => line),
       element("h2", {}, "This page to the station"), this.verdict, ...Object.values(this.page).map(({ place: line }) => line),
       element("p", { className: "span" }, "last five minutes · in the log as link_status, this page's own link is not"));
+    this.loop = new LoopPanel(place, { events, ages });
     telemetry.addEventListener("frame", () => { this.frames += 1; });
     setInterval(() => this.sample(), SAMPLE);
     setInterval(() => this.draw(), 1000);
@@ -50,6 +52,7 @@ export class LinkPanel {
       const isMeasured = name !== "round_trip" && name !== "clock_offset" || link?.round_trip > 0;
       strip.add(time, link && !isOld && isMeasured ? link[name] ?? NaN : NaN);
     }
+    this.loop.hear();
     if (!document.hidden) this.samplePage(time);
   }
 
@@ -68,6 +71,7 @@ export class LinkPanel {
     if (document.hidden || this.place.hidden) return;
     const { link } = this.events.summary, isOld = this.ages.isOld(TOPIC), now = performance.now() / 1e3;
     for (const strip of [...Object.values(this.strips), ...Object.values(this.page)]) strip.draw(now);
+    this.loop.draw();
     set(this.state, link ? `${SIGNS[link.state] ?? ""} ${link.state}` : "not heard of");
     this.state.classList.toggle("warn", Boolean(link) && link.state !== "good" && !isOld);
     set(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");

@@ -84,6 +84,9 @@ export function timeOf(stamp) {
   return time.toDateString() === new Date().toDateString() ? clock : `${time.getFullYear()}-${two(time.getMonth() + 1)}-${two(time.getDate())} ${clock}`;
 }
 
+// Who keeps it; each counts revisions of its own.
+const authorityOf = (name) => (/^(station|simulator)\./.exec(name)?.[1] ?? "vehicle");
+
 // Rows, newest first, as motions of one hand: the same parameter again within two seconds, or
 // several that were changed at once.
 export function gestures(rows) {
@@ -91,14 +94,14 @@ export function gestures(rows) {
   for (const row of rows) {
     const last = found.at(-1), known = last?.changes.get(row.name);
     const isSame = last && last.who === row.who && last.flight === row.flight;
-    const isAtOnce = last?.revision === row.revision && last.isOfStation === row.name.startsWith("station.") && !known;
+    const isAtOnce = last?.revision === row.revision && last.authority === authorityOf(row.name) && !known;
     if (isSame && (isAtOnce || (known && last.first - row.stamp < GESTURE))) {
       if (known) known.old = row.old;
       else last.changes.set(row.name, { old: row.old, value: row.new });
       Object.assign(last, { first: row.stamp, revision: row.revision, count: last.count + 1 });
     } else {
       found.push({ who: row.who, flight: row.flight, stamp: row.stamp, first: row.stamp, revision: row.revision, count: 1,
-        isOfStation: row.name.startsWith("station."), changes: new Map([[row.name, { old: row.old, value: row.new }]]) });
+        authority: authorityOf(row.name), changes: new Map([[row.name, { old: row.old, value: row.new }]]) });
     }
   }
   return found;

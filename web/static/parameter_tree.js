@@ -4,6 +4,7 @@
 import { element } from "./format.js";
 
 const KEY = "quadlab.gains.open";
+const SIMULATED = "simulator.";
 const OPEN = ["control", "control.position", "control.attitude"];
 
 export class ParameterTree {
@@ -28,6 +29,10 @@ export class ParameterTree {
       branch.leaves.append(row.place);
     }
     this.place.replaceChildren(trunk);
+    // A simulated vehicle's parameters come after all others.
+    const isSimulated = rows.some(({ description }) => description.name.startsWith(SIMULATED));
+    this.absent = isSimulated ? null : element("p", { className: "absent" }, element("b", {}, "simulator"), " not there: wind, faults and noise can be set for a simulated vehicle only");
+    if (this.absent) this.place.append(this.absent);
     for (const branch of this.branches.values()) this.count(branch);
   }
 
@@ -59,6 +64,7 @@ export class ParameterTree {
     const wasSearching = this.isSearching;
     this.isSearching = Boolean(text) || only !== null;
     if (!this.isSearching && !wasSearching) return 0;
+    if (this.absent) this.absent.hidden = this.isSearching;
     const words = text.split(/\s+/).filter(Boolean);
     let found = 0;
     for (const row of this.rows ?? []) {

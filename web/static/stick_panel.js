@@ -1,14 +1,15 @@
 // The sticks on the Fly tab: where they are (ring: the stick, dot: what is sent), whether they
 // move the vehicle and if not why, how fast full stick is, and the round trip to the station.
 
-import { element, fixed } from "./format.js";
+import { element, fixed, words } from "./format.js";
 import { StickEditor } from "./stick_editor.js";
 import { presetOf } from "./stick_mapping.js";
+import { OBEYING, commanded, limits } from "./stick_meaning.js";
 import { Sticks } from "./sticks.js";
+import { landing } from "./who_flies.js";
 
 const REACH = 15; // px from the centre of a pad to full stick
-const KEYS = "Hold Shift: W A S D move, arrows up, down and turn. On a pad hold a shoulder button.";
-const LIMITS = { joy_speed_xy: 1, joy_speed_z: 1, joy_yaw_rate: 180 / Math.PI };
+const KEYS = { velocity: "Hold Shift: W A S D move, arrows up, down and turn. On a pad hold a shoulder button.", near_hovering: "Hold Shift: W A S D tilt, arrows up, down and turn. On a pad hold a shoulder button." };
 const STALE = 1; // s
 
 export function addSticks(place, { events, isOperator, fly, emergency, gains }) {
@@ -20,7 +21,8 @@ class StickPanel {
   constructor(place, events, fly, emergency, gains) {
     this.place = place;
     this.events = events;
-    this.gains = gains;
+    this.fly = fly;
+    this.limit = (name) => gains.value(`behavior.${name}`);
     this.sticks = new Sticks(emergency);
     this.editor = new StickEditor(document.getElementById("view"), this.sticks);
     this.pads = ["up and turn", "forward and left"].map((title) => {
@@ -50,13 +52,20 @@ class StickPanel {
     this.place.classList.toggle("on", sticks.on);
     this.place.classList.toggle("refused", !sticks.on && Boolean(sticks.dropped || sticks.held));
     show(this.note, this.words());
-    show(this.limits, this.limitsText());
+    show(this.limits, limits(this.behavior, this.limit, this.holds));
     show(this.source, this.sourceText());
     const trip = sticks.on ? sticks.link.trip : null, late = sticks.on && sticks.link.overdue > 250;
     show(this.trip, late ? `no answer for ${fixed(sticks.link.overdue, 0)} ms` : trip ? `${fixed(trip.median, 1)} ms, 95 % below ${fixed(trip.most, 1)} ms` : "");
     this.trip.classList.toggle("warn", late);
     this.setUp.hidden = !sticks.pad && !this.editor.isOpen;
     this.velocity.disabled = this.behavior === "velocity" || !this.isFlying;
+    if (this.behavior && this.behavior !== this.was) this.changed();
+  }
+
+  // Another page may start it next, otherwise.
+  changed() {
+    if (this.was === "near_hovering") this.fly.started = null;
+    this.was = this.behavior;
   }
 
   get status() { return this.events.age("status") < STALE ? this.events.summary.status : null; }
@@ -69,35 +78,23 @@ class StickPanel {
     if (sticks.on) {
       if (sticks.note) return `On: ${sticks.note}.`;
       if (!this.status) return "On, but the vehicle is not heard.";
-      if (this.behavior === "velocity") return `On: ${this.commanded()}.`;
-      return this.isFlying ? `On, but ${this.behavior.replaceAll("_", " ")} does not obey sticks: start Velocity.` : "On, but they fly only in the air: arm and take off.";
+      if (landing(this.status)) return `On, but ${landing(this.status)}.`;
+      if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
+      return this.isFlying ? `On, but ${words(this.behavior)} does not obey sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but they fly only in the air: arm and take off.";
     }
     if (sticks.held && sticks.why) return `Off: ${sticks.why}${/release|press/.test(sticks.why) ? "" : "; release the button and press again"}.`;
     if (sticks.editing) return "Off while the pad is being set up.";
     if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
     if (document.activeElement?.tagName === "IFRAME") return "Keys now go to the 3D view and never reach the page: click here to fly by keyboard.";
-    if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${KEYS}`;
+    if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${this.keys}`;
     if (sticks.dropped) return `Dropped: ${sticks.dropped}. Press the button again.`;
-    return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : KEYS;
+    return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : this.keys;
   }
 
-  commanded() {
-    const [xy, z, turn] = this.speeds(), [forward, left, up, yaw] = this.sticks.sent;
-    if (this.sticks.sent.every((value) => value === 0)) return "centred, the vehicle stands";
-    const parts = [[forward, xy, "m/s", "forward", "back"], [left, xy, "m/s", "left", "right"], [up, z, "m/s", "up", "down"], [yaw, turn, "°/s", "turning left", "turning right"]];
-    return parts.filter(([value]) => value !== 0).map(([value, most, unit, more, less]) => {
-      const size = Number.isFinite(most) ? `${fixed(Math.abs(value) * most, unit === "°/s" ? 0 : 2)} ${unit}` : `${fixed(Math.abs(value) * 100, 0)} %`;
-      return `${size} ${value > 0 ? more : less}`;
-    }).join(", ");
-  }
+  get keys() { return KEYS[this.behavior] ?? KEYS.velocity; }
 
-  speeds() { return Object.entries(LIMITS).map(([name, scale]) => scale * this.gains.value(`behavior.${name}`)); }
-
-  limitsText() {
-    const [xy, z, turn] = this.speeds();
-    if (!Number.isFinite(xy)) return "";
-    return `Full stick: ${fixed(xy, 2)} m/s, up ${fixed(z, 2)} m/s, turn ${fixed(turn, 0)} °/s`;
-  }
+  // Whether near-hovering holds the height, as far as this page knows.
+  get holds() { return this.fly.started?.name === "near_hovering" ? this.fly.started.values.hold_altitude : undefined; }
 
   sourceText() {
     const { pad, mapping } = this.sticks;

@@ -2,6 +2,7 @@
 
 import { request } from "./api.js";
 import { element, seconds, words } from "./format.js";
+import { isAlone, landing } from "./who_flies.js";
 
 const $ = (id) => document.getElementById(id);
 
@@ -32,9 +33,11 @@ export class View {
     const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
     const texts = age > 0.5 ? [silence] : (status?.flags ?? []).map(words);
     if (events.age("station_status") < 1.5) texts.push(...(station?.alarms ?? []));
-    const key = texts.join("|");
+    const who = events.age("status") < 1 ? landing(status) : "", key = [who, ...texts].join("|");
     if (key === this.shown) return;
     this.shown = key;
-    $("flags").replaceChildren(...texts.map((text) => element("span", {}, text)));
+    const chips = texts.map((text) => element("span", {}, text));
+    if (who) chips.unshift(element("span", { className: isAlone(status) ? "alone" : "" }, who));
+    $("flags").replaceChildren(...chips);
   }
 }

@@ -29,6 +29,33 @@ def test_the_bar_shows_what_the_vehicle_says(page: Any, look: Any) -> None:
     look.text("#flags", "not real time")
 
 
+def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
+    page: Any, look: Any, station: Any
+) -> None:
+    look.text("#control-mode", "^direct$")
+    look.has_no_class("#control-mode", "warn|alarm")
+    station.said = {"control_mode": "near_hovering", "behavior": "near_hovering"}
+    look.text("#control-mode", "^near-hovering$")
+    look.has_class("#control-mode", "warn")
+    station.said = {"mode": "emergency_land", "control_mode": "emergency"}
+    look.text("#control-mode", "^⚠ emergency$")
+    look.has_class("#control-mode", "alarm")
+    look.text("#behavior", "^lands alone$")
+    alone = "^the microcontroller lands alone; only Cut is obeyed"
+    look.text("#flags .alone", alone)
+    look.text("#emergency-state", f"{alone}$")
+    page.click("#emergency-land")
+    look.text("#emergency-state", rf"{alone} · acknowledged after [\d.]+ s$")
+    station.said = {"mode": "emergency_land", "behavior": "land"}
+    look.text("#emergency-state", "^landing under control; only Cut is obeyed · acknowledged")
+    look.has_no_class("#emergency-state", "alone")
+    station.said = {"mode": "emergency_land", "control_mode": "emergency"}
+    page.goto(page.url + "kill")
+    look.text("#state", f"^emergency land: {alone[1:]}$")
+    look.text("#answer", "^landing, acknowledged after")
+    look.text("#emergency-land", "not held in place")
+
+
 def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flying: Any) -> None:
     look.text("#mode", "^armed$")
     flying(False)

@@ -168,7 +168,8 @@ def test_an_answer_to_an_older_press_does_not_hide_the_newer_one(still: Any) -> 
           return those()[n]; };
         const told = (id, action, phase) => ({ emergency: { id, action, phase, by: '', age: 0.5,
           after: 0.4, reason: '', try: 1, tries: 3 } });
-        const events = { connected: false, age: () => 0, on() {} }; // they do not come: it asks
+        // They do not come: it asks.
+        const events = { connected: false, summary: {}, age: () => 0, on() {} };
         const sent = new EmergencyPress(events, '');
         sent.press('land');
         (await nth('emergency', 0)).answer({ id: 'older' });

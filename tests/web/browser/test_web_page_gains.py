@@ -31,6 +31,7 @@ def test_a_slider_changes_the_vehicle_and_every_page_follows(
     other = open_page(site)
     for one in (page, other):
         open_gains(one)
+    look.text("#gains .absent", "^simulator not there: .* for a simulated vehicle only$")
     slide(page, 6.2)
     for one in (page, other):
         look_at(one).value(CELL, "6.2")

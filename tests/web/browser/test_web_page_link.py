@@ -98,7 +98,9 @@ def link(station: Any) -> Any:
     station.put = put
 
 
-def test_the_link_tab_tells_figures_state_and_outages(page: Any, look: Any, link: Any) -> None:
+def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
+    page: Any, look: Any, link: Any, station: Any
+) -> None:
     page.click("[data-tab=link]")
     link(state_duration=151.0)
     look.text("#tab-link .state", "^● good$")
@@ -112,6 +114,23 @@ def test_the_link_tab_tells_figures_state_and_outages(page: Any, look: Any, link
     look.has_class("#tab-link .state", "warn")
     look.text("#tab-link p >> nth=0", "^2 outages .*last 2.5 s, the longest 2.5 s, together 3.0 s")
     look.text("#tab-link .reaction", "its parameters have not been read")
+    # The flight loop on board: only growth is marked.
+    look.text("#tab-link .bin .count >> nth=0", "^91k$")
+    said = page.get_attribute("#tab-link .histogram", "aria-label")
+    assert said.startswith("below 50 µs: 91234, below 100 µs: 8123, ")
+    assert said.endswith("below 5 ms: 0, longer: 1")
+    heights = page.eval_on_selector_all(
+        "#tab-link .column i", "bars => bars.map((bar) => bar.getBoundingClientRect().height)"
+    )
+    assert heights == [*sorted(heights[:5], reverse=True), 0, 0, heights[7]]
+    assert heights[7] > 0, "a single tick is seen"
+    missed = "#tab-link .loop-count:has-text('Missed frames')"
+    look.text(missed, "5since the start$")
+    look.has_no_class(f"{missed} >> output", "warn")
+    station.said = {"missed_frames": 8}
+    look.text(missed, "8▲ 3 in the last 10 s$")
+    look.has_class(f"{missed} >> output", "warn")
+    look.text("#tab-link .loop-count:has-text('Overruns')", "2since the start$")
 
 
 def test_a_link_is_plotted_while_the_tab_was_closed(

@@ -23,6 +23,7 @@ from control.behaviors.parameters import BehaviorParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from vehicle_link.messages import decode, header, new
 from vehicle_link.node import Node, Received
+from vehicle_link.parameter_messages import from_parameters
 from vehicle_link.session import loopback_session
 from vehicle_link.topics import TOPICS, decode_joy
 from web.station import Station
@@ -393,7 +394,7 @@ class Flight:
             self.station.put(
                 "status",
                 new("quadlab_msgs/VehicleStatus", header=header(1), mode="armed", armed=True,
-                    airborne=True, behavior=self.behavior,
+                    airborne=True, behavior=self.behavior, control_mode="direct",
                     parameter_revision=self.station.store.revision),
             )  # fmt: skip
             threading.Event().wait(0.05)
@@ -418,7 +419,9 @@ def test_the_panel_says_what_the_sticks_do_and_starts_velocity(
         page.keyboard.press("Escape")  # the help of a first visit
         Pad(page)
         page.evaluate(PILOT)
-        look.text("#sticks .note", "^On, but hover does not obey sticks: start Velocity")
+        look.text(
+            "#sticks .note", "^On, but hover does not obey sticks: start Velocity or Near hover"
+        )
         page.click("#sticks > button")
         until(lambda: bool(site.station.requests))
         assert [(s, r.name) for s, r in site.station.requests] == [("start_behavior", "velocity")]
@@ -431,6 +434,18 @@ def test_the_panel_says_what_the_sticks_do_and_starts_velocity(
             page.wait_for_timeout(8000)  # the round trips of a page that starts are past
         corner = {"x": 920.0, "y": 0.0, "width": 520.0, "height": 610.0}
         page.screenshot(path=Path(IMAGES or tmp_path) / "sticks.png", clip=corner)
+        site.station.requests.clear()
+        page.uncheck("#behaviors .behavior:has-text('Near hover') input")
+        page.click("#behaviors button:text-is('Near hover')")
+        until(lambda: bool(site.station.requests))
+        [(_, request)] = site.station.requests
+        assert request.name == "near_hovering"
+        assert from_parameters(request.arguments) == {"hold_altitude": False}
+        flight.behavior = "near_hovering"
+        look.text("#sticks .limits", "^Full stick: tilt 12.0°, up 30 % of the weight, turn 57 °/s$")
+        look.text("#sticks .note", r"^On: [\d.]+° tilted forward, 57 °/s turning right\.$")
+        page.evaluate("window.wanted = [0, 0, 0, 0]")
+        look.text("#sticks .note", "^On: centred, level; it may drift")
         flight.stop()
         page.close()
     catalogue.close()

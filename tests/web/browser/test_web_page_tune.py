@@ -80,8 +80,8 @@ def test_a_test_is_drawn_judged_and_compared_with_the_one_before(
     seen.text(".figures-of-tests thead", "ABB − A")
     seen.text(".figures-of-tests tr:has-text('rise')", r"rise 10–90 %0\.8\d0\.6\d−0\.\d\ds")
     seen.text(".gains-of-tests tr:has-text('kp_xy')", r"position\.kp_xy47")
-    label = tab.get_attribute(".tune-chart .plot", "aria-label")
-    assert label == "set-point and actual of A: x step, B: x step"
+    label = "set-point and actual of A: x step, B: x step"
+    tab.wait_for_selector(f".tune-chart .plot[aria-label='{label}']")
     assert tab.locator(".tune-chart canvas").count() == 1
     tab.click("button[aria-label='put back the gains of test A']")
     seen.text(LINE, r"Put back: position\.kp_xy 4")

@@ -1,0 +1,138 @@
+"""A flight of the whole stack in simulated time of which the truth is kept, and parts of which can
+be made to fail. No log is written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
+from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle import mailbox
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+Array = npt.NDArray[np.float64]
+TOUCHING = 0.005
+"""m: below it the vehicle meets the ground."""
+
+
+class Events:
+    """Keeps the events; takes every other message of a log and drops it."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.texts.append(event.text)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class WatchedFlight(SimulatedFlight):
+    """One flight on full sensors: noisy, biased, 10-bit IMU and the tracker.
+
+    Args:
+        seed: of all noise.
+        settings: of vehicle, `simulator`, `tracker`, as `--set` takes them.
+        true_state: fly on the true state instead of an estimate.
+
+    Attributes:
+        frozen: the flight process stands still: nothing is sent to the microcontroller.
+        hardest: largest speed at which the ground was met, m/s.
+        most_tilted: rad, since this was last set to 0.
+    """
+
+    def __init__(
+        self,
+        seed: int = 1,
+        settings: dict[str, ParameterValue] | None = None,
+        *,
+        true_state: bool = False,
+    ) -> None:
+        parameters = FlightParameters().model_copy(deep=True)
+        parameters.seed(seed)
+        ParameterStore(parameters).preset(settings or {})
+        self.robot = SimulatedVehicle(parameters.simulator)
+        self.events = Events()
+        self.frozen = False
+        self.hardest = self.most_tilted = 0.0
+        self._trace: list[tuple[float, ...]] = []
+        estimator = TrueState(self.robot) if true_state else None
+        super().__init__(parameters, self.robot, self.events, estimator)  # type: ignore[arg-type]
+
+    # ------------------------------------------------------------------ what truly happens
+    def advance(self) -> None:
+        sinking = -float(self.robot.truth["velocity_w"][0, 2])
+        if self.frozen:
+            self.robot.step()
+        else:
+            super().advance()
+        x, y, z = self._true_position_w.tolist()
+        wanted = self.stack.reference["position_w"][0].tolist()
+        self._trace.append((self.robot.stamp_ns * 1e-9, x, y, z, *wanted))
+        if z < TOUCHING and sinking > 0.02:
+            self.hardest = max(self.hardest, sinking)
+        self.most_tilted = max(self.most_tilted, self.tilt)
+
+    @property
+    def tilt(self) -> float:
+        """rad, between the true z_B and z_W."""
+        _, a, b, _ = self._true_quaternion_wb.tolist()
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (a * a + b * b))))
+
+    @property
+    def height(self) -> float:
+        """m, the true one."""
+        return float(self._true_position_w[2])
+
+    @property
+    def airborne(self) -> bool:
+        """Motors turn, as the microcontroller knows."""
+        return bool(self.robot.rotor_speeds.max() > 25.0)
+
+    def trace(self, since: float = 0.0) -> tuple[Array, Array, Array]:
+        """Times (N,) s, true and wanted positions (N, 3) m, from `since` (s) on."""
+        rows = np.array([row for row in self._trace if row[0] >= since])
+        return rows[:, 0], rows[:, 1:4], rows[:, 4:7]
+
+    def forget(self) -> None:
+        """Start the trace, the largest tilt and the hardest touch-down anew."""
+        self._trace.clear()
+        self.hardest = self.most_tilted = 0.0
+
+    # ------------------------------------------------------------------ what is done
+    def hover(self, height: float = 1.0, settling: float = 3.0) -> WatchedFlight:
+        """Take off and settle. Raises RefusedError."""
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
+        self.wait(0.5)
+        self.arm()
+        self.wait(1.0)
+        self.start("take_off", height=height)
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=30)
+        self.wait(settling)
+        return self
+
+    def run(self, seconds: float) -> None:
+        """As `wait`, also while the flight process stands still."""
+        end_ns = self.robot.stamp_ns + round(seconds * 1e9)
+        while self.robot.stamp_ns < end_ns:
+            self.advance()
+
+    def down(self, longest: float = 40.0) -> bool:
+        """Fly on until the motors are off; whether it then stands upright."""
+        end_ns = self.robot.stamp_ns + round(longest * 1e9)
+        while self.airborne and self.robot.stamp_ns < end_ns:
+            self.advance()
+        self.run(0.5)
+        return self.height < 0.03 and math.degrees(self.tilt) < 5.0
+
+    def disturb(self, **values: Any) -> None:
+        """Change the simulated robot in flight: `payload`, `wind_x`, …"""
+        self.parameters.simulator = self.parameters.simulator.model_copy(update=values)
+        self.robot.configure(self.parameters.simulator)

@@ -1,0 +1,109 @@
+"""Near-hovering flight: angles and yaw rate to the microcontroller, which levels by itself.
+
+No pose is needed. The reference follows the vehicle, so that what comes after starts from there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
+from control.behaviors.ground import stand
+from control.behaviors.table import BehaviorName
+from control.behaviors.velocity import stick_axis
+from quadrotor.parameters import Parameters, ParameterValue, parameter
+from quadrotor.records import Record
+
+
+class Level:
+    """Level, turning at no rate, at a climb rate: what both behaviors below begin with.
+
+    Attributes:
+        roll, pitch: rad. yaw_rate: rad/s.
+        climb: m/s, to be held by the barometer; None leaves the thrust to `thrust_share`.
+        thrust_share: of the thrust that hovers.
+    """
+
+    progress = 0.0
+
+    def __init__(self) -> None:
+        self.roll = self.pitch = self.yaw_rate = 0.0
+        self.climb: float | None = 0.0
+        self.thrust_share = 1.0
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        stand(state, reference)
+        reference["velocity_w"] = state["velocity_w"]
+        return False
+
+
+class NearHoveringArguments(Parameters):
+    """Of near_hovering."""
+
+    hold_altitude: bool = parameter(
+        True, description="hold the climb rate by the barometer; false: the stick is thrust"
+    )
+
+
+class NearHovering(Level):
+    """Sticks tilt and turn the vehicle; released, stale or missing ones level it."""
+
+    name: ClassVar[BehaviorName] = BehaviorName.NEAR_HOVERING
+    arguments: ClassVar[type[Parameters]] = NearHoveringArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, read_arguments(cls.name, NearHoveringArguments(), given))
+
+    def __init__(self, context: Context, arguments: NearHoveringArguments) -> None:
+        super().__init__()
+        p = context.parameters
+        self._angle = math.radians(p.joy_tilt)
+        self._yaw_rate, self._climb, self._thrust = p.joy_yaw_rate, p.joy_speed_z, p.joy_thrust
+        self._holds = arguments.hold_altitude
+        self._timeout_ns = int(p.joy_timeout * 1e9)
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        forward = left = up = turn = 0.0
+        # A stamp from the future is as wrong as an old one.
+        if joy is not None and joy[2] and abs(stamp_ns - joy[0]) <= self._timeout_ns:
+            forward, left, up, turn = (stick_axis(value) for value in joy[1])
+        self.pitch, self.roll = self._angle * forward, -self._angle * left
+        self.yaw_rate = self._yaw_rate * turn
+        self.climb = self._climb * up if self._holds else None
+        self.thrust_share = 1.0 + self._thrust * up
+        return super().step(stamp_ns, dt, state, joy, thrust, reference)
+
+
+class EmergencyLanding(Level):
+    """Level and down by the barometer, wherever that is; whoever watches the ground ends it."""
+
+    name: ClassVar[BehaviorName] = BehaviorName.EMERGENCY_LANDING
+    arguments: ClassVar[type[Parameters]] = NoArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        read_arguments(cls.name, NoArguments(), given)
+        return cls(context.parameters.emergency_landing_speed)
+
+    def __init__(self, speed: float) -> None:
+        super().__init__()
+        self.climb = -speed

@@ -1,0 +1,123 @@
+"""`quadlab vehicle`'s word `--serial`: which ports it means, and looking at what is behind them."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from collections.abc import Sequence
+
+from quadrotor.errors import LinkError, UsageError
+from vehicle_link.serial.capacity import check_rate, rate_below, samples_a_second
+from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.serial.port import NO_DEVICE
+
+AUTO = "auto"
+MOST = 2
+
+
+def split_ports(words: Sequence[str]) -> list[str]:
+    """Separate words and commas alike; a device that has a comma in its name is left whole."""
+    ports: list[str] = []
+    for word in words:
+        parts = [word] if os.path.exists(word) else word.split(",")
+        ports += [part.strip() for part in parts if part.strip()]
+    return ports
+
+
+def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str]:
+    """The ports to fly with; `auto` looks for them behind all devices.
+
+    Raises UsageError when they are not one or two, LinkError when none fits.
+    """
+    named = split_ports(words)
+    if AUTO in named:
+        from vehicle_link.serial.devices import find_ports
+
+        patterns = [word for word in named if word != AUTO]
+        ports = find_ports(
+            patterns, robot_id=identity.robot_id, firmware=identity.firmware, say=_say
+        )
+        _say(f"microcontroller of robot {identity.robot_id} at {' and '.join(ports)}")
+        return ports
+    if not 1 <= len(named) <= MOST:
+        raise UsageError(
+            f"--serial has {len(named)} ports; allowed are one or two, like "
+            "--serial /dev/ttyUSB0,/dev/ttyUSB1, or --serial auto; "
+            "`quadlab vehicle --find` lists what there is"
+        )
+    if len({os.path.realpath(port) for port in named}) < len(named):
+        raise UsageError(f"--serial {','.join(named)} is one device twice; give the other port")
+    return named
+
+
+def ports_at_rate(
+    words: Sequence[str], rate: int, *, in_process: bool, identity: Identity = THE_ONE
+) -> list[str]:
+    """The ports to fly with at `rate` (Hz), none when the vehicle is simulated in process.
+
+    Raises UsageError when they do not carry it, LinkError when one is a file or a folder, and as
+    `flight_ports`.
+    """
+    check_rate(rate, None)
+    if in_process:
+        if words:
+            raise UsageError(
+                f"--in-process flies a simulated vehicle without ports, and --serial has "
+                f"{','.join(words)}; leave one of the two out"
+            )
+        return []
+    if rate > samples_a_second(MOST):  # whatever the ports will be: they need not be looked for
+        check_rate(rate, MOST)
+    ports = flight_ports(words, identity)
+    for port in ports:
+        if os.path.exists(port) and not stat.S_ISCHR(os.stat(port).st_mode):
+            # At once: opening it is the flight process's, seconds later.
+            raise LinkError(f"serial port {port} cannot be opened: {NO_DEVICE}")
+    check_rate(rate, len(ports))
+    return ports
+
+
+def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
+    """`--check`: exit status 0 when the connection is good, else 1."""
+    from vehicle.serial_check import check_connection
+
+    return (
+        0 if check_connection(flight_ports(words, identity), identity=identity, say=_print) else 1
+    )
+
+
+def find(words: Sequence[str], identity: Identity = THE_ONE) -> int:
+    """`--find`: a line for each device; exit status 0 when one fits, else 1."""
+    from vehicle_link.serial.devices import candidates, choose_ports, controllers
+    from vehicle_link.serial.discovery import discover
+
+    paths = candidates(word for word in split_ports(words) if word != AUTO)
+    devices = discover(paths, robot_id=identity.robot_id, firmware=identity.firmware)
+    for device in devices:
+        _print(device.line)
+    for group in controllers(devices):
+        if len(group) > 1:
+            _print(f"ports of one microcontroller: {', '.join(device.path for device in group)}")
+    ports = choose_ports(devices, identity.robot_id, identity.firmware)
+    slower = f" --rate {rate_below(1)}" if len(ports) == 1 else ""
+    _print(f"fly with: --serial {','.join(ports)}{slower}{_other_words(identity)}")
+    return 0
+
+
+def _other_words(identity: Identity) -> str:
+    """The options that name this microcontroller, unless it is the usual one."""
+    words = ""
+    if identity.robot_id != THE_ONE.robot_id:
+        words += f" --robot-id {identity.robot_id}"
+    if identity.firmware != THE_ONE.firmware:
+        words += f" --firmware {identity.firmware}"
+    return words
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)
+
+
+def _say(line: str) -> None:
+    print(f"vehicle: {line}", file=sys.stderr, flush=True)

@@ -1,0 +1,297 @@
+"""What flies when something fails: the whole stack on the simulated robot, through real bytes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.errors import RefusedError
+from vehicle import mailbox
+from vehicle.microcontroller import Microcontroller
+from vehicle.modes import ControlMode, Mode
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.stack import FlightStack
+from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
+
+
+class Record:
+    """Keeps the events; takes every other message of a log and drops it."""
+
+    def __init__(self) -> None:
+        self.events: list[mailbox.Event] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.events.append(event)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class Lab(SimulatedFlight):
+    """A flight of which parts can be made to fail."""
+
+    def __init__(self, **settings: Any) -> None:
+        parameters = FlightParameters().model_copy(deep=True)
+        self.record = Record()
+        self.robot = SimulatedVehicle(parameters.simulator)
+        self.frozen = False
+        self.sticks: tuple[float, float, float, float] | None = None
+        super().__init__(parameters, self.robot, self.record)  # type: ignore[arg-type]
+        self.impact = 0.0
+        if settings:
+            self.change(settings)
+
+    def advance(self) -> None:
+        speed = -float(self.robot.truth["velocity_w"][0, 2])
+        if self.frozen:
+            self.robot.step()
+        else:
+            if self.sticks is not None:
+                self.stack.measure(mailbox.Joy(self.stack.stamp_ns, self.sticks, True))
+            super().advance()
+        if self.height < 0.005 and speed > 0.02:
+            self.impact = max(self.impact, speed)
+
+    @property
+    def height(self) -> float:
+        return float(self.robot.truth["position_w"][0, 2])
+
+    @property
+    def tilt(self) -> float:
+        """Truth, degrees."""
+        _, x, y, _ = self.robot.truth["quaternion_wb"][0]
+        return math.degrees(2 * math.asin(min(1.0, math.hypot(x, y))))
+
+    def hovering(self, height: float = 1.0) -> Lab:
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(0.2)
+        self.arm()
+        self.wait(0.5)
+        self.start("take_off", height=height)
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.wait(1.0)
+        return self
+
+    def emergency(self) -> mailbox.Reply:
+        return self.stack.handle(mailbox.Emergency("1", "anna", "land"))
+
+    def landed(self) -> None:
+        """Until the motors are off; then it must stand upright, unharmed."""
+        self.wait_until(lambda v: not v.armed, what="disarmed", timeout=25)
+        self.wait(0.5)
+        assert self.height < 0.02
+        assert self.tilt < 3.0
+        assert 0.0 < self.impact < 0.8
+        assert np.all(self.robot.rotor_speeds < 25.0)
+
+    @property
+    def told(self) -> ControlMode:
+        """What the status says."""
+        return ControlMode(self.stack.status["control_mode"][0])
+
+    def texts(self) -> str:
+        return "\n".join(event.text for event in self.record.events)
+
+
+@pytest.mark.parametrize("height", [1.0, 2.5])
+def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float) -> None:
+    lab = Lab().hovering(height)
+    assert lab.emergency().accepted
+    lab.advance()
+    assert lab.stack.control_mode is ControlMode.EMERGENCY
+    assert lab.told is ControlMode.DIRECT, "the microcontroller has not answered yet"
+    lab.wait(0.1)
+    assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
+    assert lab.told is ControlMode.EMERGENCY
+    lab.landed()
+    assert "emergency land by anna; the microcontroller lands alone" in lab.texts()
+    assert "landed by the microcontroller" in lab.texts()
+    lab.arm()
+    lab.wait(0.5)
+    assert lab.robot.firmware.motor_state is MotorState.ON, "and it flies again"
+
+
+@pytest.mark.parametrize("chosen", ["land", "descend"])
+def test_what_emergency_land_does_is_a_parameter(chosen: str) -> None:
+    lab = Lab(**{"safety.emergency_land": chosen}).hovering()
+    assert lab.emergency().accepted
+    lab.wait(0.3)
+    modes = {"land": ControlMode.DIRECT, "descend": ControlMode.NEAR_HOVERING}
+    assert lab.stack.control_mode is modes[chosen]
+    assert lab.robot.firmware.motor_state is MotorState.ON
+    lab.landed()
+
+
+@pytest.mark.parametrize(("chosen", "told"), [("emergency", "EMERGENCY"), ("land", "DIRECT")])
+def test_emergency_land_takes_a_milder_landing_over(chosen: str, told: str) -> None:
+    lab = Lab(**{"safety.emergency_land": chosen}).hovering()
+    lab.stack.land_now("a test")
+    lab.wait(0.1)
+    assert lab.emergency().accepted
+    lab.wait(0.1)
+    assert lab.told is ControlMode[told]
+    assert lab.stack.mode is Mode.EMERGENCY_LAND
+
+
+def test_a_frozen_computer_is_landed_and_finds_itself_on_the_ground() -> None:
+    lab = Lab().hovering(2.0)
+    lab.frozen = True
+    for _ in range(12 * 500):
+        lab.advance()
+    assert lab.robot.firmware.motor_state is MotorState.OFF
+    assert lab.height < 0.02
+    assert 0.0 < lab.impact < 0.8
+    lab.frozen = False
+    for _ in range(500):
+        lab.advance()
+    assert lab.stack.mode is Mode.READY
+    assert "landed by the microcontroller" in lab.texts()
+
+
+def test_a_computer_that_was_frozen_for_a_second_does_not_fight_the_landing() -> None:
+    lab = Lab().hovering(2.0)
+    lab.frozen = True
+    for _ in range(500):
+        lab.advance()
+    lab.frozen = False
+    lab.wait(0.1)
+    assert lab.stack.mode is Mode.EMERGENCY_LAND
+    assert "the microcontroller took over" in lab.texts()
+    lab.landed()
+
+
+def test_the_time_to_the_emergency_reaches_the_microcontroller() -> None:
+    lab = Lab().hovering()
+    assert lab.robot.firmware.registers[Id.EMERGENCY_TIMEOUT] == 250
+    lab.change({"safety.command_timeout": 0.5})
+    lab.wait(0.2)
+    assert lab.robot.firmware.registers[Id.EMERGENCY_TIMEOUT] == 500
+
+
+@pytest.mark.parametrize("height", [1.0, 2.9])
+def test_a_lost_pose_is_a_descent_with_the_angles_held_by_the_microcontroller(
+    height: float,
+) -> None:
+    lab = Lab().hovering(height)
+    lab._tracker.parameters.drop_out = 1.0
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="descent", timeout=2.0)
+    lab.wait(0.1)
+    registers = lab.robot.firmware.registers
+    assert registers[Id.FLIGHT_CONTROL_MODE] == FlightControlMode.NEAR_HOVERING
+    lab.landed()
+    assert "no pose measurement for 1.0 s; down by the barometer" in lab.texts()
+
+
+def test_an_estimate_that_diverged_is_not_flown_on() -> None:
+    lab = Lab().hovering(1.5)
+    lab.stack.estimate["position_innovation_w"] = 0.0
+    step = lab.stack.navigation.step
+
+    def lie(*arguments: Any) -> None:
+        step(*arguments)
+        lab.stack.estimate["position_innovation_w"][0, 0] = 2.0
+
+    lab.stack.navigation.step = lie  # type: ignore[method-assign]
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="descent", timeout=1.0)
+    assert "diverged: poses 2.00 m from their prediction" in lab.texts()
+    lab.landed()
+
+
+def test_a_gust_out_of_the_volume_lands_it() -> None:
+    lab = Lab(**{"safety.volume_margin": 0.2}).hovering()
+    lab.change({"behavior.volume_x_max": 0.3})
+    lab.robot.disturb((6.0, 0.0, 0.0))
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
+    assert "outside the flight volume" in lab.texts()
+    lab.robot.disturb((0.0, 0.0, 0.0))
+    lab.landed()
+
+
+def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
+    lab = Lab().hovering(1.5)
+    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.start("near_hovering")
+    lab.wait(0.5)
+    assert lab.stack.control_mode is ControlMode.NEAR_HOVERING
+    lab.sticks = (0.5, 0.0, 0.0, 0.0)
+    lab.wait(0.8)
+    w, x, y, z = lab.robot.truth["quaternion_wb"][0]
+    assert math.degrees(math.asin(2 * (w * y - x * z))) == pytest.approx(6.0, abs=1.5)
+    assert lab.robot.truth["velocity_w"][0, 0] > 0.4
+    lab.sticks = None  # released
+    lab.wait(0.8)
+    assert lab.tilt < 2.0
+    lab.start("hover")
+    lab.wait(4.0)
+    assert lab.stack.control_mode is ControlMode.DIRECT
+    assert np.abs(lab.robot.truth["velocity_w"][0]).max() < 0.05
+    assert lab.height == pytest.approx(1.5, abs=0.4)
+
+
+def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> None:
+    lab = Lab(**{"safety.volume_margin": 0.1}).hovering(1.5)
+    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.start("near_hovering")
+    lab.change({"behavior.volume_x_max": 0.3})
+    lab.sticks = (1.0, 0.0, 0.0, 0.0)
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
+    assert "outside the flight volume" in lab.texts()
+    assert lab.stack.control_mode is ControlMode.DIRECT
+    lab.landed()
+
+
+def test_without_altitude_hold_the_stick_is_thrust() -> None:
+    lab = Lab().hovering(1.5)
+    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.start("near_hovering", hold_altitude=False)
+    lab.wait(0.3)
+    lab.sticks = (0.0, 0.0, 0.5, 0.0)
+    lab.wait(0.5)
+    assert lab.robot.truth["velocity_w"][0, 2] > 0.4
+
+
+def test_without_a_pose_only_what_needs_none_may_follow_near_hovering() -> None:
+    lab = Lab().hovering(1.5)
+    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.start("near_hovering")
+    lab._tracker.parameters.drop_out = 1.0
+    lab.wait(3.0)
+    assert lab.view().behavior == "near_hovering", "a pilot needs no pose"
+    with pytest.raises(RefusedError, match=r"no fresh pose .* near_hovering, emergency_landing"):
+        lab.start("hover")
+    lab.start("emergency_landing")
+    lab.landed()
+
+
+def test_the_supervisor_lands_when_a_serial_port_is_gone() -> None:
+    lab = Lab().hovering()
+    lab._mcu._ports.lost = 1
+    lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.0)
+    assert "a serial port is gone" in lab.texts()
+    lab.landed()
+
+
+def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> None:
+    lab = Lab().hovering(1.0)
+    for _ in range(200):  # the flight process is dead, and started again
+        lab.robot.step()
+    assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
+    again = FlightStack(FlightParameters().model_copy(deep=True))
+    mcu = Microcontroller(lab.robot.ports, epoch_ns=0)
+    ready_at = None
+    for _ in range(10 * 500):
+        lab.robot.step()
+        mcu.service(lab.robot.stamp_ns * 1e-9)
+        for sample in mcu.receive():
+            again.tick(sample)
+        if ready_at is None and again.mode is Mode.READY:
+            ready_at = lab.height
+            assert lab.robot.firmware.motor_state is MotorState.OFF
+    assert ready_at is not None
+    assert ready_at < 0.01
+    assert any("motors run" in event.text for event in again.outbox if hasattr(event, "text"))

@@ -1,0 +1,216 @@
+"""The flight loop: samples of the microcontroller in, commands out, rings to both sides.
+
+No network, no log, no logging and no garbage collection here; what leaves goes through rings
+that never make this thread wait.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+import traceback
+from typing import TYPE_CHECKING, Protocol
+
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import Record
+from vehicle import mailbox
+from vehicle.lateness import Lateness, LoopCounts, LoopStatistics
+from vehicle.microcontroller import RawSample
+from vehicle.modes import Mode
+from vehicle.orders import Ordered, Ordering, Orders
+from vehicle.pacing import Pacer
+from vehicle.process_config import Rings
+from vehicle_link.serial.port import BAUD_RATE
+
+if TYPE_CHECKING:
+    from vehicle.kernels import Later
+
+SILENCE_NS = 500_000_000
+SECOND_NS = 1_000_000_000
+NOTHING_YET = LoopStatistics(0.0, 0.0, 0.0, 0.0, 0.0)
+COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
+
+
+class Stack(Ordering, Protocol):
+    """What the loop needs of vehicle.stack.FlightStack."""
+
+    record: Record
+    store: ParameterStore
+    outbox: list[mailbox.Event | mailbox.ParameterChange]
+    mode: Mode
+
+    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
+    def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
+    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
+    def measure(self, measurement: mailbox.Measurement) -> None: ...
+    def loop_statistics(
+        self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
+    ) -> None: ...
+
+
+class Mcu(Ordered, Protocol):
+    """What the loop needs of vehicle.microcontroller.Microcontroller."""
+
+    failures: list[str]
+
+    @property
+    def damaged(self) -> int: ...
+
+    def receive(self) -> list[RawSample]: ...
+
+
+class FlightLoop:
+    """Sample in, tick, references out; inbox before, rings after.
+
+    Args:
+        pacer: lets it wait for the next sample.
+        later: what is compiled beside and loaded on the ground.
+
+    Attributes:
+        lateness: of the ticks; counts: since the start.
+    """
+
+    def __init__(
+        self, stack: Stack, mcu: Mcu, rings: Rings, pacer: Pacer, *, real_time: bool,
+        later: Later | None = None,
+    ) -> None:  # fmt: skip
+        self.stopping = False
+        self._later = later
+        self._stack = stack
+        self._mcu = mcu
+        self._rings = rings
+        self._real_time = real_time
+        self._pacer = pacer
+        self._deadlines = pacer.deadlines
+        self._period_ns = pacer.deadlines.period_ns
+        self.lateness = Lateness()
+        self.counts = LoopCounts(self.lateness.histogram)
+        self._orders = Orders(stack, mcu)
+        self._heard_ns = time.monotonic_ns()
+        self._silent = False
+        self._damaged_before = 0
+        self._tell(NOTHING_YET)
+
+    def run(self) -> None:
+        """Until `stopping` is set. Raises LinkError when the last port is gone."""
+        while not self.stopping:
+            self.once()
+
+    def once(self) -> None:
+        """Wait for bytes, or until a sample is overdue; tick on every sample they complete."""
+        self._pacer.wait()
+        now_ns = time.monotonic_ns()
+        samples = self._mcu.receive()
+        for sample in samples:
+            now_ns = self._tick(sample, now_ns)
+        if not samples:
+            self._deadlines.look(now_ns)
+        if self._later is not None and self._later.arrived and self._stack.mode is Mode.READY:
+            self._load(self._later)
+        self._watch_silence(bool(samples))
+        if self._silent:
+            self._drain_inbox()
+        self._orders.send(None)  # a command between ticks may want another motor state
+        self._orders.keep(time.monotonic())
+        if self._mcu.failures:
+            for line in self._mcu.failures:
+                self._report(line)
+            self._mcu.failures.clear()
+
+    def _tick(self, sample: RawSample, began_ns: int) -> int:
+        """The tick that began when the loop woke for its sample. Returns when it ended."""
+        stack = self._stack
+        self._drain_inbox()
+        self._orders.send(stack.tick(sample))
+        self._rings.ticks.push(stack.record)
+        self._send_outbox()
+        self._deadlines.met(sample.stamp_ns, began_ns)
+        statistics = self.lateness.add(began_ns, sample.stamp_ns)
+        if statistics is not None:
+            self._tell(statistics)
+        ended_ns = time.monotonic_ns()
+        if ended_ns - began_ns > self._period_ns:
+            self.counts.overruns += 1
+        return ended_ns
+
+    def _tell(self, statistics: LoopStatistics) -> None:
+        counts = self.counts
+        counts.missed_frames = self._deadlines.missed
+        counts.damaged_frames = self._mcu.damaged
+        rate = SECOND_NS / self._period_ns
+        self._stack.loop_statistics(statistics, counts, rate, self._real_time)
+
+    def _load(self, later: Later) -> None:
+        parts = later.load()
+        self._later = None
+        if parts:
+            self._stack.say(f"compiled beside, and ready: {', '.join(parts)}")
+            self._send_outbox()
+
+    def _drain_inbox(self) -> None:
+        inbox = self._rings.inbox
+        for _ in range(min(len(inbox), COMMANDS_A_TICK)):
+            message = inbox.pop()
+            if message is not None:
+                self._take(mailbox.decode_inbound(message))
+
+    def _take(self, message: mailbox.Inbound) -> None:
+        if isinstance(message, mailbox.Measurement):
+            self._stack.measure(message)
+            return
+        reply = self._reply(message)
+        self._send_outbox()  # first: who gets the reply may rely on the changes it caused
+        self._rings.outbox.push(mailbox.encode(reply))
+
+    def _reply(self, command: mailbox.Command) -> mailbox.Reply:
+        if isinstance(command, mailbox.ChangeParameters) and not command.values:
+            # An empty change asks for all values: how a comms process starts its copy.
+            store = self._stack.store
+            return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
+        if self._silent and isinstance(command, mailbox.Arm | mailbox.StartBehavior):
+            return mailbox.Reply(
+                command.request_id, False, "refused: the microcontroller gives no samples"
+            )
+        try:
+            return self._stack.handle(command)
+        except Exception as error:
+            # A defect in one command must not stop the motors: report it and fly on.
+            traceback.print_exc()
+            text = f"defect on board: {type(error).__name__}: {error}"
+            return mailbox.Reply(command.request_id, False, text)
+
+    def _send_outbox(self) -> None:
+        messages = self._stack.outbox
+        if messages:
+            for message in messages:
+                self._rings.outbox.push(mailbox.encode(message))
+            messages.clear()
+
+    def _watch_silence(self, heard: bool) -> None:
+        now_ns = time.monotonic_ns()
+        if heard:
+            if self._silent:
+                self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
+            self._heard_ns, self._silent = now_ns, False
+            self._damaged_before = self._mcu.damaged
+        elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
+            self._silent = True
+            damaged = self._mcu.damaged - self._damaged_before
+            asked = (
+                f"{damaged} pieces of bytes came that are no frames: is its baud rate "
+                f"{BAUD_RATE}, and are these its ports?"
+                if damaged
+                else "Is it switched on, and are these its ports?"
+            )
+            self._report(f"no sample from the microcontroller for 0.5 s; waiting. {asked}")
+
+    def _report(self, line: str) -> None:
+        """To the terminal and to the page."""
+        say(line)
+        self._stack.say(line, mailbox.WARN)
+        self._send_outbox()
+
+
+def say(line: str) -> None:
+    """One line to the terminal."""
+    print(f"vehicle: {line}", file=sys.stderr, flush=True)

@@ -1,0 +1,76 @@
+"""The serial ports of one microcontroller: frames in from all, frames out by one or all in turn.
+
+A port that is gone is left out, as long as another one is there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from quadrotor.errors import LinkError
+from vehicle_link.serial.frames import Frame, FrameDecoder
+from vehicle_link.serial.port import Port
+
+
+class MicrocontrollerPorts:
+    """One or two ports.
+
+    Args:
+        failures: where a line about a port that is gone is left for the caller.
+
+    Attributes:
+        lost: how many are gone.
+    """
+
+    def __init__(self, ports: Sequence[Port], failures: list[str]) -> None:
+        if not 1 <= len(ports) <= 2:
+            raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
+        self.lost = 0
+        self._failures = failures
+        self._ports = [(port, FrameDecoder()) for port in ports]
+        self._damaged_before = 0  # on ports that are gone
+        self._turn = 0
+
+    @property
+    def damaged(self) -> int:
+        """Pieces of bytes, on all ports, that were not frames."""
+        return self._damaged_before + sum(decoder.damaged for _, decoder in self._ports)
+
+    def filenos(self) -> tuple[int, ...]:
+        """For poll(). Raises LinkError for ports in memory."""
+        return tuple(port.fileno() for port, _ in self._ports)
+
+    def read(self) -> Iterator[Frame]:
+        """Frames that arrived, of one port after the other.
+
+        Raises LinkError when the last port is gone.
+        """
+        for port, decoder in tuple(self._ports):
+            try:
+                data = port.read()
+            except LinkError as error:
+                self._lose(port, error)
+                continue
+            if data:
+                yield from decoder.feed(data)
+
+    def write(self, frame: bytes, in_turn: bool = False) -> None:
+        """On the first port, or on all in turn. Raises LinkError when the last one is gone."""
+        while True:
+            port, _ = self._ports[self._turn % len(self._ports) if in_turn else 0]
+            try:
+                port.write(frame)
+            except LinkError as error:
+                self._lose(port, error)
+                continue
+            self._turn += in_turn
+            return
+
+    def _lose(self, port: Port, error: LinkError) -> None:
+        """Leave a port out that is gone; raises its error when it was the last one."""
+        if len(self._ports) == 1:
+            raise error
+        self.lost += 1
+        self._damaged_before += next(d.damaged for p, d in self._ports if p is port)
+        self._ports = [(p, d) for p, d in self._ports if p is not port]
+        self._failures.append(f"{error}; flying on with the other port, at half the rate")

@@ -1,0 +1,70 @@
+"""Whether all four motors' controllers answer on the microcontroller's bus.
+
+They are asked for one after the other while the motors stand: a microcontroller with a hole in its
+bus does not start them, and who arms wants to know which plug to look at.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from vehicle_link.serial.commands import encode_request
+from vehicle_link.serial.ids import Id
+
+MOTORS = ("front", "left", "rear", "right")
+REFERENCES = (
+    Id.MOTOR_REFERENCE_1, Id.MOTOR_REFERENCE_2, Id.MOTOR_REFERENCE_3, Id.MOTOR_REFERENCE_4,
+)  # fmt: skip
+NO_ANSWER = -1
+"""Told instead of the reference of a motor whose controller does not answer."""
+PERIOD_S = 0.1
+"""Between two questions: all four are known anew every 0.4 s."""
+
+
+class MotorBus:
+    """What the microcontroller says of its motors' controllers.
+
+    Attributes:
+        missing: names of the motors whose controllers do not answer; none before they were asked.
+        why: what is wrong and what to try, in words; empty when nothing is missing.
+    """
+
+    def __init__(self) -> None:
+        self.missing: tuple[str, ...] = ()
+        self.why = ""
+        self._answers = [0, 0, 0, 0]
+        self._turn = 0
+        self._due_s = -math.inf
+
+    def question(self, now_s: float, command: Sequence[int]) -> bytes | None:
+        """The frame that is due, around these command bytes, if any."""
+        if now_s < self._due_s:
+            return None
+        self._due_s = now_s + PERIOD_S
+        self._turn = (self._turn + 1) % len(MOTORS)
+        return encode_request(command, REFERENCES[self._turn])
+
+    def take(self, id: int, value: object) -> str | None:
+        """An answer of the microcontroller, to whatever; a line when it changed `missing`."""
+        if id not in REFERENCES or not isinstance(value, int):
+            return None
+        self._answers[REFERENCES.index(Id(id))] = value
+        missing = tuple(
+            motor
+            for motor, answer in zip(MOTORS, self._answers, strict=True)
+            if answer == NO_ANSWER
+        )
+        if missing == self.missing:
+            return None
+        self.missing, self.why = missing, _no_answer(missing) if missing else ""
+        return "microcontroller: " + (self.why or "all motors' controllers answer again")
+
+
+def _no_answer(motors: Sequence[str]) -> str:
+    named = " and ".join(motors)
+    one = len(motors) == 1
+    return (
+        f"no answer from the controller{'' if one else 's'} of motor{'' if one else 's'} {named} "
+        "on the motors' bus; check plug and supply"
+    )

@@ -1,0 +1,145 @@
+"""When the flight loop wakes: by absolute deadlines, wherever its samples come from.
+
+Sample k is due at start + k periods of the host's steady clock. Behind serial ports its bytes wake
+the loop; in memory nothing would, so the loop sleeps until then. A sample that has not come a
+period after it was due is a missed frame.
+"""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Sequence
+from typing import Protocol
+
+POLL_MS = 50
+DRIFT = 10_000
+"""Part by which the microcontroller's clock may differ from the host's: 100 ppm."""
+GIVE_UP_NS = 1_000_000_000
+"""Further behind (the machine slept), the samples in between are lost instead of caught up."""
+
+
+class Deadlines:
+    """Counts periods without a sample by the deadlines that pass.
+
+    A sample is due its stamp plus the least delay of a sample so far, which follows the drift of
+    the two clocks.
+
+    Attributes:
+        overdue_ns: when the next sample is (steady clock), None before the first one.
+        missed: periods so far.
+    """
+
+    def __init__(self, period_ns: int) -> None:
+        self.period_ns = period_ns
+        self.overdue_ns: int | None = None
+        self.missed = 0
+        self._stamp_ns = self._delay_ns = 0
+        self._told = 0  # deadlines passed since the last sample
+
+    def met(self, stamp_ns: int, now_ns: int) -> None:
+        """The tick on the sample of `stamp_ns` (vehicle's clock) began at `now_ns`."""
+        period_ns, delay_ns = self.period_ns, now_ns - stamp_ns
+        if self.overdue_ns is None:
+            self._delay_ns = delay_ns
+        else:
+            elapsed_ns = stamp_ns - self._stamp_ns
+            least_ns = self._delay_ns = min(delay_ns, self._delay_ns + elapsed_ns // DRIFT)
+            missed = max(0, (elapsed_ns - period_ns // 2) // period_ns)
+            missed += delay_ns - least_ns > period_ns
+            if missed > self._told:
+                self.missed += missed - self._told
+        self._told = 0
+        self._stamp_ns = stamp_ns
+        self.overdue_ns = stamp_ns + self._delay_ns + 2 * period_ns
+
+    def look(self, now_ns: int) -> None:
+        """Count the deadlines that passed without a sample."""
+        if self.overdue_ns is not None and now_ns >= self.overdue_ns:
+            passed = 1 + (now_ns - self.overdue_ns) // self.period_ns
+            self._told += passed
+            self.missed += passed
+            self.overdue_ns += passed * self.period_ns
+
+
+class Pacer(Protocol):
+    """Lets the loop wait for its next sample."""
+
+    deadlines: Deadlines
+
+    def wait(self) -> None:
+        """Until something may be read, or the next sample is overdue."""
+
+
+class Ports(Protocol):
+    """What is read of vehicle.microcontroller.Microcontroller."""
+
+    lost_ports: int
+
+    def filenos(self) -> Sequence[int]: ...
+
+
+class PortPacer:
+    """Waits for bytes of the microcontroller's ports."""
+
+    def __init__(self, ports: Ports, period_ns: int) -> None:
+        self.deadlines = Deadlines(period_ns)
+        self._ports = ports
+        self._listen()
+
+    def wait(self) -> None:
+        if self._ports.lost_ports != self._lost_ports:
+            self._listen()
+        timeout_ms, overdue_ns = POLL_MS, self.deadlines.overdue_ns
+        if overdue_ns is not None:
+            left_ns = overdue_ns - time.monotonic_ns()
+            timeout_ms = max(0, min(timeout_ms, -(-left_ns // 1_000_000)))
+        self._poll.poll(timeout_ms)
+
+    def _listen(self) -> None:
+        """To the ports there are: one that is gone would wake the loop without end."""
+        self._lost_ports = self._ports.lost_ports
+        self._poll = select.poll()
+        for descriptor in self._ports.filenos():
+            self._poll.register(descriptor, select.POLLIN)
+
+
+class Robot(Protocol):
+    """What is stepped in memory: vehicle.simulator.in_process.InProcessRobot."""
+
+    @property
+    def stamp_ns(self) -> int:
+        """Of the newest sample, since the first."""
+
+    def step(self) -> None:
+        """Make the next sample."""
+
+    def skip(self, samples: int) -> None:
+        """Lose so many."""
+
+
+class MemoryPacer:
+    """Makes each sample before it is due, then sleeps until it is.
+
+    Args:
+        start_ns: when the first sample is due, on the host's steady clock.
+
+    Attributes:
+        due_ns: when the present sample was.
+    """
+
+    def __init__(self, robot: Robot, period_ns: int, start_ns: int) -> None:
+        self.deadlines = Deadlines(period_ns)
+        self.due_ns = start_ns
+        self._robot = robot
+        self._start_ns = start_ns
+
+    def wait(self) -> None:
+        behind_ns = time.monotonic_ns() - self.due_ns
+        if behind_ns > GIVE_UP_NS:
+            self._robot.skip(behind_ns // self.deadlines.period_ns)
+        self._robot.step()
+        self.due_ns = self._start_ns + self._robot.stamp_ns
+        left_ns = self.due_ns - time.monotonic_ns()
+        if left_ns > 0:
+            time.sleep(left_ns * 1e-9)

@@ -1,0 +1,117 @@
+"""When a vehicle helps itself, and how: thresholds and reactions of the supervisor."""
+
+from __future__ import annotations
+
+from quadrotor.parameters import Parameters, parameter
+
+REACTIONS = ("none", "brake", "land", "descend", "emergency", "cut")
+"""Names of vehicle.supervisor.Reaction, in lower case."""
+
+
+def _reaction(default: str, description: str) -> str:
+    chosen: str = parameter(default, choices=REACTIONS, description=description)
+    return chosen
+
+
+class SafetyParameters(Parameters):
+    """Thresholds and reactions of the supervisor; the table is docs/safety.md."""
+
+    link_timeout: float = parameter(
+        0.4, unit="s", ge=0.1, le=2.0, step=0.05,
+        description="silence of the station after which a flying vehicle reacts",
+    )  # fmt: skip
+    link_reaction: str = _reaction("brake", "what the vehicle does then")
+    link_land_after: float = parameter(
+        2.0, unit="s", ge=0.0, le=60.0, step=0.5,
+        description="time from the reaction to a lost link to the next one",
+    )  # fmt: skip
+    link_land_reaction: str = _reaction("land", "what the vehicle does then")
+    pose_land_after: float = parameter(
+        1.0, unit="s", ge=0.1, le=5.0, step=0.1,
+        description="time without a pose measurement after which the vehicle reacts",
+    )  # fmt: skip
+    pose_reaction: str = _reaction("descend", "what the vehicle does then")
+    battery_warning: float = parameter(
+        13.8, unit="V", ge=12.0, le=16.8, step=0.1,
+        description="battery voltage below which a warning is given and arming is refused",
+    )  # fmt: skip
+    battery_land: float = parameter(
+        13.1, unit="V", ge=12.0, le=16.8, step=0.1,
+        description="battery voltage below which the vehicle reacts",
+    )  # fmt: skip
+    battery_delay: float = parameter(
+        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        description="time the voltage must stay below a limit before it counts",
+    )  # fmt: skip
+    battery_reaction: str = _reaction("emergency", "what the vehicle does below battery_land")
+    tilt_cut: float = parameter(
+        100.0, unit="deg", ge=60.0, le=180.0, step=5.0,
+        description="tilt at which the motors are stopped: the vehicle has turned over",
+    )  # fmt: skip
+    tilt_cut_reaction: str = _reaction("cut", "what the vehicle does then")
+    arm_tilt_max: float = parameter(
+        15.0, unit="deg", ge=2.0, le=45.0, step=1.0,
+        description="largest tilt at which the vehicle may be armed",
+    )  # fmt: skip
+    disarm_after_landing: float = parameter(
+        1.0, unit="s", ge=0.0, le=30.0, step=0.5,
+        description="time from touch-down to motors off",
+    )  # fmt: skip
+    landing_support: float = parameter(
+        0.1, ge=0.05, le=1.0, step=0.01,
+        description="touch-down: share by which the lift exceeds what the thrust gives in the air",
+    )  # fmt: skip
+    tilt_max: float = parameter(
+        70.0, unit="deg", ge=20.0, le=150.0, step=5.0,
+        description="tilt that no manoeuvre needs",
+    )  # fmt: skip
+    tilt_delay: float = parameter(
+        0.2, unit="s", ge=0.0, le=2.0, step=0.05, description="time it must last"
+    )
+    tilt_reaction: str = _reaction("emergency", "what the vehicle does then")
+    innovation_max: float = parameter(
+        0.5, unit="m", ge=0.05, le=10.0, step=0.05,
+        description="distance of poses from their prediction beyond which the estimate diverged",
+    )  # fmt: skip
+    innovation_delay: float = parameter(
+        0.3, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
+    )
+    innovation_reaction: str = _reaction("descend", "what the vehicle does then")
+    volume_margin: float = parameter(
+        0.5, unit="m", ge=0.05, le=20.0, step=0.05,
+        description="distance outside the flight volume that is too far",
+    )  # fmt: skip
+    volume_delay: float = parameter(
+        0.2, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
+    )
+    volume_reaction: str = _reaction("land", "what the vehicle does then")
+    speed_max: float = parameter(
+        6.0, unit="m/s", ge=0.5, le=30.0, step=0.5, description="speed that is too high"
+    )
+    speed_delay: float = parameter(
+        0.2, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
+    )
+    speed_reaction: str = _reaction("brake", "what the vehicle does then")
+    saturation_delay: float = parameter(
+        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        description="time for which motors may be saturated without a break",
+    )  # fmt: skip
+    saturation_reaction: str = _reaction("land", "what the vehicle does then")
+    port_reaction: str = _reaction("land", "what the vehicle does when a serial port is gone")
+    command_timeout: float = parameter(
+        0.25, unit="s", ge=0.05, le=2.0, step=0.05,
+        description="silence of this computer after which the microcontroller lands alone",
+    )  # fmt: skip
+    emergency_land: str = parameter(
+        "emergency", choices=("land", "descend", "emergency"),
+        description="what Emergency land does: land under control, descend without a pose, or "
+        "leave the landing to the microcontroller",
+    )  # fmt: skip
+    gyro_samples: int = parameter(
+        500, ge=50, le=5000, step=50,
+        description="still gyroscope samples averaged at each start (Sec. 5.1)",
+    )  # fmt: skip
+    gyro_deviation_max: float = parameter(
+        1.0, unit="deg/s", ge=0.1, le=10.0, step=0.1,
+        description="standard deviation above which the vehicle was not still",
+    )  # fmt: skip

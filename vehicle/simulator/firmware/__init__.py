@@ -1,0 +1,1 @@
+"""The simulated microcontroller's program: registers, bytes, and what it flies by itself."""

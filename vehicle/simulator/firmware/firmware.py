@@ -1,0 +1,184 @@
+"""The microcontroller's firmware: bytes in, bytes out, modes, and its watch over all above it.
+
+Commands missing, a battery at its end or a set of the motor state bring it into the emergency:
+it then ignores commands, lands by itself (vehicle.simulator.firmware.descent) and switches the
+motors off. Only *off* is obeyed there: the cut.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.simulator.firmware.hovering import DEFAULT_GAINS
+from vehicle.simulator.firmware.memory import new_program
+from vehicle.simulator.firmware.states import ALLOWED, LIMITS, WRITABLE
+from vehicle.simulator.firmware.statistics import Statistics
+from vehicle_link.serial.commands import (
+    MIRROR,
+    REQUEST,
+    SET,
+    Instruction,
+    decode_instruction,
+    encode_data,
+    encode_mirrored,
+    encode_value,
+)
+from vehicle_link.serial.frames import FrameDecoder
+from vehicle_link.serial.ids import MIRROR as DEFAULT_MIRROR
+from vehicle_link.serial.ids import TIME_PERIOD_MS, FlightControlMode, Id, MotorState
+
+COMMAND_TIMEOUT_MS = 250
+BATTERY_LAND = 131
+"""0.1 V, for BATTERY_TIME_MS: the emergency."""
+BATTERY_TIME_MS = 1000
+EMERGENCY_THRUST = 74
+"""Least thrust of the descent, of 110 in hover."""
+LONGEST_LANDING_MS = 120_000
+ROBOT_ID = 1
+FIRMWARE_REVISION = 1
+REGISTERS = max(Id) + 1
+START_MS = 58_000
+"""Time at power-up: late enough that every run soon passes the wrap at 60 s."""
+
+_TIME, _MOTOR_STATE, _BATTERY = int(Id.TIME), int(Id.MOTOR_STATE), int(Id.BATTERY)
+_STOPPED = (0, 0, 0, 0)
+
+
+class Firmware:
+    """One microcontroller behind `ports` serial lines; sensors write into `registers`.
+
+    Attributes:
+        registers: (65,) int16, by Id.
+        program: PROGRAM (1,), what the compiled period works on.
+        command: the four bytes of the newest command, all 0 unless the motors are on.
+    """
+
+    def __init__(self, ports: int = 2) -> None:
+        self.registers: npt.NDArray[np.int16] = np.zeros(REGISTERS, np.int16)
+        self.program = new_program()
+        self.command: tuple[int, int, int, int] = _STOPPED
+        self.statistics = Statistics(self.registers)
+        self._program = self.program[0]
+        self._unsigned = self.registers.view(np.uint16)
+        self._decoders = [FrameDecoder() for _ in range(ports)]
+        self._turn = 0
+        self._ms = 0
+        self._heard_ms = 0
+        self._charged_ms = 0
+        self._emergency_ms = 0
+        self._state = MotorState.INIT
+        self._set_mirror(DEFAULT_MIRROR)
+        for id, value in {
+            Id.ROBOT_ID: ROBOT_ID,
+            Id.FIRMWARE_REVISION: FIRMWARE_REVISION,
+            Id.FLIGHT_CONTROL_MODE: FlightControlMode.NEAR_HOVERING,
+            Id.MIRROR_ACTIVE: 1,
+            Id.DRIFT_ESTIMATION_ACTIVE: 1,
+            Id.SECOND_SERIAL_ENABLED: int(ports > 1),
+            Id.EMERGENCY_TIMEOUT: COMMAND_TIMEOUT_MS,
+            Id.EMERGENCY_THRUST: EMERGENCY_THRUST,
+            **DEFAULT_GAINS,
+        }.items():
+            self.registers[id] = value
+
+    @property
+    def motor_state(self) -> MotorState:
+        return self._state
+
+    @property
+    def references(self) -> tuple[int, ...]:
+        """Motor references (counts) on the motors' bus."""
+        return tuple(self._program["references"].tolist())
+
+    def receive(self, port: int, data: bytes) -> bytes:
+        """Take bytes from one line; the replies to send on it."""
+        decoder = self._decoders[port]
+        replies = b""
+        for frame in decoder.feed(data):
+            instruction = decode_instruction(frame)
+            if instruction is not None:
+                replies += self._obey(instruction)
+        if decoder.damaged:
+            errors = int(self._unsigned[Id.CRC_ERRORS]) + decoder.damaged
+            self._unsigned[Id.CRC_ERRORS] = errors & 0xFFFF
+            decoder.damaged = 0
+        return replies
+
+    def advance(self, elapsed_ms: int) -> None:
+        """Set the time since power-up; look whether an emergency begins or is over."""
+        self._ms = elapsed_ms
+        if self._state is MotorState.ON:
+            if self.registers[_BATTERY] > BATTERY_LAND:
+                self._charged_ms = elapsed_ms
+            silent = elapsed_ms - self._heard_ms > self.registers[Id.EMERGENCY_TIMEOUT]
+            if silent or elapsed_ms - self._charged_ms > BATTERY_TIME_MS:
+                self._enter(MotorState.EMERGENCY)
+        elif self._state is MotorState.EMERGENCY and (
+            self._program["landed"] or elapsed_ms - self._emergency_ms > LONGEST_LANDING_MS
+        ):
+            self._enter(MotorState.OFF)
+
+    def next_data(self) -> tuple[int, bytes]:
+        """(port, `D` frame) of the registers as they are; the lines take turns."""
+        port = self._turn
+        self._turn = (port + 1) % len(self._decoders)
+        self._unsigned[_TIME] = (START_MS + self._ms) % TIME_PERIOD_MS
+        self.statistics.packet(port, self._ms)
+        return port, encode_data(self.registers[self._mirror].tobytes())
+
+    # ------------------------------------------------------------------ instructions
+    def _obey(self, instruction: Instruction) -> bytes:
+        self._heard_ms = self._ms
+        self.statistics.command(self._ms)
+        if instruction.kind == SET:
+            return self._set(instruction)
+        self._take(instruction)
+        if instruction.kind == REQUEST:
+            return self._value(instruction.id)
+        if instruction.kind == MIRROR:
+            if all(id < REGISTERS for id in instruction.ids):
+                self._set_mirror(instruction.ids)
+            return encode_mirrored(self._mirror.tolist())
+        return b""
+
+    def _take(self, instruction: Instruction) -> None:
+        if self._state is MotorState.ON:
+            self.command = instruction.references
+
+    def _set(self, instruction: Instruction) -> bytes:
+        """The echo tells what holds afterwards. A mode is set together with its command."""
+        id, value = instruction.id, instruction.value
+        if id == Id.MOTOR_STATE:
+            self._set_motor_state(value)
+        elif self._state is not MotorState.EMERGENCY and id in WRITABLE:
+            low, high = LIMITS.get(Id(id), (-32768, 32767))
+            if low <= value <= high:
+                self.registers[id] = value
+        self._take(instruction)
+        return self._value(id)
+
+    def _set_motor_state(self, value: int) -> None:
+        if value not in ALLOWED or self._state not in ALLOWED[MotorState(value)]:
+            return
+        if value == MotorState.ON and self._program["missing"]:
+            return  # a bus with a hole in it does not start; ids 61…64 tell which
+        self._enter(MotorState(value))
+
+    def _value(self, id: int) -> bytes:
+        if not 0 <= id < REGISTERS:
+            return b""
+        return encode_value(id, int(self.registers[id]))
+
+    def _set_mirror(self, ids: tuple[int, ...]) -> None:
+        self._mirror: npt.NDArray[np.intp] = np.array(ids, np.intp)
+
+    def _enter(self, state: MotorState) -> None:
+        if state is self._state:
+            return
+        self._state = state
+        self.registers[_MOTOR_STATE] = state
+        self._charged_ms = self._heard_ms = self._ms
+        self.command = _STOPPED
+        self._emergency_ms = self._ms
+        self._program["landed"] = 0

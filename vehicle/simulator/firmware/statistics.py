@@ -1,0 +1,60 @@
+"""What the microcontroller counts of itself, renewed each second (ids 34…39, 51 and 53)."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle_link.serial.ids import Id
+
+SECOND_MS = 1000
+LONGEST = 32767
+
+
+class Statistics:
+    """Counts commands, packets and periods; writes them into `registers` (65,)."""
+
+    def __init__(self, registers: npt.NDArray[np.int16]) -> None:
+        self._registers = registers
+        self._began_ms = 0
+        self._commands = self._packets = self._second_packets = self._steps = 0
+        self._command_ms = self._packet_ms = 0
+        self._command_gap = self._packet_gap = self._longest_step = 0
+
+    def command(self, ms: int) -> None:
+        """A frame that carried a command arrived."""
+        self._commands += 1
+        self._command_gap = max(self._command_gap, ms - self._command_ms)
+        self._command_ms = ms
+
+    def packet(self, port: int, ms: int) -> None:
+        """A `D` frame was sent on this port."""
+        self._packets += 1
+        self._second_packets += port == 1
+        self._packet_gap = max(self._packet_gap, ms - self._packet_ms)
+        self._packet_ms = ms
+
+    def steps(self, ms: int, count: int, step_ms: int) -> None:
+        """So many periods of estimation and control, `step_ms` each at most."""
+        self._steps += count
+        self._longest_step = max(self._longest_step, step_ms)
+        if ms - self._began_ms >= SECOND_MS:
+            self._publish(ms)
+
+    def _publish(self, ms: int) -> None:
+        seconds = (ms - self._began_ms) / SECOND_MS
+        # A gap that has not ended counts as far as it has come.
+        for id, value in (
+            (Id.COMMANDS_PER_SECOND, self._commands / seconds),
+            (Id.LONGEST_COMMAND_GAP, max(self._command_gap, ms - self._command_ms)),
+            (Id.PACKETS_PER_SECOND, self._packets / seconds),
+            (Id.LONGEST_PACKET_GAP, max(self._packet_gap, ms - self._packet_ms)),
+            (Id.CONTROL_STEPS_PER_SECOND, self._steps / seconds),
+            (Id.LONGEST_CONTROL_PERIOD, self._longest_step),
+            (Id.ESTIMATION_STEPS_PER_SECOND, self._steps / seconds),
+            (Id.SECOND_SERIAL_PACKETS_PER_SECOND, self._second_packets / seconds),
+        ):
+            self._registers[id] = min(LONGEST, round(value))
+        self._began_ms = ms
+        self._commands = self._packets = self._second_packets = self._steps = 0
+        self._command_gap = self._packet_gap = self._longest_step = 0

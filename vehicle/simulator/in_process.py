@@ -1,0 +1,58 @@
+"""A simulated vehicle inside the flight process: for rates that serial ports do not carry.
+
+Plant, microcontroller and a tracking system of its own; bytes go through memory. What it costs
+falls between two ticks, before the next sample is due.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bearing_sim.tracker import SimulatedTracker, TrackerParameters
+from vehicle import mailbox
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+Measure = Callable[[mailbox.Measurement], None]
+
+
+class InProcessRobot:
+    """Plant, microcontroller and tracker; warmed up.
+
+    Args:
+        rate: samples a second.
+        measure: takes the poses.
+
+    Attributes:
+        ports: the flight stack's ends of the lines.
+        epoch_ns: the vehicle's time of the first sample, to be set before it.
+    """
+
+    def __init__(self, rate: int, measure: Measure) -> None:
+        self.simulated = SimulatedVehicle(SimulatorParameters(imu_rate=rate))
+        self.simulated.warm_up()
+        self.ports = self.simulated.ports
+        self.epoch_ns = 0
+        self._measure = measure
+        self._tracker = SimulatedTracker(TrackerParameters())
+        truth = self.simulated.truth
+        self._position_w, self._quaternion_wb = truth["position_w"][0], truth["quaternion_wb"][0]
+
+    @property
+    def stamp_ns(self) -> int:
+        """Of the newest sample, since the first."""
+        return self.simulated.stamp_ns
+
+    def step(self) -> None:
+        """Obey, move on to the next sample and send it; hand over the poses that arrived."""
+        self.simulated.step()
+        now_ns = self.simulated.stamp_ns
+        self._tracker.observe(now_ns, self._position_w, self._quaternion_wb)
+        for pose in self._tracker.due(now_ns):
+            x, y, z = pose.position_w.tolist()
+            q_w, q_x, q_y, q_z = pose.quaternion_wb.tolist()
+            stamp_ns = self.epoch_ns + pose.stamp_ns
+            self._measure(mailbox.Pose(stamp_ns, (x, y, z), (q_w, q_x, q_y, q_z)))
+
+    def skip(self, samples: int) -> None:
+        self.simulated.skip(samples)

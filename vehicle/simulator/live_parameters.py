@@ -1,0 +1,61 @@
+"""The truth's parameters, changed while it flies: read and set by services, applied by the loop."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+
+from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, ParameterValue
+from vehicle.simulator.parameters import SimulatorParameters
+
+OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
+"""Name, old value, new value, requester, revision."""
+
+
+class SimulatorTree(Parameters):
+    """The root that gives every name its `simulator.` prefix."""
+
+    simulator: SimulatorParameters = SimulatorParameters()
+
+
+class LiveParameters:
+    """Backend of the simulator's parameter services; thread-safe.
+
+    Attributes:
+        on_change: called once for each value that changed.
+    """
+
+    def __init__(self, parameters: SimulatorParameters) -> None:
+        self._tree = SimulatorTree(simulator=parameters.model_copy(deep=True))
+        self._store = ParameterStore(self._tree)
+        self._lock = threading.Lock()
+        self._is_news = False
+        self.on_change: OnChange = lambda *_: None
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return self._store.descriptions()
+
+    def values(self) -> dict[str, ParameterValue]:
+        return self._store.values()
+
+    def change(
+        self, values: Mapping[str, ParameterValue], requester: str
+    ) -> tuple[dict[str, ParameterValue], int]:
+        """(applied values, revision); all or nothing. Raises ParameterError."""
+        with self._lock:
+            before = self._store.values()
+            applied = self._store.set(values)
+            revision = self._store.revision
+            self._is_news = True
+        for name, value in applied.items():
+            if value != before[name]:
+                self.on_change(name, before[name], value, requester, revision)
+        return applied, revision
+
+    def take(self) -> SimulatorParameters | None:
+        """A copy of the parameters when they changed since the last call; never waits long."""
+        if not self._is_news:
+            return None
+        with self._lock:
+            self._is_news = False
+            return self._tree.simulator.model_copy(deep=True)

@@ -1,0 +1,78 @@
+"""One serial line at its pace: 115200 Bd 8N1 carries 11,520 bytes a second each way.
+
+What the host writes waits in its own buffer until the wire has carried it; what the
+microcontroller writes waits in a small one, and what does not fit there is lost, as on the chip.
+"""
+
+from __future__ import annotations
+
+from vehicle.simulator.pseudo_terminal import PseudoTerminal
+
+BYTES_PER_SECOND = 115_200 // 10
+"""A start and a stop bit a byte."""
+BUFFER = 256
+"""Bytes of the microcontroller's ring of either direction."""
+_END = b"\r"
+
+
+class Uart:
+    """A `vehicle_link.serial.port.Port` whose bytes take their time.
+
+    Whole frames are handed on: a host's adapter collects bytes, too, and a frame counts with
+    its last one.
+
+    Attributes:
+        overruns: bytes the microcontroller could not queue.
+    """
+
+    def __init__(self, terminal: PseudoTerminal) -> None:
+        self.terminal = terminal
+        self.overruns = 0
+        self._sending = bytearray()
+        self._received = bytearray()
+        self._out = self._in = 0.0  # bytes the wire could carry by now and has not
+
+    def advance(self, duration: float) -> None:
+        """Let the wire carry for `duration` (s)."""
+        carried = duration * BYTES_PER_SECOND
+        if self._sending:
+            self._out += carried
+            end = self._sending.rfind(_END, 0, int(self._out)) + 1
+            if end == 0 and len(self._sending) < int(self._out):  # not frames: no end will come
+                end = len(self._sending)
+            if end:
+                self.terminal.write(bytes(self._sending[:end]))
+                del self._sending[:end]
+                self._out -= end
+        else:
+            self._out = 0.0
+        self._in = min(self._in + carried, carried + 1.0)
+        room = min(int(self._in), BUFFER - len(self._received))
+        if room > 0:
+            data = self.terminal.read(room)
+            self._received += data
+            self._in -= len(data)
+
+    def read(self) -> bytes:
+        """What has arrived at the microcontroller."""
+        data = bytes(self._received)
+        self._received.clear()
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Queue whole or in part."""
+        room = BUFFER - len(self._sending)
+        self._sending += data[:room]
+        self.overruns += max(0, len(data) - room)
+
+    def unplug(self) -> None:
+        self.terminal.unplug()
+
+    def plug_in(self) -> None:
+        self.terminal.plug_in()
+
+    def fileno(self) -> int:
+        return self.terminal.fileno()
+
+    def close(self) -> None:
+        self.terminal.close()

@@ -1,0 +1,75 @@
+"""What may happen to the serial lines: bytes that arrive as others, adapters pulled out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle_link.serial.port import Port
+
+_STREAM = 7
+"""Of random numbers, apart from the sensors' noise of the same seed."""
+
+
+class Line(Port, Protocol):
+    """The microcontroller's end of a serial line whose other end is an adapter."""
+
+    def unplug(self) -> None:
+        """Pull the adapter out: the vehicle sees a line that is gone, this end falls silent."""
+
+    def plug_in(self) -> None:
+        """Put it back, as a new device."""
+
+
+class Wire:
+    """One line as the microcontroller has it.
+
+    Attributes:
+        share: 0..1, of the bytes that arrive as others, both ways; at 0 nothing is drawn.
+    """
+
+    def __init__(self, line: Line, generator: np.random.Generator) -> None:
+        self.share = 0.0
+        self._line = line
+        self._generator = generator
+        self._unplugged = False
+
+    def read(self) -> bytes:
+        data = self._line.read()
+        return self._corrupted(data) if data and self.share else data
+
+    def write(self, data: bytes) -> None:
+        self._line.write(self._corrupted(data) if self.share else data)
+
+    def be_unplugged(self, unplugged: bool) -> None:
+        """Pull the adapter out or put it back, when it is not so already."""
+        if unplugged != self._unplugged:
+            self._unplugged = unplugged
+            (self._line.unplug if unplugged else self._line.plug_in)()
+
+    def _corrupted(self, data: bytes) -> bytes:
+        """The bytes as they arrive; a byte that is hit is another one for certain."""
+        hit = self._generator.random(len(data)) < self.share
+        if not hit.any():
+            return data
+        arrived = np.frombuffer(data, np.uint8).copy()
+        arrived[hit] ^= self._generator.integers(1, 256, int(hit.sum()), np.uint8)
+        return arrived.tobytes()
+
+
+def new_wires(lines: Sequence[Line], parameters: SimulatorParameters) -> tuple[Wire, ...]:
+    """One for each line, first and second."""
+    generator = np.random.default_rng((parameters.seed, _STREAM))
+    wires = tuple(Wire(line, generator) for line in lines)
+    configure_wires(wires, parameters)
+    return wires
+
+
+def configure_wires(wires: Sequence[Wire], parameters: SimulatorParameters) -> None:
+    """Let happen to them what the parameters say."""
+    for wire, unplugged in zip(wires, parameters.unplugged, strict=False):
+        wire.share = parameters.corrupted_bytes
+        wire.be_unplugged(unplugged)

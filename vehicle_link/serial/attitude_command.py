@@ -1,0 +1,72 @@
+"""The four command bytes in near-hovering mode: pitch, roll, yaw rate and thrust, saturated.
+
+Angles and rate turn about the body axes of docs/conventions.md (right-handed, x forward, y left,
+z up). Thrust is a share of the weight, so that 1 hovers whatever the mass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from quadrotor.errors import OutOfBoundsError
+
+ANGLE_COUNTS = 4 / math.radians(1.0)
+"""Counts per rad of pitch and roll."""
+YAW_RATE_COUNTS = 1 / math.radians(1.0)
+"""Counts per rad/s."""
+HOVER_THRUST = 110
+"""Counts per m g of thrust: the stick's position that hovers."""
+SIGNED_MAX = 127
+THRUST_MIN, THRUST_MAX = 28, 210  # counts
+
+ANGLE_MAX = SIGNED_MAX / ANGLE_COUNTS
+"""rad: 31.75 deg."""
+YAW_RATE_MAX = SIGNED_MAX / YAW_RATE_COUNTS
+"""rad/s: 127 deg/s."""
+THRUST_SHARE_MIN, THRUST_SHARE_MAX = THRUST_MIN / HOVER_THRUST, THRUST_MAX / HOVER_THRUST
+
+
+class AttitudeCommand(msgspec.Struct, frozen=True):
+    """What near-hovering mode is asked for."""
+
+    roll: float  # rad, about x
+    pitch: float  # rad, about y
+    yaw_rate: float  # rad/s, about z
+    thrust_share: float  # T / (m g)
+
+    def encode(self) -> tuple[int, int, int, int]:
+        """The command bytes as 0…255, each saturated at what it carries.
+
+        Raises OutOfBoundsError when a number is not finite.
+        """
+        if not math.isfinite(self.roll + self.pitch + self.yaw_rate + self.thrust_share):
+            raise OutOfBoundsError(f"{self} cannot be sent; every number must be finite")
+        return (
+            _signed(self.pitch * ANGLE_COUNTS) & 0xFF,
+            _signed(self.roll * ANGLE_COUNTS) & 0xFF,
+            _signed(self.yaw_rate * YAW_RATE_COUNTS) & 0xFF,
+            min(max(round(self.thrust_share * HOVER_THRUST), THRUST_MIN), THRUST_MAX),
+        )
+
+
+def decode_attitude_command(counts: Sequence[int]) -> AttitudeCommand:
+    """What four command bytes (0…255) mean in near-hovering mode, within its limits."""
+    pitch, roll, yaw_rate, thrust = counts
+    return AttitudeCommand(
+        roll=_from_byte(roll) / ANGLE_COUNTS,
+        pitch=_from_byte(pitch) / ANGLE_COUNTS,
+        yaw_rate=_from_byte(yaw_rate) / YAW_RATE_COUNTS,
+        thrust_share=min(max(thrust, THRUST_MIN), THRUST_MAX) / HOVER_THRUST,
+    )
+
+
+def _signed(counts: float) -> int:
+    return min(max(round(counts), -SIGNED_MAX), SIGNED_MAX)
+
+
+def _from_byte(byte: int) -> int:
+    """An int8; -128, which nobody sends, counts as -127."""
+    return max(byte - 256 if byte > SIGNED_MAX else byte, -SIGNED_MAX)

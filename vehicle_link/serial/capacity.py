@@ -1,0 +1,49 @@
+"""How many IMU samples a second the serial ports carry, hence how fast the flight loop may run."""
+
+from __future__ import annotations
+
+from quadrotor.errors import UsageError
+from vehicle_link.serial.port import BAUD_RATE
+
+BYTES_PER_SECOND = BAUD_RATE // 10
+"""Each way: a start and a stop bit a byte."""
+DATA_FRAME = 34
+"""Bytes of a `D` frame. The commands the other way take 14, so the samples are the bound."""
+RATE_MIN, RATE_MAX = 60, 1000
+DEFAULT_RATE = 500
+
+
+def samples_a_second(ports: int) -> int:
+    """What so many ports carry at most."""
+    return ports * BYTES_PER_SECOND // DATA_FRAME
+
+
+def sample_period_us(rate: int) -> int:
+    """Microseconds between two samples, as Id.MIRROR_PERIOD takes them."""
+    return round(1e6 / rate)
+
+
+def check_rate(rate: int, ports: int | None) -> None:
+    """Args: `rate` in Hz; `ports` to carry the samples, None when they stay in memory.
+
+    Raises UsageError that says what is allowed.
+    """
+    if not RATE_MIN <= rate <= RATE_MAX:
+        raise UsageError(
+            f"--rate {rate} is not allowed; allowed are {RATE_MIN} to {RATE_MAX} Hz, "
+            f"{DEFAULT_RATE} is the default"
+        )
+    if ports is None or rate <= samples_a_second(ports):
+        return
+    carriers = "one serial port carries" if ports == 1 else f"{ports} serial ports carry"
+    ways = "give both ports, " if ports == 1 and rate <= samples_a_second(2) else ""
+    raise UsageError(
+        f"--rate {rate}: {carriers} {samples_a_second(ports)} samples a second at {BAUD_RATE} Bd "
+        f"({DATA_FRAME} bytes each); {ways}try --rate {rate_below(ports)}, or fly a simulated "
+        "vehicle without ports: quadlab vehicle --in-process"
+    )
+
+
+def rate_below(ports: int) -> int:
+    """A round rate that so many ports carry."""
+    return samples_a_second(ports) // 50 * 50

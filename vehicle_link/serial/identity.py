@@ -1,0 +1,29 @@
+"""Which microcontroller a flight stack flies: a robot's number and the firmware it speaks with."""
+
+from __future__ import annotations
+
+import msgspec
+
+from quadrotor.errors import UsageError
+
+LARGEST = 32767
+
+
+class Identity(msgspec.Struct, frozen=True):
+    """What the microcontroller must answer to ROBOT_ID and FIRMWARE_REVISION."""
+
+    robot_id: int = 1
+    firmware: int = 1
+
+    def __str__(self) -> str:
+        return f"robot {self.robot_id} with firmware {self.firmware}"
+
+    def check(self) -> None:
+        """Raises UsageError when no microcontroller can answer that."""
+        for option, value in (("--robot-id", self.robot_id), ("--firmware", self.firmware)):
+            if not 0 <= value <= LARGEST:
+                raise UsageError(f"{option} {value} is not allowed; allowed are 0 to {LARGEST}")
+
+
+THE_ONE = Identity()
+"""The robot and the firmware that quadlab was made with."""

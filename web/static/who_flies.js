@@ -1,0 +1,29 @@
+// Who turns what into motor references, and what an emergency landing is at present, in words.
+
+export const ONLY_CUT = "only Cut is obeyed";
+
+// control_mode of the status → {text, tone: "", warn or alarm, title}
+const CONTROL = {
+  direct: { text: "direct", tone: "", title: "the flight computer commands the motors" },
+  near_hovering: { text: "near-hovering", tone: "warn", title: "the flight computer sends angles and thrust; the microcontroller holds them by its own filter, but not the place" },
+  emergency: { text: "emergency", tone: "alarm", title: `the microcontroller lands alone; ${ONLY_CUT}` },
+};
+
+// What a press of Emergency land does, by safety.emergency_land.
+const PRESSED = {
+  emergency: "the microcontroller lands it alone: level, down by its barometer, not held in place",
+  descend: "level and down by the barometer, not held in place",
+  land: "down where it is, under control; without a pose by the barometer, not held in place",
+};
+
+export const controlOf = (status) => CONTROL[status?.control_mode?.toLowerCase()] ?? null;
+export const isAlone = (status) => status?.control_mode?.toLowerCase() === "emergency";
+export const pressed = (chosen) => PRESSED[chosen] ?? "";
+
+// Of an emergency landing under way: who flies and how; "" of none.
+export function landing(status) {
+  if (isAlone(status)) return CONTROL.emergency.title;
+  if (status?.mode?.toLowerCase() !== "emergency_land" || status.airborne === false) return "";
+  const how = status.behavior?.toLowerCase() === "emergency_landing" ? "level and down by the barometer, not held in place" : "landing under control";
+  return `${how}; ${ONLY_CUT}`;
+}
