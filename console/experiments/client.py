@@ -10,6 +10,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
+from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import Parameters, ParameterValue
 
@@ -24,6 +26,8 @@ class VehicleView:
     armed: bool
     airborne: bool
     position_w: npt.NDArray[np.float64]  # (3,) m
+    mass: float = float("nan")  # kg, estimated in flight
+    mass_deviation: float = float("inf")  # kg, standard deviation of the estimate
 
 
 class ExperimentEndedError(QuadlabError):
@@ -72,6 +76,43 @@ class Client(Protocol):
 
     def wait(self, seconds: float) -> None: ...
 
+    # ------------------------------------------------------------------ guided procedures
+    @property
+    def simulated(self) -> bool:
+        """Whether the vehicle is a simulated one, which turns by itself when told to."""
+        ...
+
+    def tell(self, progress: Progress) -> None:
+        """Show the person what to do and how far it is; cheap, as often as wanted."""
+        ...
+
+    def confirm(self, question: str) -> None:
+        """Wait for the person's yes. Raises ExperimentEndedError when it was stopped instead."""
+        ...
+
+    def turn(self, quaternion_wb: Sequence[float] | None) -> None:
+        """Have a simulated vehicle held in this attitude as a hand would, None lets go of it; on
+        a real one nothing happens: the instruction told is for the person."""
+        ...
+
+    def imu(self) -> ImuReadings: ...
+
+    def tracked(self) -> TrackedAttitude | None:
+        """None when the tracker has not seen the vehicle for 0.1 s."""
+        ...
+
+    def calibrate_gyroscope(self) -> CalibrationRecord:
+        """Have the vehicle find its drift anew; on the ground, motors off. Waits until then."""
+        ...
+
+    def bench(self, motor: int, reference: int) -> None:
+        """Turn one motor alone (1 front, 2 left, 3 rear, 4 right; 0 ends it) with a reference
+        (counts), on the ground, after `confirm`; kept up while the experiment waits. A simulated
+        vehicle stands fixed on a force/torque sensor under that motor meanwhile."""
+        ...
+
+    def bench_readings(self) -> BenchReadings: ...
+
 
 @dataclass(slots=True)
 class Result:
@@ -114,4 +155,14 @@ class Reporting(Protocol):
 
     def report(self, log: Path, folder: Path) -> list[Path]:
         """The files written. Raises UsageError when something for it is not installed."""
+        ...
+
+
+@runtime_checkable
+class Calibrating(Protocol):
+    """An experiment whose outcome may be taken over by the vehicle."""
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """From the log alone; without run_id, requester and stamp, which are added when it is
+        accepted. Raises MeasurementError with the reason when there is nothing to propose."""
         ...

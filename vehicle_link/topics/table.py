@@ -81,6 +81,7 @@ _ROWS = (
     Topic("marks", "quadlab_msgs/Mark", "station", 0, RELIABLE, drop=False),
     Topic("presence", "quadlab_msgs/Presence", "web", 1),
     Topic("truth", "nav_msgs/Odometry", "simulator", 100),
+    Topic("bench_reading", "quadlab_msgs/BenchReading", "simulator", 200),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
     Topic("stick_status", "quadlab_msgs/StickStatus", "station", 50),
 )
@@ -102,7 +103,9 @@ SERVICES: dict[str, str] = {
     "onboard_log": "quadlab_msgs/srv/OnboardLog",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
+    "calibrate": "quadlab_msgs/srv/Calibrate",
+    "bench": "quadlab_msgs/srv/Bench",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment` and `control`, the
-vehicle alone `time_sync` and `whoami`."""
+vehicle alone `time_sync`, `whoami`, `calibrate` and `bench`."""

@@ -1,0 +1,58 @@
+"""What an experiment reads of a vehicle besides its view, and what it tells the person beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ImuReadings:
+    """All ticks since the last look, oldest first; N may be 0."""
+
+    time: Array  # (N,) s, vehicle clock
+    specific_force_b: Array  # (N, 3) m/s^2, by the calibration in force
+    angular_velocity_b: Array  # (N, 3) rad/s, less the drift
+    motor_references: Array  # (N, 4) counts
+    wrench: Array  # (N, 4) N and N m, commanded
+
+
+@dataclass(frozen=True, slots=True)
+class TrackedAttitude:
+    """The newest pose of the tracker."""
+
+    time: float  # s, vehicle clock
+    quaternion_wb: Array  # (4,) w, x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class BenchReadings:
+    """Of the force/torque sensor since the last look, oldest first; N may be 0."""
+
+    time: Array  # (N,) s, vehicle clock
+    force: Array  # (N,) N
+    torque: Array  # (N,) N m
+    speed: Array  # (N,) any unit; NaN without a tachometer
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a guided procedure is, for the person beside the vehicle.
+
+    Attributes:
+        instruction: what to do now, a short sentence.
+        number, count: which step of how many, from 1.
+        share: of the step, 0…1.
+        live: figures by name: value and unit.
+    """
+
+    instruction: str
+    number: int = 0
+    count: int = 0
+    share: float = 0.0
+    live: Mapping[str, tuple[float, str]] = field(default_factory=dict)

@@ -1,0 +1,70 @@
+"""What a calibration found, on its way from the station to the vehicle, which keeps it.
+
+The same record is what is proposed, what is stored, and what each log carries of those in force.
+"""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from quadrotor.errors import MeasurementError
+from quadrotor.parameters import ParameterValue
+
+class Quality(BaseModel):
+    """One figure that says how good it is."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(max_length=64)
+    value: float
+    unit: str = Field("", max_length=16)
+    limit: float | None = None
+    """The largest (of a residual) that is good; None where there is none."""
+
+    @property
+    def good(self) -> bool:
+        return self.limit is None or self.value <= self.limit
+
+
+class CalibrationRecord(BaseModel):
+    """A calibration.
+
+    `values` are vehicle parameters, taken over all or none; empty for the gyroscope, whose drift
+    is found anew at each start and is no parameter. `figures` are results that are no parameters.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    name: str = Field(min_length=1, max_length=32)
+    """gyroscope, accelerometer, motor, mass or inertia."""
+    values: dict[str, ParameterValue] = Field({}, max_length=100)
+    figures: tuple[Quality, ...] = Field((), max_length=50)
+    quality: tuple[Quality, ...] = Field((), max_length=50)
+    residuals: tuple[tuple[str, float], ...] = Field((), max_length=200)
+    """Of each pose, step or axis, with what it is and in which unit ('pose 3, m/s²')."""
+    warnings: tuple[str, ...] = Field((), max_length=20)
+    conditions: dict[str, str] = Field({}, max_length=50)
+    """What it was made under: sensor, rate, battery, number of samples, vehicle simulated or not."""
+    run_id: str = Field("", max_length=128)
+    """The run it was made from; empty when it was made without one."""
+    requester: str = Field("", max_length=64)
+    """Who accepted it; `start` when the vehicle made it by itself."""
+    stamp_ns: int = 0
+    """Of the acceptance, ns since 1970 by the vehicle's clock; written by the vehicle."""
+    previous: dict[str, ParameterValue] = Field({}, max_length=100)
+    """The values before; written by the vehicle."""
+
+    @property
+    def good(self) -> bool:
+        """No figure is beyond its limit."""
+        return all(figure.good for figure in self.quality)
+
+
+def parse_record(text: str) -> CalibrationRecord:
+    """From JSON. Raises MeasurementError that names the first field that is wrong."""
+    try:
+        return CalibrationRecord.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the text"
+        raise MeasurementError(f"no calibration record: {where}: {first['msg']}") from None
