@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
 
+
 class Quality(BaseModel):
     """One figure that says how good it is."""
 
