@@ -45,7 +45,7 @@ class CalibrationRecord(BaseModel):
     """Of each pose, step or axis, with what it is and in which unit ('pose 3, m/s²')."""
     warnings: tuple[str, ...] = Field((), max_length=20)
     conditions: dict[str, str] = Field({}, max_length=50)
-    """What it was made under: sensor, rate, battery, number of samples, vehicle simulated or not."""
+    """What it was made under: sensor, rate, battery, samples, simulated or not."""
     run_id: str = Field("", max_length=128)
     """The run it was made from; empty when it was made without one."""
     requester: str = Field("", max_length=64)
