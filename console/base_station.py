@@ -14,14 +14,15 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from bearing_sim import PoseMeasurement
 from console.alarms import AlarmBoard
 from console.beacon_layout import BeaconLayout, vehicle_teller
+from console.calibrations import Calibrations
 from console.catalogue import Catalogue
 from console.check_desk import CheckDesk
 from console.commands import CommandGateway
 from console.comparison.feed import ComparisonFeed, both
 from console.control.desk import ControlDesk
-from console.expansion import expanded, messages_of
 from console.experiment_running.run_files import settings_of
 from console.experiment_running.runner import ExperimentRunner
 from console.link_monitor import LinkMonitor
@@ -35,6 +36,7 @@ from console.run_marks import MarkService
 from console.slow_questions import SlowQuestions
 from console.status_sender import StatusSender
 from console.stick_desk import StickDesk
+from console.telemetry_in import TelemetryIn
 from console.tracker_feed import TrackerFeed
 from console.tuning.log_window import LogWindow
 from console.vehicle_parameters import VehicleParameters
@@ -45,7 +47,6 @@ from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
-from vehicle_link.telemetry import unpack
 from vehicle_link.topics import TOPICS
 
 log = logging.getLogger(__name__)
@@ -57,7 +58,7 @@ CLOSE_PATIENCE = 3.0
 
 AS_IT_COMES = (
     "status", "estimator", "battery", "pressure", "bearing_pose", "truth",
-    "parameter_events", "parameter_changes", "events",
+    "parameter_events", "parameter_changes", "events", "bench_reading",
 )  # fmt: skip
 """Recorded as received; our own parameter changes and events come this way too."""
 
@@ -88,7 +89,11 @@ class BaseStation:
         self._store = StationStore()
         self._store.preset(settings or {})
         self._vehicle_parameters = VehicleParameters(self._node, vehicle)
-        self.runs = RunKeeper(catalogue, self._store, self._vehicle_parameters, vehicle, operator)
+        self._calibrations = Calibrations(self._node)
+        self.runs = RunKeeper(
+            catalogue, self._store, self._vehicle_parameters, vehicle, operator,
+            self._calibrations.attachment,
+        )  # fmt: skip
         self._recorder = self.runs.recorder
         self._outbox = Outbox(self._node, vehicle, self._recorder.put, self.link.vehicle_ns)
         self._store.on_change = self._outbox.parameter_changed
@@ -101,7 +106,7 @@ class BaseStation:
         self._tracker = TrackerFeed(
             parameters.tracker,
             parameters.bearings,
-            both(self._outbox.pose, self._comparison.pose),
+            both(self._outbox.pose, self._on_pose),
             both(self._outbox.bearings, self._comparison.bearings),
         )
         self._layout = BeaconLayout(
@@ -117,8 +122,8 @@ class BaseStation:
         self._witness.begin(self._store.values())
         self.experiments = ExperimentRunner(
             self._node, vehicle, self._link_state, self.link.vehicle_ns, self._outbox,
-            self._vehicle_parameters, self._recorder, catalogue, settings_of(parameters),
-            self._asked, self.control.permit,
+            self._vehicle_parameters, self.runs, self._calibrations, catalogue,
+            settings_of(parameters), self._asked, self.control.permit,
         )  # fmt: skip
         CommandGateway(
             self._node, self._store, self._link_state, self.runs.by_hand, self.control.permit,
@@ -145,7 +150,11 @@ class BaseStation:
         )  # fmt: skip
         questions = SlowQuestions(
             self._node, self.link, self._recorder, self._vehicle_parameters, self._witness,
-            self._layout, self._alarms,
+            self._layout, self._calibrations, self._alarms,
+        )  # fmt: skip
+        self._telemetry = TelemetryIn(
+            vehicle, self.link, self._outbox, self._recorder, self._comparison,
+            self.checks.observed, self.experiments,
         )  # fmt: skip
         self._subscribe()
         self.checks.start()
@@ -178,12 +187,14 @@ class BaseStation:
     # ------------------------------------------------------------------ what comes
     def _subscribe(self) -> None:
         makers: dict[str, Callable[[Received], None]] = {
-            "telemetry": self._on_telemetry,
+            "telemetry": self._telemetry.received,
             "vehicle_heartbeat": lambda received: self.link.heartbeat(received.received_ns),
             "stick": self._on_stick,
             "status": self._on_status,
             "truth": self._on_truth,
             "parameter_changes": self._on_parameter_change,
+            "estimator": lambda received: self.experiments.feed.estimate(received.payload),
+            "bench_reading": lambda received: self.experiments.readings.bench(received.payload),
         }
         for name in {*makers, *AS_IT_COMES}:
             callback = partial(self._on_message, name, makers.get(name))
@@ -210,26 +221,6 @@ class BaseStation:
                 received.source_ns,
             )
 
-    def _on_telemetry(self, received: Received) -> None:
-        """Every sample to the recorder, the newest one of the packet to everybody here."""
-        sequence, ticks = unpack(received.payload)
-        stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
-        shown = self.link.telemetry(sequence, stamp_ns, received.received_ns)
-        self._comparison.telemetry(received.payload)
-        if shown:
-            self.checks.observed.telemetry(ticks["state"][-1])
-            self.experiments.feed.telemetry(stamp_ns, ticks["state"]["position_w"][-1])
-        payloads: dict[str, list[bytes]] = {}
-        if self._recorder.run_id:
-            payloads = expanded(ticks, self._vehicle)
-            messages = messages_of(payloads, ticks, self._vehicle, received.received_ns)
-            self._recorder.put_all(messages)
-        elif shown:
-            payloads = expanded(ticks[-1:], self._vehicle)
-        if shown:
-            for name, column in payloads.items():
-                self._outbox.put(name, column[-1], stamp_ns)
-
     def _on_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)
         self.checks.observed.status(status)
@@ -238,6 +229,7 @@ class BaseStation:
         self._witness.status(bool(status.armed), self._recorder.run_id)
         self.experiments.feed.status(status)
         self._comparison.status(bool(status.armed), str(status.mode))
+        self._calibrations.status(str(status.mode).lower())
 
     def _on_stick(self, received: Received) -> None:
         self.checks.observed.message("stick", received.payload)
@@ -253,6 +245,10 @@ class BaseStation:
         change = decode(received.payload, TOPICS["parameter_changes"].type_name)
         self.experiments.feed.parameter_changed(change)
         self._witness.changed(change, received.received_ns)
+
+    def _on_pose(self, pose: PoseMeasurement) -> None:
+        self._comparison.pose(pose)
+        self.experiments.readings.pose(pose)
 
     def _on_truth(self, received: Received) -> None:
         stamp_ns, state = topics.decode_odometry(received.payload, self._vehicle)

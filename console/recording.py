@@ -28,6 +28,11 @@ class RecordingPolicy:
     def armed(self) -> bool:
         return self._armed
 
+    @property
+    def goes_on(self) -> bool:
+        """Whether a run is to go on, armed or for the while after."""
+        return self._armed or self._disarmed_at is not None
+
     def status(self, armed: bool, now: float) -> Decision:
         """Each status message. The first one that says armed starts a run at once."""
         was_armed, self._armed = self._armed, armed

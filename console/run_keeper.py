@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -28,6 +29,7 @@ class RunKeeper:
 
     Args:
         operator: written into runs nobody asked for by name.
+        calibrations: the file of those in force, for each run's log; never waits.
     """
 
     def __init__(
@@ -37,14 +39,17 @@ class RunKeeper:
         vehicle_parameters: VehicleParameters,
         vehicle: str,
         operator: str,
+        calibrations: Callable[[], bytes],
     ) -> None:
         self._catalogue = catalogue
+        self._calibrations = calibrations
         self._store = store
         self._vehicle_parameters = vehicle_parameters
         self._vehicle = vehicle
         self._operator = operator
         self._asked = (operator, float("-inf"))
         self._policy = RecordingPolicy()
+        self._held = ""  # the run that an experiment keeps going, motors on or off
         self._lock = threading.Lock()
         self._names: set[str] = set()  # given by this process; their files come a little later
         self._provenance = provenance()
@@ -70,8 +75,28 @@ class RunKeeper:
         after = self._store.parameters.recorder.after_disarm
         with self._lock:
             decision = self._policy.tick(time.monotonic(), after)
+            if decision is Decision.STOP and self._held and self._held == self.recorder.run_id:
+                decision = Decision.NOTHING
         if decision is Decision.STOP:
             self.recorder.stop()
+
+    def hold(self, requester: str) -> str:
+        """For an experiment that may turn no motor: a run that goes on until `release`; its id.
+
+        One being recorded is that run, though begun by hand: it is judged when its file is closed.
+        Raises StorageError.
+        """
+        run_id = self.recorder.run_id or self.start(requester or self._operator)
+        with self._lock:
+            self._held = run_id
+        return run_id
+
+    def release(self) -> None:
+        """The experiment is over: its run ends, or after the motors stopped as any other."""
+        with self._lock:
+            held, self._held = self._held, ""
+            if held and self.recorder.run_id == held and not self._policy.goes_on:
+                self.recorder.stop()
 
     def by_hand(self, start: bool, requester: str) -> str:
         """Start or stop; the run's id. Raises StorageError with the reason."""
@@ -120,7 +145,10 @@ class RunKeeper:
         }
         if problem:
             content["problem"] = problem
-        return {"parameters.json": json.dumps(content, indent=1).encode()}
+        return {
+            "parameters.json": json.dumps(content, indent=1).encode(),
+            "calibrations.json": self._calibrations(),
+        }
 
     def _started(self, run: Run) -> None:
         self._catalogue.add(self._entry(run))

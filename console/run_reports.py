@@ -46,3 +46,20 @@ def report_file(log: Path, name: str) -> Path:
     if path.parent != folder or not path.is_file():
         raise StorageError(f"the report of run {log.stem} has no file {name!r:.80}")
     return path
+
+
+def write_result(log: Path, content: dict[str, Any]) -> None:
+    """All of it or nothing; the folder exists. Raises OSError."""
+    path = report_folder(log) / RESULT
+    aside = path.with_name(f"{RESULT}.new")
+    aside.write_text(json.dumps(content, indent=1))
+    aside.replace(path)
+
+
+def write_decision(log: Path, decision: str, requester: str) -> None:
+    """What became of the calibration it proposes. Raises StorageError."""
+    result = read_result(log)
+    try:
+        write_result(log, result | {"decision": decision, "decided_by": requester})
+    except OSError as error:
+        raise StorageError(f"the report of run {log.stem} cannot be written: {error}") from None

@@ -1,4 +1,5 @@
-"""What the station asks the vehicle again and again: its clock, its parameters, its beacons."""
+"""What the station asks the vehicle again and again: its clock, its parameters, its beacons, its
+calibrations."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from collections.abc import Callable
 
 from console.alarms import AlarmBoard
 from console.beacon_layout import BeaconLayout
+from console.calibrations import Calibrations
 from console.link_monitor import LinkMonitor
 from console.parameter_witness import ParameterWitness
 from console.recorder import Recorder
@@ -34,10 +36,12 @@ class SlowQuestions:
         parameters: VehicleParameters,
         witness: ParameterWitness,
         layout: BeaconLayout,
+        calibrations: Calibrations,
         alarms: AlarmBoard,
     ) -> None:
         self._link, self._recorder, self._parameters = link, recorder, parameters
         self._witness, self._layout, self._alarms = witness, layout, alarms
+        self._calibrations = calibrations
         self._time_sync = node.client("time_sync", TIME_SYNC)
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
@@ -45,6 +49,8 @@ class SlowQuestions:
         while not closing.wait(SLOW if self._link.clock_known else EAGER):
             if self._link.state(time.time_ns()) is not LinkState.LOST:
                 guard(self._ask)
+            else:
+                self._calibrations.lost()
 
     def _ask(self) -> None:
         try:
@@ -53,6 +59,7 @@ class SlowQuestions:
                 self._parameters.refresh()
                 if (present := self._parameters.present()) is not None:
                     self._witness.look(*present)
+                self._calibrations.look(self._parameters.shown_revision)
             self._alarms.set("beacons", self._layout.agree() or None)
         except LinkError:
             # The link's state on the page says it; asked again in a second.

@@ -230,6 +230,7 @@ class GeometricController:
         self._gains = control_record(parameters)
         compiled = self._model is not None
         self._model = model.copy()
+        self._model_mass = self._model["mass"]  # a view
         self._idle["thrusts"] = model["thrust_min"]
         self._idle["wrench"] = 0.0
         self._idle["wrench"][:, 0] = 4.0 * model["thrust_min"]
@@ -241,6 +242,12 @@ class GeometricController:
             out, memory = np.zeros(1, ACTUATORS), new_control_memory()
             state, reference = new_state(), new_reference()
             self._law(memory, state, reference, self._gains, self._model, False, 0.002, out)
+
+    def weigh(self, mass: float) -> None:
+        """Fly on this mass (kg) from now on. Raises RuntimeError when not configured."""
+        if self._model is None:
+            raise RuntimeError(f"{type(self).__name__}.weigh before configure")
+        self._model_mass[0] = mass
 
     def reset(self) -> None:
         """Empty the integrals."""

@@ -46,7 +46,8 @@ INERTIA_MEMORY = np.dtype(
         ("torque_filtered_b", "f8", 3),  # N m
         ("torque_slow_b", "f8", 3),  # N m, of the filtered one
         ("torque_square_b", "f8", 3),  # N^2 m^2, mean of the washed out one's
-        ("rate_filtered_b", "f8", 3),  # rad/s
+        ("rate_b", "f8", 3),  # rad/s, of the last step
+        ("acceleration_filtered_b", "f8", 3),  # rad/s^2
         ("acceleration_slow_b", "f8", 3),  # rad/s^2, of the filtered one
         ("mean_b", "f8", 3),  # kg m^2, of the estimate over the variance time
         ("variance_b", "f8", 3),  # kg^2 m^4
@@ -136,7 +137,7 @@ def step(
     if not m.flying:
         m.flying = 1
         for i in range(3):
-            m.torque_filtered_b[i], m.rate_filtered_b[i] = 0.0, rate[i]
+            m.torque_filtered_b[i], m.rate_b[i], m.acceleration_filtered_b[i] = 0.0, rate[i], 0.0
             m.torque_slow_b[i], m.acceleration_slow_b[i], m.torque_square_b[i] = 0.0, 0.0, 0.0
         return
     r = m.root_thrusts
@@ -153,8 +154,10 @@ def step(
             1.0 / m.inverse_inertia_b[j] - 1.0 / m.inverse_inertia_b[l]
         )
         m.torque_filtered_b[i] += share * (torque - m.torque_filtered_b[i])
-        m.rate_filtered_b[i] += share * (rate[i] - m.rate_filtered_b[i])
-        y = g.filter_pole * (rate[i] - m.rate_filtered_b[i])
+        # Exact for a rate linear in between: a (omega - omega_fil) is too small by a dt / 2.
+        y = m.acceleration_filtered_b[i]
+        y += share * ((rate[i] - m.rate_b[i]) / dt - y)
+        m.rate_b[i], m.acceleration_filtered_b[i] = rate[i], y
         m.torque_slow_b[i] += slow * (m.torque_filtered_b[i] - m.torque_slow_b[i])
         m.acceleration_slow_b[i] += slow * (y - m.acceleration_slow_b[i])
         y -= m.acceleration_slow_b[i]
@@ -204,6 +207,12 @@ class InertiaEstimator:
         """(3,) kg m^2, of the estimate over the last variance time."""
         deviation: Array = np.sqrt(self._memory["variance_b"][0])
         return deviation
+
+    @property
+    def torque_b(self) -> Array:
+        """(3,) N m, root mean square of the filtered torque lately: how much it is excited."""
+        torque: Array = np.sqrt(self._memory["torque_square_b"][0])
+        return torque
 
     @property
     def converged(self) -> bool:

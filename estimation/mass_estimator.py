@@ -58,11 +58,13 @@ class MassParameters(Parameters):
         1.0, unit="1/(N² s)", ge=0.0, le=10.0, step=0.01, description="k_est,m of eq. 10; 0 holds"
     )
     mass_min: float = parameter(
-        0.5, unit="kg", ge=0.1, le=2.4, step=0.01, description="lower clamp of the estimate"
-    )
+        0.5, unit="kg", ge=0.1, le=2.4, step=0.01, flight_step=0.2,
+        description="lower clamp of the estimate",
+    )  # fmt: skip
     mass_max: float = parameter(
-        2.4, unit="kg", ge=0.5, le=5.0, step=0.01, description="upper clamp of the estimate"
-    )
+        2.4, unit="kg", ge=0.5, le=5.0, step=0.01, flight_step=0.2,
+        description="upper clamp of the estimate",
+    )  # fmt: skip
     variance_time: float = parameter(
         1.0, unit="s", ge=0.05, le=30.0, step=0.05, description="window of the estimate's variance"
     )
@@ -117,9 +119,9 @@ def step(
         if not airborne:
             m.flying = 0
         elif not m.flying:
-            m.flying = 1
+            m.flying = 1 if math.isfinite(speed) else 0
             m.thrust_filtered, m.gravity_filtered, m.velocity_filtered = 0.0, 0.0, speed
-        else:
+        elif math.isfinite(speed + q[1] + q[2]):  # a NaN would stay, and the law may fly on it
             share = -math.expm1(-g.filter_pole * dt)
             thrust = actuators[k].wrench[0] * (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]))
             m.thrust_filtered += share * (thrust - m.thrust_filtered)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from quadlab.calibrate import Calibrate
 from quadlab.fly import Fly
 from quadlab.gains import Gains
 from quadlab.log import LogCommand
@@ -22,6 +23,7 @@ class Command(Protocol):
 COMMANDS: dict[str, type[Command]] = {
     "up": Up,
     "fly": Fly,
+    "calibrate": Calibrate,
     "log": LogCommand,
     "replay": Replay,
     "gains": Gains,

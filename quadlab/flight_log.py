@@ -34,7 +34,7 @@ class FlightLog:
     Args:
         path: a new MCAP file.
         vehicle: namespace of the topics.
-        store: all parameters, attached to the file at its start.
+        store: all parameters, attached to the file at its start, with their defaults.
         run: further entries of the run's metadata.
     """
 
@@ -46,7 +46,10 @@ class FlightLog:
         values = json.dumps(store.values(), indent=1).encode()
         metadata = {"vehicle": vehicle, "recorder": "simulation", **run, **provenance()}
         # Simulated time is not lost with a killed process: it is flown again. So whole chunks.
-        attachments = {"parameters.json": values}
+        defaults = {one.name: one.default for one in store.descriptions()}
+        attachments = {
+            "parameters.json": values, "defaults.json": json.dumps(defaults, indent=1).encode()
+        }  # fmt: skip
         self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
         # What came since the last batch was written. Records are kept as their bytes: copying a
         # structured record field by field takes ten times as long.
@@ -114,6 +117,10 @@ class FlightLog:
     def bearing_pose(self, stamp_ns: int, payload: bytes, log_ns: int) -> None:
         """The one-frame pose solved from a frame of bearings, encoded."""
         self._put("bearing_pose", payload, stamp_ns, log_ns)
+
+    def measurement(self, topic: str, payload: bytes, stamp_ns: int) -> None:
+        """Of any other sensor, logged at once."""
+        self._put(topic, payload, stamp_ns, stamp_ns)
 
     def close(self) -> None:
         """Write what is left and close the file. Raises StorageError."""

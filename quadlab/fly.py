@@ -14,12 +14,15 @@ import tyro
 from quadlab.beacon_words import beacon_words
 from quadlab.data_folder import open_data_folder
 from quadlab.processes import File, Folder, Settings
+from quadlab.proposal_words import proposal_json, proposal_lines
 from quadlab.settings import parse_settings
-from quadrotor.errors import UsageError
+from quadrotor.errors import QuadlabError, UsageError
 
 if TYPE_CHECKING:
-    from console.experiments.client import Experiment
-    from quadlab.simulated_flight import FlightParameters
+    from console.experiments.client import Experiment, Result
+    from console.experiments.readings import Progress
+    from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+    from quadrotor.calibration_record import CalibrationRecord
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
 
@@ -29,7 +32,8 @@ class Fly:
     """Fly an experiment on the simulated vehicle, as fast as the processor goes."""
 
     experiment: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="EXPERIMENT")]
-    """figure_eight, hover or bearings"""
+    """figure_eight, hover, bearings, gyroscope, accelerometer, motor_bench, mass, inertia; or
+    FILE.py, an experiment of your own (docs/experiments.md)"""
     out: Folder = None
     """folder for the log (default: flights in the data folder)"""
     seed: int = 1
@@ -43,16 +47,17 @@ class Fly:
     true_state: bool = False
     """let the controller see the true state instead of the estimate"""
     report: bool = False
-    """write the experiment's plots and figures beside the log"""
+    """write the report (HTML and PDF) and the experiment's own plots beside the log"""
     json: bool = False
     """print verdict, log and metrics as one line of JSON at the end"""
 
     def run(self) -> int:
-        from console.experiments.catalogue import find
+        from console.experiments import watched
+        from console.experiments.user_file import mistakes_told
 
-        experiment = find(self.experiment)
+        experiment = chosen(self.experiment)
         if self.report:
-            check_report(experiment)
+            check_report()
         if not 0 <= self.seed <= LARGEST_SEED:
             raise UsageError(f"--seed {self.seed}: allowed 0 to {LARGEST_SEED}")
 
@@ -68,13 +73,15 @@ class Fly:
         values = parse_settings(parameters, [*beacon_words(self.beacons), *self.set])
         if "beacons.layout" not in values:  # the vehicle is told where the beacons stand
             parameters.beacons.layout = parameters.bearings.layout
+        with mistakes_told(experiment):
+            experiment.check()
         folder = self.out or open_data_folder(None) / "flights"
-        path = _new_log(open_data_folder(folder, "--out"), f"{self.experiment}_seed{self.seed}")
+        path = _new_log(open_data_folder(folder, "--out"), f"{experiment.name}_seed{self.seed}")
         simulated = SimulatedVehicle(parameters.simulator)
         simulated.warm_up()
         log = FlightLog(
             path, "quad1", ParameterStore(parameters),
-            {"run_id": path.stem, "experiment": self.experiment, "seed": str(self.seed)},
+            {"run_id": path.stem, "experiment": experiment.name, "seed": str(self.seed)},
         )  # fmt: skip
         estimator = TrueState(simulated) if self.true_state else None
         # Everything that is loaded or compiled at its first use, so that the figures below are
@@ -82,42 +89,116 @@ class Fly:
         _, later = prepare(lambda line: print(f"quadlab: {line}", file=sys.stderr, flush=True))
         typestore()
         flight = SimulatedFlight(parameters, simulated, log, estimator)
+        if not self.json:
+            flight.on_tell = Teller(flight)
         began, processor = time.perf_counter(), time.process_time()
+        aborted = ""
         try:
-            experiment.fly(flight)
+            watched.fly(experiment, flight)
+        except watched.AbortedError as error:
+            aborted = str(error)
+        except QuadlabError as error:
+            raise kept(error, path) from error
         finally:
             log.close()
             later.close()
         wall, processor = time.perf_counter() - began, time.process_time() - processor
         flown, rate = flight.view().time, parameters.simulator.imu_rate
-        result = experiment.evaluate(path)
+        result, proposal = judged(experiment, path, aborted)
 
         if not self.json:
-            print(f"{self.experiment}: {result.verdict}")
+            print(f"{experiment.name}: {result.verdict}{' (' if aborted else ''}"
+                  f"{aborted}{')' if aborted else ''}")  # fmt: skip
+        width = max(map(len, result.metrics), default=0)
         for name, value in result.metrics.items():
             limit = result.limits.get(name)
             bound = f"   (at most {limit:g})" if limit is not None else ""
-            print(f"  {name:18} {value:10.5g}{bound}")
+            print(f"  {name:{width}} {value:10.5g}{bound}")
         print(f"  flown {flown:.1f} s in {wall:.2f} s: {flown / wall:.1f} times real time")
         for stage, seconds in sorted(flight.clock.seconds.items(), key=lambda s: -s[1]):
             a_tick = seconds / flown / rate * 1e6
             print(f"    {stage:16} {seconds:7.2f} s {seconds / wall:6.1%} {a_tick:7.1f} µs a tick")
         print(f"  log {path}")
-        files = write_report(experiment, path) if self.report else []
+        store = flight.stack.store
+        if proposal is not None and not self.json:
+            print("\n".join(f"  {line}" for line in proposal_lines(proposal, store)))
+        files = write_report(experiment, path, result, proposal) if self.report else []
         for file in files:
             print(f"  report {file}")
         if self.json:
             report = {
-                "experiment": self.experiment,
+                "experiment": experiment.name,
                 "verdict": result.verdict,
+                "reason": aborted,
                 "log": str(path),
                 "report": [str(file) for file in files],
                 "metrics": result.metrics
                 | {"flown_s": flown, "wall_s": wall, "processor_s": processor,
                    "speed": flown / wall},
             }  # fmt: skip
+            if proposal is not None:
+                report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))
         return 0 if result.verdict == "passed" else 1
+
+
+def chosen(name: str) -> Experiment:
+    """A built-in experiment, or that of a file. Raises UsageError or StorageError."""
+    from console.experiments.catalogue import EXPERIMENTS, find
+    from console.experiments.user_file import is_file, load
+
+    if is_file(name):
+        return load(Path(name))
+    if name not in EXPERIMENTS:
+        raise UsageError(
+            f"unknown experiment {name!r}; there are {', '.join(EXPERIMENTS)}, and files of your "
+            "own: quadlab fly FILE.py"
+        )
+    return find(name)
+
+
+def judged(
+    experiment: Experiment, log: Path, aborted: str
+) -> tuple[Result, CalibrationRecord | None]:
+    """Result and proposal from the log alone; of an aborted flight what there is of figures.
+
+    Raises QuadlabError with the reason and where the log is.
+    """
+    from console.experiments.client import Calibrating, Result
+    from console.experiments.user_file import mistakes_told
+
+    try:
+        with mistakes_told(experiment):
+            result = experiment.evaluate(log)
+            if aborted:
+                return Result("failed", result.metrics, result.limits), None
+            if isinstance(experiment, Calibrating):
+                return result, experiment.proposal(log)
+            return result, None
+    except QuadlabError as error:
+        if aborted:
+            return Result("failed", {}), None
+        raise kept(error, log) from error
+
+
+def kept(error: QuadlabError, log: Path) -> QuadlabError:
+    """The same error, with where the log is."""
+    return type(error)(f"{error}; the log is kept: {log}")
+
+
+class Teller:
+    """Prints what a guided procedure tells its person, each instruction once."""
+
+    def __init__(self, flight: SimulatedFlight) -> None:
+        self._flight = flight
+        self._last = ""
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.instruction == self._last:
+            return
+        self._last = progress.instruction
+        step = f"{progress.number}/{progress.count}" if progress.count else ""
+        print(f"  {self._flight.view().time:7.1f} s {step:>6}  {progress.instruction}", flush=True)
 
 
 def with_experiment(parameters: FlightParameters, experiment: Experiment) -> FlightParameters:
@@ -134,14 +215,10 @@ def with_experiment(parameters: FlightParameters, experiment: Experiment) -> Fli
     return tree.model_construct(**dict(parameters), experiment=options)
 
 
-def check_report(experiment: Experiment) -> None:
+def check_report() -> None:
     """Raises UsageError when no report can be written, before a flight is flown for it."""
     from importlib.util import find_spec
 
-    from console.experiments.client import Reporting
-
-    if not isinstance(experiment, Reporting):
-        raise UsageError(f"--report: the experiment {experiment.name} writes none")
     try:
         found = find_spec("matplotlib") is not None
     except ValueError:  # shut out by whoever runs this
@@ -152,11 +229,18 @@ def check_report(experiment: Experiment) -> None:
         )
 
 
-def write_report(experiment: Experiment, log: Path) -> list[Path]:
-    """The files, beside the log."""
+def write_report(
+    experiment: Experiment, log: Path, result: Result, proposal: CalibrationRecord | None
+) -> list[Path]:
+    """The page, the PDF and what the experiment itself writes, beside the log."""
     from console.experiments.client import Reporting
+    from console.reports.report import write_report as write_pages
+    from quadlab.log import new_defaults
 
-    return experiment.report(log, log.parent) if isinstance(experiment, Reporting) else []
+    files = write_pages(log, log.parent, result=result, proposal=proposal, defaults=new_defaults)
+    if isinstance(experiment, Reporting):
+        files += experiment.report(log, log.parent)
+    return files
 
 
 def _new_log(folder: Path, stem: str) -> Path:

@@ -26,7 +26,8 @@ def land_before_stopping(loopback_port: int, name: str, stop: StopRequest) -> No
 
     def on_status(received) -> None:  # type: ignore[no-untyped-def]
         status = decode(received.payload, "quadlab_msgs/VehicleStatus")
-        (disarmed.clear if status.armed else disarmed.set)()
+        lands = status.armed and status.mode != "bench"  # there the end of the vehicle stops it
+        (disarmed.clear if lands else disarmed.set)()
         heard.set()
 
     try:

@@ -1,4 +1,4 @@
-"""`quadlab log info|recover LOG`: what a log holds, and mending a torn one."""
+"""`quadlab log info|recover|report LOG`: what a log holds, mending a torn one, its report."""
 
 from __future__ import annotations
 
@@ -9,22 +9,37 @@ from typing import Annotated, Literal
 
 import tyro
 
-from quadrotor.errors import StorageError
+from quadlab.processes import Folder
+from quadrotor.errors import StorageError, UsageError
+from quadrotor.parameters import ParameterValue
 
 
 @dataclass
 class LogCommand:
-    """Look at or mend a log."""
+    """Look at or mend a log, or write its report."""
 
-    action: Annotated[Literal["info", "recover"], tyro.conf.Positional]
+    action: Annotated[Literal["info", "recover", "report"], tyro.conf.Positional]
     """what to do"""
     file: Annotated[Path, tyro.conf.Positional]
     """the MCAP file"""
+    out: Folder = None
+    """of report: folder for it (default: beside the log)"""
+    pdf: bool = True
+    """of report: also as PDF"""
 
     def run(self) -> int:
+        if self.action != "report" and (self.out is not None or not self.pdf):
+            raise UsageError(f"--out and --no-pdf are of `log report`; this is `log {self.action}`")
         if not self.file.is_file():
             what = "a folder" if self.file.is_dir() else "no file"
             raise StorageError(f"{self.file} is {what}; give the path of an .mcap file")
+        if self.action == "report":
+            from console.reports.report import write_report
+
+            folder = self.out or self.file.resolve().parent
+            for path in write_report(self.file, folder, pdf=self.pdf, defaults=new_defaults):
+                print(path)
+            return 0
         if self.action == "recover":
             from vehicle_link.log.recovery import recover
 
@@ -52,3 +67,13 @@ class LogCommand:
             rate = count / duration if duration > 0 else 0.0
             print(f"  {topic:32} {count:8} {rate:8.1f} Hz")
         return 0
+
+
+def new_defaults() -> dict[str, ParameterValue]:
+    """Of every parameter of this version by name; those of the station begin with `station.`."""
+    from console.parameters import StationTree
+    from quadlab.simulated_flight import FlightParameters
+    from quadrotor.parameters import ParameterStore
+
+    trees = (FlightParameters(), StationTree())
+    return {one.name: one.default for tree in trees for one in ParameterStore(tree).descriptions()}

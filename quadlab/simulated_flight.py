@@ -7,6 +7,7 @@ wait flies on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -18,13 +19,14 @@ from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
 from estimation.estimator import Estimator
 from quadlab.flight_log import FlightLog
+from quadlab.simulated_guide import REQUESTER, SimulatedGuide
 from quadlab.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
 from vehicle.bearing_pose import BearingPose
 from vehicle.microcontroller import Microcontroller
-from vehicle.modes import Mode
+from vehicle.modes import MOTORS_ON
 from vehicle.orders import Orders
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
@@ -34,7 +36,6 @@ from vehicle_link.topics import TOPICS, encode_joy
 
 HEARTBEAT_NS = 50_000_000
 TRUTH_NS = 10_000_000
-REQUESTER = "experiment"
 
 
 class FlightParameters(VehicleParameters):
@@ -51,7 +52,7 @@ class FlightParameters(VehicleParameters):
         self.bearings.seed = seed + 2_000_003
 
 
-class SimulatedFlight:
+class SimulatedFlight(SimulatedGuide):
     """One vehicle, flown as fast as the processor goes.
 
     Args:
@@ -68,17 +69,15 @@ class SimulatedFlight:
         log: FlightLog,
         estimator: Estimator | None = None,
     ) -> None:
+        super().__init__(parameters, simulated, log)
         self.parameters = parameters
         self.stack = FlightStack(parameters, estimator=estimator)
         self.clock = StageClock()
-        self._simulated = simulated
         self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
         self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
-        self._log = log
         self._orders = Orders(self.stack, self._mcu)
-        self._requests = 0
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once: they follow the plant.
         self._true_position_w = simulated.truth["position_w"][0]
@@ -98,9 +97,11 @@ class SimulatedFlight:
             time=stack.stamp_ns * 1e-9,
             mode=stack.mode.name.lower(),
             behavior=stack.behaviors.name.name.lower(),
-            armed=stack.mode in (Mode.ARMED, Mode.EMERGENCY_LAND),
+            armed=stack.mode in MOTORS_ON,
             airborne=stack.airborne,
             position_w=stack.state["position_w"][0].copy(),
+            mass=float(stack.estimate["mass"][0]),
+            mass_deviation=math.sqrt(float(stack.estimate["mass_variance"][0])),
         )
 
     def arm(self) -> None:
@@ -113,6 +114,8 @@ class SimulatedFlight:
     def change(self, values: dict[str, ParameterValue]) -> None:
         """Set vehicle parameters. Raises RefusedError with the vehicle's reason."""
         self._command(mailbox.ChangeParameters(self._request_id(), REQUESTER, values))
+        if any(name.startswith("simulator.") for name in values):
+            self._simulated.configure(self.parameters.simulator)
 
     def parameter(self, name: str) -> ParameterValue:
         """Raises UnknownParameterError."""
@@ -149,6 +152,7 @@ class SimulatedFlight:
         stack, mcu, log = self.stack, self._mcu, self._log
         lap = self.clock.begin()
         self._simulated.step()
+        self._after_step()
         lap("simulated robot")
         samples = mcu.receive()
         self._orders.keep(self._simulated.stamp_ns * 1e-9)
@@ -159,6 +163,7 @@ class SimulatedFlight:
             self._orders.send(command)
             lap("serial")
             log.tick(stack.record)
+            self._after_tick(stack.record)
             if stack.outbox:
                 self._drain_outbox()
             lap("log")
@@ -182,6 +187,7 @@ class SimulatedFlight:
                 pose.stamp_ns, tuple(pose.position_w.tolist()), tuple(pose.quaternion_wb.tolist())
             )
             self.stack.measure(measurement)
+            self._pose = pose
             self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
         for frame in self._emulator.due(now_ns):
             self._log.bearings(frame, now_ns)
@@ -214,20 +220,13 @@ class SimulatedFlight:
         for message in self.stack.outbox:
             if isinstance(message, mailbox.Event):
                 self._log.event(message)
+            elif isinstance(message, mailbox.GyroscopeFound):
+                self._gyroscope(message)
             else:
                 self._log.parameter_change(message)
                 if message.name == "beacons.layout":
                     self._bearing_pose.place(parse_layout(str(message.new)))
         self.stack.outbox.clear()
-
-    def _command(self, command: mailbox.Command) -> None:
-        reply = self.stack.handle(command)
-        if not reply.accepted:
-            raise RefusedError(reply.reason)
-
-    def _request_id(self) -> str:
-        self._requests += 1
-        return str(self._requests)
 
 
 class TrueState:

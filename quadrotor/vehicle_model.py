@@ -12,15 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.constants import GRAVITY as GRAVITY  # noqa: PLC0414 - others take it from here
 from quadrotor.parameters import Parameters, parameter
 from quadrotor.records import Record
 
 Array = npt.NDArray[np.float64]
 Four = tuple[float, float, float, float]
 """A wrench (thrust in N; torques about body x, y, z in N m), or one number a motor."""
-
-GRAVITY = 9.81
-"""m/s^2, along -z_W."""
 
 MODEL = np.dtype(
     [

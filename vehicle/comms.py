@@ -21,6 +21,8 @@ import msgspec
 
 from quadrotor.errors import QuadlabError
 from vehicle import mailbox
+from vehicle.calibration_store import CalibrationStore
+from vehicle.comms_calibrations import Calibrations
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle.comms_inbound import Inbound
@@ -54,8 +56,24 @@ class Comms:
         self._mirror = ParameterMirror(self._flight, config.parameters)
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()
+        self._notices = list(config.notices)
         self._radio = LinkRadio(node)
-        self._log = OnboardLog(Path(config.data), config.name, self._parameters_json, self._say)
+        self._calibrations = Calibrations(
+            self._flight,
+            CalibrationStore(Path(config.data), lambda line: self._say(mailbox.WARN, line)),
+            self._clock.now_ns,
+            self._say,
+            self._gyroscope_s,
+            config.refused_calibrations,
+            config.started_ns,
+        )
+        self._log = OnboardLog(
+            Path(config.data),
+            config.name,
+            self._parameters_json,
+            self._say,
+            calibrations=self._calibrations.in_force_json,
+        )
         self._publisher = Publisher(self._radio, self._log, self._clock, config.name)
         self._inbound = Inbound(
             self._flight,
@@ -66,7 +84,7 @@ class Comms:
         )
         self._dropped = 0
         self._fetch_due_ns = 0
-        serve(node, self._flight, self._mirror, self._clock, config.name)
+        serve(node, self._flight, self._mirror, self._calibrations, self._clock, config.name)
         self._checks = SelfChecks(Path(config.data), identity=config.identity)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
         reader = OnboardReader(self._log, config.name)
@@ -99,6 +117,10 @@ class Comms:
             self._publisher.ticks(ticks)
         for message in self._rings.outbox.pop_all():
             self._dispatch(mailbox.decode_outbound(message))
+        if self._notices and self._inbound.station_silence < STATION_LOST_S:
+            for level, text in self._notices:  # not before: nobody would have read them
+                self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
+            self._notices.clear()
         while self._bearing_poses:
             self._publisher.bearing_pose(*self._bearing_poses.popleft())
         while self._events:
@@ -123,6 +145,8 @@ class Comms:
                 self._publisher.estimator = str(values[FLOWN_ON])
         elif isinstance(message, mailbox.Event):
             self._publisher.event(message)
+        elif isinstance(message, mailbox.GyroscopeFound):
+            self._calibrations.found(message)
         else:
             self._mirror.changed(message)
             if message.name == "beacons.layout":
@@ -150,6 +174,10 @@ class Comms:
         self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
         if level > mailbox.INFO:
             say(text)
+
+    def _gyroscope_s(self) -> float:
+        samples = int(self._mirror.values()["safety.gyro_samples"])
+        return samples / self._publisher.tick_rate
 
     def _parameters_json(self) -> bytes:
         return json.dumps(self._mirror.values(), indent=1).encode()

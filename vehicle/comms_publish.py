@@ -95,6 +95,11 @@ class Publisher:
         """Time until the ticks of the next telemetry packet are there, seen from the last read."""
         return (self._packet_size - self._pending_count) / self._tick_rate
 
+    @property
+    def tick_rate(self) -> float:
+        """Hz, as the loop measured it last."""
+        return self._tick_rate
+
     def heartbeat(self) -> None:
         """Call often; sends at its rate, with or without ticks."""
         now_ns = self._clock.now_ns()

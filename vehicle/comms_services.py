@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from quadrotor.errors import QuadlabError
 from vehicle import mailbox
+from vehicle.comms_calibrations import Calibrations
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle_link.idempotent import Idempotent
@@ -23,22 +24,37 @@ from vehicle_link.topics import SERVICES
 ROLE = "vehicle"
 EMERGENCIES = 4
 """At once: a cut must not wait behind a landing that the flight process does not answer."""
+CALIBRATIONS = 3
+"""At once: the history must not wait for a gyroscope that is being calibrated."""
 
 
 def serve(
-    node: Node, flight: FlightMailbox, parameters: ParameterMirror, clock: VehicleClock, name: str
+    node: Node,
+    flight: FlightMailbox,
+    parameters: ParameterMirror,
+    calibrations: Calibrations,
+    clock: VehicleClock,
+    name: str,
 ) -> None:
     """Declare all services on the node; they answer on threads of their own."""
     commands = _Commands(flight, parameters)
-    for service in ("emergency", "disarm", "arm", "start_behavior", "change_parameters"):
-        _prepare(SERVICES[service])
-        handler = _refusing(SERVICES[service], getattr(commands, service))
+    for service in ("emergency", "disarm", "arm", "start_behavior", "change_parameters", "bench"):
         threads = EMERGENCIES if service == "emergency" else 1
-        node.serve(service, SERVICES[service], Idempotent(handler), threads=threads)
+        serve_command(node, service, getattr(commands, service), threads)
+    serve_command(node, "calibrate", calibrations.answer, CALIBRATIONS)
     whoami = new(f"{SERVICES['whoami']}_Response", name=name, role=ROLE)
     node.serve("whoami", SERVICES["whoami"], lambda request: whoami)
     serve_time_sync(node, clock.now_ns)
     serve_parameters(node, parameters)
+
+
+def serve_command(
+    node: Node, service: str, handler: Callable[[Message], Message], threads: int
+) -> None:
+    """Once a request id; what the handler refuses is an answer."""
+    srv_type = SERVICES[service]
+    _prepare(srv_type)
+    node.serve(service, srv_type, Idempotent(_refusing(srv_type, handler)), threads=threads)
 
 
 def _prepare(srv_type: str) -> None:
@@ -84,6 +100,18 @@ class _Commands:
     def emergency(self, request: Message) -> Message:
         reply = self._flight.ask(lambda i: mailbox.Emergency(i, request.requester, request.action))
         return _response("emergency", reply)
+
+    def bench(self, request: Message) -> Message:
+        reply = self._flight.ask(
+            lambda i: mailbox.Bench(
+                i,
+                request.requester,
+                int(request.motor),
+                int(request.reference),
+                bool(request.secured),
+            )
+        )
+        return _response("bench", reply)
 
     def change_parameters(self, request: Message) -> Message:
         values = from_parameters(request.parameters)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 SILENCE_NS = 500_000_000
 SECOND_NS = 1_000_000_000
 NOTHING_YET = LoopStatistics(0.0, 0.0, 0.0, 0.0, 0.0)
+NEEDS_SAMPLES = mailbox.Arm | mailbox.StartBehavior | mailbox.Bench | mailbox.CalibrateGyroscope
 COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
 
 
@@ -36,7 +37,7 @@ class Stack(Ordering, Protocol):
 
     record: Record
     store: ParameterStore
-    outbox: list[mailbox.Event | mailbox.ParameterChange]
+    outbox: list[mailbox.Told]
     mode: Mode
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
@@ -167,7 +168,7 @@ class FlightLoop:
             # An empty change asks for all values: how a comms process starts its copy.
             store = self._stack.store
             return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
-        if self._silent and isinstance(command, mailbox.Arm | mailbox.StartBehavior):
+        if self._silent and isinstance(command, NEEDS_SAMPLES):
             return mailbox.Reply(
                 command.request_id, False, "refused: the microcontroller gives no samples"
             )

@@ -1,15 +1,15 @@
-"""Gyroscope bias from still samples, at each start (Sec. 5.1 of the paper)."""
+"""Gyroscope bias from still samples, at each start and when asked for (Sec. 5.1 of the paper)."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.errors import MeasurementError
+from estimation.calibration.gyroscope import GyroscopeCalibration, identify_gyroscope
 
 
 class GyroCalibration:
-    """Collects N uncorrected samples, then gives their mean or says why not.
+    """Collects N samples, then gives their bias or says why not.
 
     Args:
         samples: N.
@@ -17,25 +17,23 @@ class GyroCalibration:
     """
 
     def __init__(self, samples: int, deviation_max: float) -> None:
+        self.deviation_max = deviation_max
         self._buffer = np.empty((samples, 3))
-        self._deviation_max = deviation_max
         self._count = 0
 
-    def add(self, angular_velocity_b: npt.NDArray[np.float64]) -> npt.NDArray[np.float64] | None:
-        """One sample (3,) in rad/s; the bias (3,) once N are in, else None.
+    def add(
+        self, angular_velocity_b: npt.NDArray[np.float64], *, motors_on: bool = False
+    ) -> GyroscopeCalibration | None:
+        """One sample (3,) in rad/s; what was found once N are in, else None.
 
-        Raises MeasurementError when the N samples were not still, and starts over.
+        Raises MeasurementError when motors run, or the N samples were not still, and starts over.
         """
+        if motors_on:
+            self._count = 0
+            identify_gyroscope(self._buffer[:0], self.deviation_max, motors_on=True)
         self._buffer[self._count] = angular_velocity_b
         self._count += 1
         if self._count < len(self._buffer):
             return None
         self._count = 0
-        deviation = self._buffer.std(axis=0).max()
-        if deviation > self._deviation_max:
-            raise MeasurementError(
-                f"gyroscope not calibrated: standard deviation {np.degrees(deviation):.2f} deg/s, "
-                f"allowed {np.degrees(self._deviation_max):.2f}; keep the vehicle still"
-            )
-        mean: npt.NDArray[np.float64] = self._buffer.mean(axis=0)
-        return mean
+        return identify_gyroscope(self._buffer, self.deviation_max)

@@ -146,9 +146,10 @@ class ImuCalibrator:
         self._gyroscope_bias_b = np.array(bias_b, dtype=np.float64)
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 
-    def clear_gyroscope_bias(self) -> None:
-        """Forget the drift, to find it anew."""
-        self.set_gyroscope_bias(np.zeros(3))
+    @property
+    def gyroscope_bias_b(self) -> npt.NDArray[np.float64]:
+        """The drift (3,) in use, rad/s, body axes."""
+        return self._gyroscope_bias_b
 
     def calibrate(self, raw: RawSample, sample: Record) -> None:
         """Write the IMU_SAMPLE of a raw sample into `sample`, shape (1,)."""

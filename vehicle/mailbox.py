@@ -40,6 +40,34 @@ class Emergency(msgspec.Struct, frozen=True, tag="emergency"):
     action: str  # "land" or "cut"
 
 
+class Calibrate(msgspec.Struct, frozen=True, tag="calibrate"):
+    """Apply a calibration's values, all or none; on the ground with motors off only.
+
+    Empty values ask whether it could be done now.
+    """
+
+    request_id: str
+    requester: str
+    values: dict[str, ParameterValue]
+
+
+class CalibrateGyroscope(msgspec.Struct, frozen=True, tag="calibrate_gyroscope"):
+    """Find the drift anew; accepted, a GyroscopeFound of this request id follows."""
+
+    request_id: str
+    requester: str
+
+
+class Bench(msgspec.Struct, frozen=True, tag="bench"):
+    """One motor alone; see vehicle.bench."""
+
+    request_id: str
+    requester: str
+    motor: int  # 1…4, 0 ends
+    reference: int  # counts
+    secured: bool
+
+
 class Pose(msgspec.Struct, frozen=True, tag="pose"):
     """A pose measurement, position in m (world), quaternion (w, x, y, z) body to world."""
 
@@ -71,7 +99,16 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat"):
     stamp_ns: int
 
 
-Command = ChangeParameters | Arm | Disarm | StartBehavior | Emergency
+Command = (
+    ChangeParameters
+    | Arm
+    | Disarm
+    | StartBehavior
+    | Emergency
+    | Calibrate
+    | CalibrateGyroscope
+    | Bench
+)
 Measurement = Pose | Bearings | Joy | Heartbeat
 Inbound = Command | Measurement
 
@@ -84,6 +121,8 @@ class Reply(msgspec.Struct, frozen=True, tag="reply"):
     reason: str = ""
     applied: dict[str, ParameterValue] = {}
     revision: int = 0
+    previous: dict[str, ParameterValue] = {}
+    """To Calibrate: the values before."""
 
 
 class Event(msgspec.Struct, frozen=True, tag="event"):
@@ -103,7 +142,33 @@ class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):
     revision: int
 
 
-Outbound = Reply | Event | ParameterChange
+class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
+    """How a calibration of the gyroscope ended; all angles in rad, body axes.
+
+    Attributes:
+        request_id: empty at the start of the vehicle, where `requester` is "start".
+        reason: why the drift stays as it was; empty when there is a new one.
+        deviation_b: of one sample.
+        deviation_max: largest that was allowed.
+        seconds: that it took.
+        voltage: V, of the battery.
+    """
+
+    stamp_ns: int
+    request_id: str
+    requester: str
+    reason: str = ""
+    bias_b: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    deviation_b: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    samples: int = 0
+    deviation_max: float = 0.0
+    seconds: float = 0.0
+    voltage: float = 0.0
+
+
+Told = Event | ParameterChange | GyroscopeFound
+"""What a stack tells by itself."""
+Outbound = Reply | Told
 
 INFO, WARN, ERROR = 20, 30, 40
 

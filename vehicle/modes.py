@@ -15,15 +15,22 @@ class Mode(IntEnum):
     ARMED = 2  # motors turning, behaviors fly
     EMERGENCY_LAND = 3  # landing; commands other than cut are refused
     CUT = 4  # motors stopped by the emergency cut
+    BENCH = 5  # one motor turns on a bench, the vehicle does not fly
 
 
 LEGAL_MOVES: dict[Mode, frozenset[Mode]] = {
     Mode.STARTING: frozenset({Mode.READY}),
-    Mode.READY: frozenset({Mode.ARMED, Mode.STARTING}),
+    Mode.READY: frozenset({Mode.ARMED, Mode.STARTING, Mode.BENCH}),
     Mode.ARMED: frozenset({Mode.READY, Mode.EMERGENCY_LAND, Mode.CUT}),
     Mode.EMERGENCY_LAND: frozenset({Mode.READY, Mode.CUT}),
     Mode.CUT: frozenset({Mode.READY}),
+    Mode.BENCH: frozenset({Mode.READY, Mode.CUT}),
 }
+
+FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
+"""Modes in which behaviors or their landing turn the motors."""
+MOTORS_ON = (*FLYING, Mode.BENCH)
+"""Modes that the status tells as armed."""
 
 
 def check_move(current: Mode, wanted: Mode) -> None:

@@ -85,6 +85,7 @@ class OnboardLog:
         parameters: gives the JSON that is attached to each file.
         say: takes (level, text) of an event; called from this log's thread.
         free_bytes: asks the free space of a folder.
+        calibrations: gives the JSON of those in force, attached too.
     """
 
     def __init__(
@@ -94,10 +95,13 @@ class OnboardLog:
         parameters: Callable[[], bytes],
         say: Say,
         free_bytes: Callable[[Path], int] = lambda path: shutil.disk_usage(path).free,
+        calibrations: Callable[[], bytes] | None = None,
     ) -> None:
         self._folder = folder / FOLDER
         self._vehicle = vehicle
-        self._parameters = parameters
+        self._attachments = {"parameters.json": parameters}
+        if calibrations is not None:
+            self._attachments["calibrations.json"] = calibrations
         self._say = say
         self._free_bytes = free_bytes
         self._buffer: deque[Batch | Message] = deque()
@@ -204,7 +208,8 @@ class OnboardLog:
         stem = f"{self._vehicle}_{instant:%Y%m%dT%H%M%S}_{instant.microsecond // 1000:03d}Z"
         run = {"run_id": stem, "vehicle": self._vehicle, "recorder": "onboard", **provenance()}
         path = self._folder / f"{stem}.mcap"
-        self._writer = LogWriter(path, run, {"parameters.json": self._parameters()})
+        attachments = {name: text() for name, text in self._attachments.items()}
+        self._writer = LogWriter(path, run, attachments)
         self._files.append(Written(path, stamp_ns))
         self.problem = ""
         self._say(INFO, f"onboard log {path.name} started")

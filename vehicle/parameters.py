@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from bearing_sim.beacons import parse_layout
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
-from estimation.mass_estimator import MassParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.flown_mass import FlownMassParameters
 from vehicle.imu_calibration import ImuCalibration
 from vehicle.near_hovering import NearHoveringParameters
 from vehicle.safety_parameters import SafetyParameters
@@ -93,7 +93,7 @@ class VehicleParameters(Parameters):
     estimation: EstimationParameters = EstimationParameters()
     beacons: BeaconParameters = BeaconParameters()
     fallback: FallBackParameters = FallBackParameters()
-    mass: MassParameters = MassParameters()
+    mass: FlownMassParameters = FlownMassParameters()
     behavior: BehaviorParameters = BehaviorParameters()
     near_hovering: NearHoveringParameters = NearHoveringParameters()
     safety: SafetyParameters = SafetyParameters()

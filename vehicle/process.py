@@ -21,6 +21,8 @@ import msgspec
 
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
+from vehicle import mailbox
+from vehicle.calibration_store import FOLDER, CalibrationStore
 from vehicle.process_config import CommsConfig, FlightConfig, RingDescriptors, create_rings
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -47,6 +49,7 @@ class _Children:
 
     def restart_comms(self) -> None:
         self.comms_restarted = True
+        self._comms_config = msgspec.structs.replace(self._comms_config, notices=[])
         self.comms_started = time.monotonic()
         self.comms = self._start("vehicle.comms", self._comms_config)
 
@@ -123,12 +126,14 @@ def run_vehicle(
             the flight process.
         data: folder for certificates and onboard logs.
         link_port: UDP port the station dials.
-        settings: parameter values to start with.
+        settings: parameter values to start with, over those of stored calibrations.
         rate: ticks a second, which the ports must carry.
         identity: of the microcontroller; motors do not start with another.
     """
     rings = create_rings()
-    values = dict(settings or {})
+    started_ns = time.time_ns()
+    folder = data.resolve()
+    values, refused, notices = _with_calibrations(folder, dict(settings or {}))
     parent = os.getpid()
     signals = _Signals()
     recovery = _Recovery(data)
@@ -136,10 +141,19 @@ def run_vehicle(
         recovery.start()
         children = _Children(
             rings,
-            FlightConfig(
-                parent, rings, ports, rate, values, str(data.resolve() / TRAJECTORIES), identity
+            FlightConfig(parent, rings, ports, rate, values, str(folder / TRAJECTORIES), identity),
+            CommsConfig(
+                parent,
+                rings,
+                name,
+                str(folder),
+                link_port,
+                values,
+                identity,
+                started_ns,
+                refused,
+                notices,
             ),
-            CommsConfig(parent, rings, name, str(data.resolve()), link_port, values, identity),
         )
         try:
             return _watch(children, signals, recovery)
@@ -149,6 +163,27 @@ def run_vehicle(
         signals.restore()
         for descriptor in rings.all:
             os.close(descriptor)
+
+
+def _with_calibrations(
+    data: Path, settings: dict[str, ParameterValue]
+) -> tuple[dict[str, ParameterValue], list[int], list[tuple[int, str]]]:
+    """(values to start with, stamps of records not in force, what to tell) of stored calibrations.
+
+    What is wrong with them is told here too: nobody else may be there to read it.
+    """
+    if not (data / FOLDER).exists():
+        return settings, [], []
+    # Here, for it brings the whole tree along, and a vehicle that was never calibrated needs none.
+    from vehicle.calibrations_in_force import start_values
+
+    unusable: list[str] = []
+    found = start_values(CalibrationStore(data, unusable.append).newest(), settings)
+    notices = [(mailbox.WARN, line) for line in unusable]
+    notices += [(mailbox.WARN if is_bad else mailbox.INFO, line) for is_bad, line in found.lines]
+    for _, line in notices:
+        say(line)
+    return found.values, found.refused, notices
 
 
 def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:

@@ -51,6 +51,9 @@ class CommsConfig(msgspec.Struct, frozen=True):
     link_port: int
     parameters: dict[str, ParameterValue] = {}
     identity: Identity = THE_ONE
+    started_ns: int = 0  # of the vehicle; comms may be started again
+    refused_calibrations: list[int] = []  # stamps (ns) of records that are not in force
+    notices: list[tuple[int, str]] = []  # (level, text) of events of the start
 
 
 @dataclass(frozen=True, slots=True)

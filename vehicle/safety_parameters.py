@@ -107,6 +107,15 @@ class SafetyParameters(Parameters):
         description="what Emergency land does: land under control, descend without a pose, or "
         "leave the landing to the microcontroller",
     )  # fmt: skip
+    bench_timeout: float = parameter(
+        0.5, unit="s", ge=0.1, le=5.0, step=0.1,
+        description="time after which a motor on the bench stops when it is not asked for again",
+    )  # fmt: skip
+    bench_turn_max: float = parameter(
+        20.0, unit="deg", ge=5.0, le=90.0, step=5.0,
+        description="turn of a vehicle on the bench, within a second or so, that stops the motor: "
+        "it is not fixed",
+    )  # fmt: skip
     gyro_samples: int = parameter(
         500, ge=50, le=5000, step=50,
         description="still gyroscope samples averaged at each start (Sec. 5.1)",
@@ -114,4 +123,12 @@ class SafetyParameters(Parameters):
     gyro_deviation_max: float = parameter(
         1.0, unit="deg/s", ge=0.1, le=10.0, step=0.1,
         description="standard deviation above which the vehicle was not still",
+    )  # fmt: skip
+    gyro_drift_max: float = parameter(
+        40.0, unit="deg/s", ge=1.0, le=300.0, step=1.0,
+        description="drift that no gyroscope has: the vehicle turned steadily",
+    )  # fmt: skip
+    gyro_change_max: float = parameter(
+        5.0, unit="deg/s", ge=0.1, le=300.0, step=0.1,
+        description="the same of a drift that is found anew, from the one in use",
     )  # fmt: skip

@@ -16,17 +16,14 @@ from control.behaviors.near_hovering import Level
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
 from estimation.estimator import Estimator
-from quadrotor.errors import MeasurementError
 from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.commands import CommandHandler
-from vehicle.gyro_calibration import GyroCalibration
 from vehicle.lateness import LoopCounts, LoopStatistics
 from vehicle.microcontroller import RawSample
-from vehicle.modes import ControlMode, Mode
+from vehicle.modes import FLYING, ControlMode, Mode
 from vehicle.parameters import VehicleParameters
-from vehicle.stack_modes import StackModes
-from vehicle.status_writer import FLYING
+from vehicle.stack_ground import StackOnGround
 from vehicle.supervisor import Situation
 from vehicle_link.serial.ids import MotorState
 
@@ -34,10 +31,9 @@ LONGEST_STEP = 0.05
 """s: after a longer gap between samples the filters are stepped by this much only."""
 NOMINAL_STEP = 0.002
 LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
-TURNING = (MotorState.ON, MotorState.EMERGENCY)
 
 
-class FlightStack(StackModes):
+class FlightStack(StackOnGround):
     """The vehicle's behaviour between one IMU sample and the next motor references.
 
     Args:
@@ -72,7 +68,9 @@ class FlightStack(StackModes):
         airborne = self.ground.airborne
         self.navigation.step(self.imu, dt, self.state, self.estimate)
         # The wrench is still the last tick's: what the vehicle obeyed until now.
-        self.mass.step(self.state, self.actuators, airborne, dt, self.estimate)
+        self.mass.step(self.state, self.actuators, self._weighs(airborne), dt, self.estimate)
+        if self.mass.used:
+            self._fly_on(self.mass.mass)
         if self.steering.follow_battery(sample.battery_voltage, dt):
             self.behaviors.model = self.steering.model
 
@@ -87,7 +85,9 @@ class FlightStack(StackModes):
             self.heed(sample)
 
         command = None
-        if self.mode not in FLYING or self.control_mode is ControlMode.EMERGENCY:
+        if self.mode is Mode.BENCH:
+            command = self._turn_on_bench(sample, dt)
+        elif self.mode not in FLYING or self.control_mode is ControlMode.EMERGENCY:
             self._rest()
         elif self.behaviors.name is BehaviorName.GROUND:
             self._idle()
@@ -121,7 +121,7 @@ class FlightStack(StackModes):
     def _level(self, level: Level, dt: float) -> tuple[int, int, int, int]:
         """A command to the microcontroller, which holds the angles."""
         self.actuators[...] = self._off
-        command, thrust = self.near_hovering.command(level, self.parameters.model.mass, dt)
+        command, thrust = self.near_hovering.command(level, self.steering.mass, dt)
         self._wrench[0] = thrust
         return command
 
@@ -152,7 +152,9 @@ class FlightStack(StackModes):
     def configure(self) -> None:
         """Hand the present parameters to every part; called at a tick boundary."""
         p = self.parameters
+        self.mass.follow(p.mass, p.model.mass, self.mode in FLYING)
         self.steering.configure(p.control, p.model)
+        self._fly_on(self.mass.mass if self.mass.used else p.model.mass)
         self.behaviors.model = self.steering.model
         if p.beacons.layout != self._layout:
             self._layout = p.beacons.layout
@@ -162,11 +164,25 @@ class FlightStack(StackModes):
         self._pose_timeout = p.estimation.measurement_timeout
         self.imu_calibrator.configure(p.imu)
         self.status["parameter_revision"] = self.store.revision
-        self.mass.configure(p.mass)
-        self.behaviors.hover_thrust = p.model.mass * GRAVITY
         self.behaviors.control = p.control
 
     # ------------------------------------------------------------------ parts of the tick
+    def _weighs(self, airborne: bool) -> bool:
+        """Whether the commanded thrust is all that carries, as the mass estimate needs it.
+
+        An estimate that is only shown goes by the ground alone.
+        """
+        if not self.mass.used:
+            return airborne
+        if self.control_mode is not ControlMode.DIRECT:  # thrusts are the microcontroller's own
+            return False
+        return airborne and not (self.ground.carried and self.behaviors.name in LANDING)
+
+    def _fly_on(self, mass: float) -> None:
+        """One mass (kg) for law, feed-forward and touch-down."""
+        self.steering.weigh(mass)
+        self.behaviors.hover_thrust = mass * GRAVITY
+
     def _advance_time(self, stamp_ns: int) -> float:
         dt = (stamp_ns - self._stamp_ns) * 1e-9 if self._stamp_ns else NOMINAL_STEP
         if dt <= 0.0:
@@ -174,30 +190,6 @@ class FlightStack(StackModes):
         self._stamp_ns = stamp_ns
         self._sequence[0] += 1
         return min(dt, LONGEST_STEP)
-
-    def _calibrate_gyroscope(self, sample: RawSample) -> None:
-        p = self.parameters
-        if sample.motor_state in TURNING:  # started anew while the microcontroller lands
-            if not self._told_motors:
-                self.say("gyroscope not calibrated: motors run; waiting for them", mailbox.WARN)
-            self._told_motors, self._gyro = True, None
-            return
-        if self._gyro is None:
-            self.imu_calibrator.clear_gyroscope_bias()
-            deviation = math.radians(p.safety.gyro_deviation_max)
-            self._gyro = GyroCalibration(p.safety.gyro_samples, deviation)
-            return
-        try:
-            bias = self._gyro.add(self.imu["angular_velocity_b"][0])
-        except MeasurementError as error:
-            self.say(str(error), mailbox.WARN)
-            return
-        if bias is not None:
-            self.imu_calibrator.set_gyroscope_bias(bias)
-            self.navigation.reset()  # it saw the uncalibrated gyroscope and learnt from it
-            degrees = ", ".join(f"{math.degrees(b):.2f}" for b in bias)
-            self._gyro = None
-            self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """By the barometer, in every mode: nobody knows when it will be needed."""

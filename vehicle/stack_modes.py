@@ -37,16 +37,19 @@ class StackModes(StackParts):
         """Change the mode by the table of vehicle.modes and say so. Raises RefusedError."""
         check_move(self.mode, mode)
         self.mode = mode
-        if mode is Mode.ARMED:
+        if mode in (Mode.ARMED, Mode.BENCH):
             self.motor_state_wanted = MotorState.ON
             self._armed_ns = self._stamp_ns
+        if mode is Mode.ARMED:
             self.ground.arm(float(self.state["position_w"][0, 2]))
             self.supervisor.begin_flight()
             self.guard.begin_flight()
+            self.mass.begin_flight()
         elif mode in (Mode.READY, Mode.CUT):
             self.motor_state_wanted = MotorState.OFF
             self.control_mode = ControlMode.DIRECT
             self.ground.disarm()
+            self.bench.end()
             self.behaviors.reset()
             self.controller.reset()
         self.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)

@@ -10,11 +10,12 @@ from bearing_sim.beacons import parse_layout
 from control.behaviors.machine import BehaviorMachine
 from control.controller import Controller
 from estimation.estimator import Estimator
-from estimation.mass_estimator import MassEstimator
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import ACTUATORS, Record, new_tick
 from vehicle import mailbox
 from vehicle.bearings_guard import BearingsGuard
+from vehicle.bench import Bench
+from vehicle.flown_mass import FlownMass
 from vehicle.ground_contact import GroundContact
 from vehicle.gyro_calibration import GyroCalibration
 from vehicle.imu_calibration import ImuCalibrator
@@ -52,7 +53,7 @@ class StackParts:
         self.parameters = parameters
         self.store = ParameterStore(parameters)
         self.steering = Steering(parameters.control, parameters.model, controller)
-        self.mass = MassEstimator(parameters.model.mass, parameters.mass)
+        self.mass = FlownMass(parameters.mass, parameters.model.mass)
         self.behaviors = BehaviorMachine(parameters.behavior)
         self.supervisor = Supervisor(parameters.safety)
         self.imu_calibrator = ImuCalibrator(parameters.imu)
@@ -69,7 +70,7 @@ class StackParts:
         self.obstacle = ""
         self.near_hovering = NearHovering(parameters.near_hovering)
         self.ground = GroundContact()
-        self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
+        self.outbox: list[mailbox.Told] = []
         self._stamp_ns = 0
         self._layout = parameters.beacons.layout
         self.navigation = Navigation(
@@ -80,7 +81,10 @@ class StackParts:
             parameters.fallback,
         )
         self.motor_state_wanted = MotorState.OFF
+        self.bench = Bench(parameters.safety)
         self._gyro: GyroCalibration | None = None
+        self._gyro_begun_ns = 0
+        self._asked: mailbox.CalibrateGyroscope | None = None  # None: it is the start
         self._told_motors = False  # that they run while the gyroscope is to be calibrated
         self._off = np.zeros(1, ACTUATORS)
         self._off["scaling"] = 1.0

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from quadrotor.records import Record
 from vehicle.lateness import LoopCounts, LoopStatistics
-from vehicle.modes import ControlMode, Flag, Mode
+from vehicle.modes import MOTORS_ON, ControlMode, Flag, Mode
 
-FLYING = (Mode.ARMED, Mode.EMERGENCY_LAND)
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 # As plain numbers: an IntFlag costs half a microsecond an operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
@@ -68,7 +67,7 @@ class StatusWriter:
             flags |= _TILT_LIMITED
         if not self.real_time:
             flags |= _NOT_REAL_TIME
-        row = (mode, behavior, mode in FLYING, airborne, control_mode, flags)
+        row = (mode, behavior, mode in MOTORS_ON, airborne, control_mode, flags)
         if row != self._written:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):

@@ -1,4 +1,4 @@
-"""Which control law flies, and the vehicle's model it believes, which follows the battery.
+"""Which control law flies, and the vehicle's model it believes, which follows battery and mass.
 
 A law is changed on the ground only: the integrals of one mean nothing to another.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Protocol, runtime_checkable
 
 from control.controller import Controller, GeometricController
 from control.near_hovering import NearHoveringController
@@ -23,8 +24,19 @@ LAWS: dict[str, Callable[[], Controller]] = {
 LAW = "control.law"
 SETTLING = 1.0
 """s, time constant of the battery voltage that the model follows: not its ripple."""
+GRAM = 0.001
+"""kg by which the mass must have moved to configure a law that cannot be weighed."""
 STEP = 0.05
 """V by which the voltage must have moved to make the model anew: 0.3 % of a 4-cell battery."""
+
+
+@runtime_checkable
+class Weighed(Protocol):
+    """A law whose mass can be moved on in each tick; others are configured anew."""
+
+    def weigh(self, mass: float) -> None:
+        """Args: `mass` in kg."""
+        ...
 
 
 class Steering:
@@ -33,6 +45,10 @@ class Steering:
     Args:
         control, model: read again by each `configure`.
         plugin: flown with in place of the law named in the parameters, until another is set.
+
+    Attributes:
+        model: MODEL, shape (1,), with the mass that is flown on; followed, not kept, by others.
+        mass: kg, the same.
     """
 
     def __init__(
@@ -42,6 +58,7 @@ class Steering:
         self.controller: Controller = plugin or LAWS[self._name]()
         self._voltage: float | None = None  # V, filtered; None before the first reading
         self._modelled: float | None = None  # V, that the model was made for
+        self.mass = model.mass
         self.configure(control, model)
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
@@ -54,6 +71,7 @@ class Steering:
     def configure(self, control: ControlParameters, model: VehicleModel) -> None:
         """Take the present parameters; `check` has seen them."""
         self._control, self._parameters = control, model
+        self.mass = model.mass
         if control.law != self._name:
             self._name = control.law
             self.controller = LAWS[self._name]()
@@ -71,7 +89,25 @@ class Steering:
         self._remodel()
         return True
 
+    def weigh(self, mass: float) -> None:
+        """Fly on this mass (kg) from now on, until the next `configure`."""
+        if mass == self.mass:
+            return
+        self.mass = mass
+        self._model_mass[0] = mass
+        if self._weighed is not None:
+            self._weighed.weigh(mass)
+        elif abs(mass - self._configured) >= GRAM:
+            self._hand_over()
+
     def _remodel(self) -> None:
         self._modelled = self._voltage
         self.model: Record = self._parameters.record(self._voltage)
+        self._model_mass = self.model["mass"]  # a view
+        self._model_mass[0] = self.mass
+        self._hand_over()
+
+    def _hand_over(self) -> None:
+        self._configured = self.mass
+        self._weighed = self.controller if isinstance(self.controller, Weighed) else None
         self.controller.configure(self._control, self.model)

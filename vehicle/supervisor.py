@@ -59,6 +59,7 @@ class Supervisor:
         self._since: dict[str, int] = {}  # cause -> stamp from which on its condition has held
         self._said: set[str] = set()
         self.flags = Flag.NONE
+        self.battery_spent = False  # for long enough to react, flying or not
 
     def heard(self, stamp_ns: int) -> None:
         """The station's heartbeat arrived at this time of the vehicle's clock."""
@@ -77,7 +78,7 @@ class Supervisor:
         """The worst reaction due now, if any."""
         p = self._parameters
         self.flags = Flag.NONE
-        battery_due = self._battery_due(stamp_ns, now.voltage)
+        battery_due = self.battery_spent = self._battery_due(stamp_ns, now.voltage)
         link_age = self._watch_link(stamp_ns)
         if not now.airborne:
             return None

@@ -28,12 +28,14 @@ from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.asking import Asker, Operator, operator_of
 from web.beacons.routes import add_beacons
+from web.calibration import add_calibration
 from web.control import add_control
 from web.experiments import add_experiments
 from web.parameter_routes import add_parameters
 from web.parts import Parts
 from web.replay.routes import add_replay
 from web.replay.store import ReplayStore
+from web.reports import add_reports
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
@@ -71,6 +73,8 @@ def create_app(
     add_control(app, parts)
     add_setup(app, parts)
     add_experiments(app, parts)
+    add_calibration(app, parts)
+    add_reports(app, parts)
     add_beacons(app, parts)
     add_tuning(app, parts)
     app.mount("/static", StaticFiles(directory=STATIC))

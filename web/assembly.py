@@ -33,6 +33,7 @@ from web.parameter_mirror import ParameterMirror
 from web.parameters import GainPath
 from web.parts import Parts
 from web.runs.exports import ViserExports
+from web.runs.report_making import ReportMaking
 from web.scene import Scene
 from web.station import Station
 from web.sticks import StickOutput
@@ -80,7 +81,7 @@ def assemble(
         attempts=attempts,
         passwords=passwords,
     )
-    links, exports = SignedLinks(data / "web"), ViserExports()
+    links, exports, reports = SignedLinks(data / "web"), ViserExports(), ReportMaking()
     mirror = ParameterMirror(hub.publish)
     scene = Scene(view_server, live)
     station = connect(live, hub)
@@ -118,6 +119,7 @@ def assemble(
             station.stop()
             view_server.stop()
             exports.stop()
+            reports.stop()
             people.stop()
 
     app = create_app(
@@ -139,6 +141,7 @@ def assemble(
             tls=tls,
             links=links,
             exports=exports,
+            reports=reports,
             stick=stick,
             emergency=EmergencyDesk(
                 station,

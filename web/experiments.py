@@ -1,20 +1,18 @@
-"""Experiments of the station: what there is, start, finish, stop; and the reports of runs.
+"""Experiments of the station: what there is, start, finish, stop, what they ask and propose.
 
-The station flies and judges them; the page may close meanwhile.
+The station flies and judges them; the page may close meanwhile. Reports are in `web/reports.py`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict
-from pathlib import Path
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
 from pydantic import BaseModel, ConfigDict, Field
 
-from console.run_reports import read_result, report_file
 from vehicle_link.parameter_messages import from_descriptor, to_parameters
 from web.asking import Operator
 from web.live import Live
@@ -22,19 +20,9 @@ from web.live import Live
 if TYPE_CHECKING:
     from web.parts import Parts
 
-STATIC = Path(__file__).parent / "static"
-SHOWN = {
-    ".png": "image/png",
-    ".md": "text/plain; charset=utf-8",
-    ".csv": "text/plain; charset=utf-8",
-    ".json": "application/json",
-    ".pdf": "application/pdf",
-}
-"""What a browser may show; anything else of a report is downloaded."""
-
 
 class ExperimentBody(BaseModel):
-    """finish, stop."""
+    """finish, stop, confirm, accept, reject."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -52,9 +40,13 @@ class StartExperimentBody(ExperimentBody):
     options: dict[str, bool | int | float | str] = Field({}, max_length=100)
 
 
+class ConfirmBody(ExperimentBody):
+    question: str = Field(min_length=1, max_length=500, description="a yes to no other one")
+
+
 def add_experiments(app: FastAPI, parts: Parts) -> None:
-    """The routes below /api/experiments and /api/runs/{run_id}/report."""
-    station, catalogue = parts.station, parts.catalogue
+    """The routes below /api/experiments."""
+    station = parts.station
 
     async def ask(
         body: ExperimentBody, requester: str, action: str, **more: Any
@@ -64,24 +56,12 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/experiments")
     async def experiments() -> dict[str, Any]:
-        """Each with its options: bounds, choices, unit, description; and how it stands."""
+        """Each with its options: bounds, choices, unit, description; and how it stands.
+
+        `calibration`: which one it proposes; `problem`: why a file of one's own cannot run.
+        """
         answer = await station.answer("experiment", "page", action="describe")
-        options = [asdict(from_descriptor(one)) for one in answer.descriptors]
-        return {
-            "experiments": [
-                {
-                    "name": name,
-                    "description": text,
-                    "options": [
-                        {**option, "name": option["name"].split(".", 1)[1]}
-                        for option in options
-                        if option["name"].split(".", 1)[0] == name
-                    ],
-                }
-                for name, text in zip(answer.names, answer.descriptions, strict=True)
-            ],
-            "status": experiment_summary(parts.live),
-        }
+        return {"experiments": _described(answer), "status": experiment_summary(parts.live)}
 
     @app.post("/api/experiments/start")
     async def start(body: StartExperimentBody, session: Operator) -> dict[str, bool]:
@@ -99,26 +79,42 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
         """Commands no more: the vehicle brakes and hovers."""
         return await ask(body, session.label, "stop")
 
-    @app.get("/api/runs/{run_id}/report")
-    def report(run_id: str) -> dict[str, Any]:
-        """Verdict, figures, options and files of the experiment judged on this run."""
-        return read_result(catalogue.resolve(run_id))
+    @app.post("/api/experiments/confirm")
+    async def confirm(body: ConfirmBody, session: Operator) -> dict[str, bool]:
+        """Yes to the question it waits with."""
+        options = to_parameters({"question": body.question})
+        return await ask(body, session.label, "confirm", options=options)
 
-    @app.get("/api/runs/{run_id}/report/{name}")
-    def file(run_id: str, name: str) -> FileResponse:
-        """A plot or text of the report."""
-        path = report_file(catalogue.resolve(run_id), name)
-        kind = SHOWN.get(path.suffix)
-        return FileResponse(
-            path,
-            filename=path.name,
-            media_type=kind or "application/octet-stream",
-            content_disposition_type="inline" if kind else "attachment",
-        )
+    @app.post("/api/experiments/accept")
+    async def accept(body: ExperimentBody, session: Operator) -> dict[str, bool]:
+        """The vehicle takes the proposed calibration over, all of it or nothing."""
+        return await ask(body, session.label, "accept")
 
-    @app.get("/report/{run_id}", include_in_schema=False)
-    def report_page(run_id: str) -> FileResponse:
-        return FileResponse(STATIC / "report.html")
+    @app.post("/api/experiments/reject")
+    async def reject(body: ExperimentBody, session: Operator) -> dict[str, bool]:
+        """The proposal is put away; nothing changes."""
+        return await ask(body, session.label, "reject")
+
+
+def _described(answer: Any) -> list[dict[str, Any]]:
+    options = [asdict(from_descriptor(one)) for one in answer.descriptors]
+    about = zip_longest(
+        answer.names, answer.descriptions, answer.calibrations, answer.problems, fillvalue=""
+    )
+    return [
+        {
+            "name": name,
+            "description": text,
+            "calibration": calibration,
+            "problem": problem,
+            "options": [
+                {**option, "name": option["name"].removeprefix(f"{name}.")}
+                for option in options
+                if option["name"].startswith(f"{name}.")
+            ],
+        }
+        for name, text, calibration, problem in about
+    ]
 
 
 def experiment_summary(live: Live) -> dict[str, Any] | None:
@@ -128,6 +124,7 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
         return None
     names = (
         "name", "phase", "step", "requester", "manual", "reason", "run_id", "verdict",
+        "instruction", "step_number", "step_count", "question", "decision",
     )  # fmt: skip
     limits = (float(x) for x in status.metric_limits)
     values = (float(x) for x in status.metric_values)
@@ -135,13 +132,25 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
         **{name: getattr(status, name) for name in names},
         "elapsed": round(float(status.elapsed), 1),
         "planned": round(float(status.planned), 1),
+        "step_share": round(float(status.step_share), 3),
+        "live": [
+            {"name": name, "value": _number(value), "unit": unit}
+            for name, value, unit in zip(
+                status.live_names, status.live_values, status.live_units, strict=True
+            )
+        ],
         "reports": list(status.reports),
         "metrics": [
             {
                 "name": name,
-                "value": float(f"{value:.6g}") if math.isfinite(value) else None,
+                "value": _number(value),
                 "limit": limit if math.isfinite(limit) else None,
             }
             for name, value, limit in zip(status.metric_names, values, limits, strict=True)
         ],
     }
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None

@@ -17,6 +17,7 @@ from web.live import Live
 from web.parameter_mirror import ParameterMirror
 from web.parameters import GainPath
 from web.runs.exports import ViserExports
+from web.runs.report_making import ReportMaking
 from web.scene import Scene
 from web.station import Station
 from web.sticks import StickOutput
@@ -44,6 +45,7 @@ class Parts:
     catalogue: Catalogue
     links: SignedLinks
     exports: ViserExports
+    reports: ReportMaking
     stick: StickOutput
     control: Control
     emergency: EmergencyDesk

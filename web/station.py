@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from vehicle_link.parameter_service import ParameterClient
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
-PATIENCE = {"checks": 8.0}  # s, for what takes its time
+PATIENCE = {"checks": 8.0, "experiment": 4.0}  # s, for what takes its time
 RETRY = 1.0  # s
 JOY = "sensor_msgs/Joy"
 

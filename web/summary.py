@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from web.calibration import proposal_summary
 from web.events import Message, summarize
 from web.experiments import experiment_summary
 from web.setup.preflight import preflight_summary
@@ -27,8 +28,8 @@ class Summary:
         self._newest: Message = {}
 
     def __call__(self) -> Message:
-        """Newest status messages, ages, experiment, control, pre-flight, what Emergency land does;
-        to be read only."""
+        """Newest status messages, ages, experiment and its proposal, control, pre-flight, what
+        Emergency land does; to be read only."""
         now = self._clock()
         if now - self._made > SHARED:
             self._newest, self._made = self.fresh(), now
@@ -40,6 +41,7 @@ class Summary:
         return {
             **summarize(parts.live),
             "experiment": experiment_summary(parts.live),
+            "proposal": proposal_summary(parts.live),
             "control": parts.control.summary(),
             "preflight": preflight_summary(parts.live),
             "emergency_land": parts.mirror.value("safety.emergency_land"),

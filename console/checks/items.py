@@ -57,6 +57,7 @@ def mode(f: Facts, p: PreflightParameters) -> Check:
         "cut": "the motors were cut: look why, then press Disarm to acknowledge it",
         "emergency_land": "wait until it is down",
         "starting": "wait for the gyroscope's calibration",
+        "bench": "a motor is on the bench: wait, or press Disarm to end it",
     }
     state: State = "ok" if f.mode == "ready" else "fail"
     found = f.mode.replace("_", " ")

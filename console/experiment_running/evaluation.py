@@ -19,13 +19,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from console.experiments.client import Experiment, Reporting, Result
-from console.run_reports import RESULT, report_folder
-from quadrotor.errors import QuadlabError, StorageError
+from console.experiments.client import Calibrating, Experiment, Reporting, Result
+from console.experiments.user_file import mistakes_told
+from console.run_reports import report_folder, write_result
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import MeasurementError, QuadlabError, StorageError
 
 NICENESS = 15
 POLL = 0.1
 ROOT = Path(__file__).parents[1]
+VERDICTS = ("passed", "failed")
 MODULE = "console.experiment_running.evaluation"
 
 
@@ -45,17 +48,19 @@ class Judgement:
     result: Result
     files: tuple[str, ...]
     problem: str = ""
+    proposal: str = ""
+    """JSON of the calibration record that it proposes."""
 
 
 def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgement:
     """Run the process and wait for it. Raises StorageError with the reason it failed for."""
+    sent: bytes | None = _pickled(job)
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     process = subprocess.Popen(
         [sys.executable, "-m", module],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
-    sent: bytes | None = pickle.dumps(job)
     waited = 0.0
     while True:
         try:
@@ -80,37 +85,89 @@ def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgeme
     if "error" in answer:
         raise StorageError(str(answer["error"]))
     result = Result(answer["verdict"], answer["metrics"], answer["limits"])
-    return Judgement(result, tuple(answer["files"]), answer["problem"])
+    proposal = answer["proposal"]
+    return Judgement(
+        result, tuple(answer["files"]), answer["problem"],
+        "" if proposal is None else CalibrationRecord(**proposal).model_dump_json(),
+    )  # fmt: skip
 
 
 def evaluate(job: Job) -> dict[str, Any]:
     """In the process: result.json and the report's files; what they say. Raises QuadlabError."""
     experiment, folder = job.experiment, report_folder(job.log)
-    result = experiment.evaluate(job.log)
+    with mistakes_told(experiment):
+        result = experiment.evaluate(job.log)
+    if result.verdict not in VERDICTS:
+        raise MeasurementError(
+            f"the verdict of {experiment.name} is {result.verdict!r:.40}; allowed are "
+            f"{' and '.join(VERDICTS)}"
+        )
+    try:  # numpy's numbers of any kind are fine, words are not
+        metrics = {str(name): float(value) for name, value in result.metrics.items()}
+        limits = {str(name): float(value) for name, value in result.limits.items()}
+    except (TypeError, ValueError, AttributeError) as error:
+        raise MeasurementError(
+            f"metrics and limits of {experiment.name} are numbers by name: {error}"
+        ) from error
+    proposal, problem = proposed(job)
     try:
         folder.mkdir(exist_ok=True)
-        files, problem = [], ""
+        files = []
         if isinstance(experiment, Reporting):
             try:
-                files = [path.name for path in experiment.report(job.log, folder)]
+                with mistakes_told(experiment):
+                    files = [path.name for path in experiment.report(job.log, folder)]
             except Exception as error:  # the verdict stands without pictures
-                problem = f"no plots: {error}"
+                problem = "; ".join(filter(None, (problem, f"no plots: {error}")))
         content = {
             "experiment": experiment.name,
             "run_id": job.log.stem,
             "options": dict(experiment.parameters or ()),
             "verdict": result.verdict,
-            "metrics": {k: v for k, v in result.metrics.items() if math.isfinite(v)},
-            "limits": result.limits,
+            "metrics": {k: v for k, v in metrics.items() if math.isfinite(v)},
+            "limits": limits,
             "files": files,
             "problem": problem,
+            "proposal": proposal and json.loads(proposal.model_dump_json()),
         }
-        aside = folder / f"{RESULT}.new"
-        aside.write_text(json.dumps(content, indent=1))
-        aside.replace(folder / RESULT)
+        write_result(job.log, content)
     except OSError as error:
         raise StorageError(f"the report cannot be written: {error}") from error
     return content
+
+
+def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
+    """The calibration it proposes, as another process will read it, and why there is none."""
+    experiment = job.experiment
+    if not isinstance(experiment, Calibrating):
+        return None, ""
+    try:
+        with mistakes_told(experiment):
+            return parse_record(experiment.proposal(job.log).model_dump_json()), ""
+    except QuadlabError as error:
+        return None, f"nothing is proposed: {error}"
+    except Exception as error:  # the verdict stands without
+        return None, f"nothing is proposed, a defect: {error!r}"
+
+
+def _pickled(job: Job) -> bytes:
+    """Raises StorageError for an experiment that cannot be given to another process."""
+    try:
+        return pickle.dumps(job)
+    except Exception as error:  # of a person's own file anything may come
+        raise StorageError(
+            f"{job.experiment.name} cannot be given to the process that judges it ({error}); it "
+            "must not keep the client, files or functions made in its methods"
+        ) from error
+
+
+def begin_report(log: Path) -> None:
+    """The page of the whole run beside the result, in its own time: nobody waits for it."""
+    subprocess.Popen(
+        [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
 
 
 def main() -> int:
@@ -124,6 +181,8 @@ def main() -> int:
     except QuadlabError as error:
         answer = {"error": " ".join(str(error).split())}
     print(json.dumps(answer), file=answered, flush=True)
+    if "error" not in answer:
+        begin_report(job.log)
     return 0
 
 

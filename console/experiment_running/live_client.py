@@ -1,270 +1,180 @@
-"""The client API of experiments over the station's link: the vehicle in wall time.
-
-Whoever else commands the vehicle ends the experiment: from then on nothing of it is sent. So
-does a lost link; the vehicle then brakes and lands by itself.
-"""
+"""The client API of experiments over the station's link, guided procedures included."""
 
 from __future__ import annotations
 
 import threading
-import time
-import uuid
-from collections.abc import Callable, Sequence
-from typing import Any, Protocol
+from collections.abc import Sequence
+from contextlib import suppress
 
+from console.experiment_running.live_bench import LiveBench
+from console.experiment_running.live_commands import LOOK, Ground, LiveCommands
+from console.experiment_running.readings_feed import ReadingsFeed
+from console.experiment_running.simulated_hand import SimulatedHand
 from console.experiment_running.vehicle import VehicleFeed
-from console.experiments.client import VehicleView
-from console.sticks import StickOrder, StickWatchdog
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from quadrotor.parameters import ParameterValue
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.messages import new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import from_parameters, to_parameters
-from vehicle_link.topics import SERVICES
+from console.experiment_running.vehicle_services import VehicleServices
+from console.experiments.client import ExperimentEndedError
+from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import QuadlabError, RefusedError
 
-CALL_TIMEOUT = 1.0
-LOOK = 0.02
-"""s between two looks at a condition, at least."""
-IDLE = 0.1
-"""s between two looks when nothing is heard."""
-SHOWN = 0.5
-"""s for the status to show what was accepted."""
-SETTLE = 0.05
-"""s that somebody's command waits for one of the experiment that is on its way."""
-USED = ("arm", "disarm", "start_behavior", "change_parameters")
+GYROSCOPE_TIMEOUT = 6.0
+"""s for the vehicle to find the drift of its gyroscope."""
+BENCH_CALL = 0.25
+"""s for an answer about the bench: soon enough to ask again before the vehicle gives up."""
+BENCH_TIMEOUT = 0.5
+"""s after which a vehicle stops the motor that does not tell its own."""
+MOTORS, COUNTS = 4, 255
 
 
-class Ground(Protocol):
-    """What the client needs of the station."""
-
-    def link_state(self) -> LinkState: ...
-
-    def vehicle_ns(self) -> int: ...
-
-    def joy(self, order: StickOrder) -> None: ...
-
-    def stick_timeout(self) -> float: ...
-
-    def asked(self, command: str, requester: str) -> None: ...
-
-    def step(self, text: str) -> None: ...
-
-
-class VehicleServices:
-    """The vehicle's own services; made once, for each client announces itself."""
-
-    def __init__(self, node: Node) -> None:
-        self._clients = {name: node.client(name, SERVICES[name]) for name in USED}
-
-    def call(self, service: str, requester: str, **fields: Any) -> Any:
-        """The accepted answer; asked twice under one id. Raises RefusedError or LinkError."""
-        request = new(
-            f"{SERVICES[service]}_Request",
-            request_id=uuid.uuid4().hex, requester=requester, **fields,
-        )  # fmt: skip
-        try:
-            response = self._clients[service].call(request, timeout=CALL_TIMEOUT)
-        except LinkError:
-            response = self._clients[service].call(request, timeout=CALL_TIMEOUT)
-        if not response.accepted:
-            raise RefusedError(str(response.reason) or f"{service} was refused without a reason")
-        return response
-
-
-class LiveClient:
-    """`console.experiments.client.Client` of one experiment.
-
-    Args:
-        requester: who started it; the vehicle is told that this person asks.
-    """
-
-    has_pilot = True
+class LiveClient(LiveCommands):
+    """`console.experiments.client.Client` of one experiment."""
 
     def __init__(
-        self, services: VehicleServices, feed: VehicleFeed, ground: Ground, requester: str
+        self,
+        services: VehicleServices,
+        feed: VehicleFeed,
+        readings: ReadingsFeed,
+        hand: SimulatedHand,
+        ground: Ground,
+        requester: str,
     ) -> None:
-        self._services, self._feed, self._ground = services, feed, ground
-        self._requester = requester
-        self._sending = threading.Lock()
-        self._ended: QuadlabError | None = None
-        self._taken_over = threading.Event()
-        self._finish = threading.Event()
-        self._watchdog = StickWatchdog()
-        self._watchdog_lock = threading.Lock()
-        self.pilot = False
-        """Whether the person's sticks fly."""
-        self.armed = False
-        """Whether the motors were started."""
+        super().__init__(services, feed, ground, requester)
+        self._readings, self._hand = readings, hand
+        self._yes = threading.Event()
+        self._is_recorded = self._needs_imu = False
+        self._bench = LiveBench(
+            self._ask_bench, self._end_bench, self._bench_timeout, lambda: feed.mode,
+            lambda: self._looked,
+        )  # fmt: skip
 
     # ------------------------------------------------------------------ from other threads
-    def finish(self) -> None:
-        self._finish.set()
-        self._feed.wake()
-
     def end(self, why: QuadlabError, *, taken_over: bool = False, patience: float = 0.0) -> None:
-        """No more commands from now on; waits raise. The first reason stays.
-
-        Args:
-            taken_over: by a person; then not even `hold` sends anything.
-            patience: s to wait for a command that is on its way.
-        """
-        self._ended = self._ended or why
-        if taken_over:
-            self._taken_over.set()
-        self._feed.wake()
-        if patience and self._sending.acquire(timeout=patience):
-            self._sending.release()
+        self._bench.give_up()
+        super().end(why, taken_over=taken_over, patience=patience)
 
     @property
-    def taken_over(self) -> bool:
-        """Whether a person has commanded since, or flies with the sticks."""
-        return self._taken_over.is_set()
+    def has_begun(self) -> bool:
+        """Whether it has done anything, on the ground or in the air."""
+        return self.armed or self._is_recorded
 
-    def tick(self) -> None:
-        """Some times a second: sticks that the experiment stopped moving are dropped."""
-        with self._watchdog_lock:
-            order = self._watchdog.tick(time.monotonic(), self._ground.stick_timeout())
-        if order is not None and self._ended is None and not self.pilot:
-            self._ground.joy(order)
+    def confirmed(self) -> None:
+        """Somebody said yes to the question."""
+        self._yes.set()
 
-    # ------------------------------------------------------------------ the client API
+    # ------------------------------------------------------------------ guided procedures
     @property
-    def finished(self) -> bool:
-        return self._finish.is_set()
+    def simulated(self) -> bool:
+        return self._hand.is_there
 
-    def pilot_flies(self, on: bool) -> None:
-        self.pilot = on
-        if on:
-            self._ground.step("flown by hand")
-
-    def view(self) -> VehicleView:
+    def tell(self, progress: Progress) -> None:
         self._check()
-        return self._feed.view()
+        self._recorded()
+        self._ground.tell(progress)
 
-    def arm(self) -> None:
-        self._ground.step("arming")
-        self._ground.asked("arm", self._requester)
-        self.armed = True
-        try:
-            self._call("arm")
-        except RefusedError:
-            self.armed = False
-            raise
-        self._shown("")
-
-    def start(self, behavior: str, **arguments: ParameterValue) -> None:
-        self._ground.step(behavior.replace("_", " "))
-        self._call("start_behavior", name=behavior, arguments=to_parameters(arguments))
-        self._shown(behavior)
-
-    def change(self, values: dict[str, ParameterValue]) -> None:
-        if not values:
-            return
-        asked = _few(values)
-        self._ground.step(asked)
-        try:
-            response = self._call("change_parameters", parameters=to_parameters(values))
-        except RefusedError as error:
-            self._ground.step(f"{asked}: {error}")
-            raise
-        self._feed.applied(from_parameters(response.applied), int(response.revision))
-
-    def parameter(self, name: str) -> ParameterValue:
-        return self._feed.parameter(name)
-
-    def sticks(self, axes: Sequence[float]) -> None:
-        forward, left, up, yaw = (float(axis) for axis in axes)
-        now, timeout = time.monotonic(), self._ground.stick_timeout()
-        with self._watchdog_lock:
-            if self._watchdog.dropped:  # released and pressed again
-                self._watchdog.feed((0.0, 0.0, 0.0, 0.0), False, now, timeout)
-            order = self._watchdog.feed((forward, left, up, yaw), True, now, timeout)
-        with self._sending:
-            self._check()
-            self._ground.joy(order)
-
-    def wait_until(
-        self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
-    ) -> None:
-        self._ground.step(f"waiting for {what}")
-        end = time.monotonic() + timeout
-        while True:
-            seen, looked = self._feed.news, time.monotonic()
-            view = self.view()
-            if condition(view):
-                return
-            if view.mode == "cut":
-                raise RefusedError(f"the motors were cut while it waited for {what}")
-            if looked >= end:
-                raise RefusedError(
-                    f"waited {timeout:g} s for {what} in vain; the vehicle is "
-                    f"{view.mode}, {view.behavior}"
-                )
-            self._feed.wait_news(seen, min(IDLE, end - looked))
-            self._pause(looked + LOOK)
-
-    def wait(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
-            self._check()
-            self._pause(time.monotonic() + min(left, LOOK))
+    def confirm(self, question: str) -> None:
         self._check()
+        self._recorded()
+        self._yes.clear()
+        self._ground.ask(question)
+        try:
+            while not self._yes.wait(LOOK):
+                self._check()
+                if self.finished:
+                    raise ExperimentEndedError("it was finished before its question was answered")
+        finally:
+            self._ground.ask("")
+
+    def turn(self, quaternion_wb: Sequence[float] | None) -> None:
+        self._check()
+        self._hand.turn(quaternion_wb, self.requester)
+
+    def imu(self) -> ImuReadings:
+        self._check()
+        self._recorded()
+        self._needs_imu = True
+        return self._readings.imu()
+
+    def tracked(self) -> TrackedAttitude | None:
+        self._check()
+        self._recorded()
+        return self._readings.tracked()
+
+    def calibrate_gyroscope(self) -> CalibrationRecord:
+        self._recorded()
+        self._ground.step("calibrating the gyroscope")
+        self._ground.asked("calibrate", self.requester)
+        response = self._call("calibrate", action="gyroscope", timeout=GYROSCOPE_TIMEOUT)
+        if not response.records:
+            raise RefusedError("the vehicle calibrated its gyroscope and told no result")
+        return parse_record(str(response.records[0]))
+
+    def bench(self, motor: int, reference: int) -> None:
+        self._check()
+        self._recorded()
+        if not 0 <= motor <= MOTORS or not 0 <= reference <= COUNTS:
+            raise RefusedError(
+                f"motor {motor} at {reference} counts: allowed are motors 1 to {MOTORS}, 0 to end "
+                f"the bench, and 0 to {COUNTS} counts"
+            )
+        if motor and not self._bench.is_on:
+            self._hand.fix(self.requester)
+        self._bench.set(motor, reference)
+        if not motor:
+            self._hand.let_go(self.requester)
+
+    def bench_readings(self) -> BenchReadings:
+        self._check()
+        self._recorded()
+        return self._readings.bench_readings()
 
     # ------------------------------------------------------------------ after the end
-    def hold(self, requester: str) -> str:
-        """What the vehicle is told when its experiment has ended in the air: to brake and hover;
-        on the ground, to stop the motors. Nothing when a person has commanded since.
+    def close(self) -> list[str]:
+        """On every way out: no motor on the bench, nothing holds a simulated vehicle.
 
-        Returns what came of it, in words.
+        Returns what was not well, in words.
         """
-        view = self._feed.view()
-        if self._taken_over.is_set() or not view.armed or view.mode != "armed":
-            return ""
-        service, said = ("start_behavior", "it brakes and hovers; land it")
-        fields: dict[str, Any] = {"name": "brake"}
-        if not view.airborne:
-            service, said, fields = ("disarm", "the motors are off", {})
+        self._bench.close()
+        told = []
         try:
-            with self._sending:
-                if self._taken_over.is_set():
-                    return ""
-                self._services.call(service, requester, **fields)
-        except (RefusedError, LinkError) as error:
-            return f"it was told to {service} and did not: {error}"
-        return said
+            self._hand.let_go(self.requester)
+        except RefusedError as error:
+            told.append(str(error))
+        lost = self._readings.end()
+        if lost and self._needs_imu:
+            told.append(f"{lost} packets of telemetry did not come while it measured")
+        return told
 
-    # ------------------------------------------------------------------ inside
-    def _call(self, service: str, **fields: Any) -> Any:
+    def _recorded(self) -> None:
+        """From its first guided step on there is a run, on the ground and disarmed too."""
+        if not self._is_recorded:
+            self._ground.record()
+            self._readings.begin()  # nothing is looked at that the run's file does not have
+            self._is_recorded = True
+
+    def _ask_bench(self, motor: int, reference: int) -> None:
         with self._sending:
-            self._check()
-            response = self._services.call(service, self._requester, **fields)
-        self._check()
-        return response
+            if self._ended is not None:
+                raise self._ended
+            self._services.call(
+                "bench", self.requester, timeout=BENCH_CALL, tries=1,
+                motor=motor, reference=reference, secured=True,
+            )  # fmt: skip
 
-    def _shown(self, behavior: str) -> None:
-        """Until the status is from after the answer: what follows must not look at old news."""
-        self._feed.wait_status(behavior, self._ground.vehicle_ns(), SHOWN)
-        self._check()
+    def _end_bench(self) -> None:
+        """Whatever was before: it only stops a motor, which the vehicle does by itself as well."""
+        with suppress(QuadlabError):
+            self._services.call(
+                "bench", self.requester, timeout=BENCH_CALL, motor=0, reference=0, secured=True
+            )
 
-    def _pause(self, until: float) -> None:
-        """Sleep to a time of the monotonic clock; an end is seen at the next look."""
-        left = until - time.monotonic()
-        if left > 0.0:
-            time.sleep(left)
+    def _bench_timeout(self) -> float:
+        try:
+            return float(self._feed.parameter("safety.bench_timeout"))
+        except QuadlabError:
+            return BENCH_TIMEOUT
 
     def _check(self) -> None:
-        if self._ended is None and self._ground.link_state() is LinkState.LOST:
-            self._ended = LinkError(
-                "the link to the vehicle was lost; it brakes, and lands by itself unless "
-                "the station is heard again"
-            )
-        if self._ended is not None:
-            raise self._ended
-
-
-def _few(values: dict[str, ParameterValue]) -> str:
-    """Some parameters in words."""
-    if len(values) > 3:
-        return f"setting {len(values)} parameters"
-    return "setting " + ", ".join(f"{name.split('.', 1)[-1]} = {v}" for name, v in values.items())
+        super()._check()
+        problem, self._bench.problem = self._bench.problem, None
+        if problem is not None:
+            raise problem

@@ -1,7 +1,8 @@
 """Experiments at the station: one at a time, in a thread, on whatever vehicle is connected.
 
 A person's command always wins: it ends the experiment before it is passed on. The run is the one
-the recorder makes of every flight; it is judged by a process of its own after touch-down.
+the recorder makes of every flight, or of its first guided step; it is judged by a process of its
+own afterwards.
 """
 
 from __future__ import annotations
@@ -11,31 +12,36 @@ import threading
 import time
 from collections.abc import Callable
 
+from console.calibrations import Calibrations
 from console.catalogue import Catalogue
 from console.experiment_running import state as phases
-from console.experiment_running.evaluation import MODULE, Job, judge
-from console.experiment_running.live_client import SETTLE, LiveClient, VehicleServices
+from console.experiment_running.board import INFO, WARN, ExperimentBoard
+from console.experiment_running.decision import Decisions
+from console.experiment_running.evaluation import MODULE
+from console.experiment_running.judging import Judging
+from console.experiment_running.live_client import LiveClient
+from console.experiment_running.live_commands import SETTLE
+from console.experiment_running.readings_feed import ReadingsFeed
 from console.experiment_running.run_files import LOOK, RunFiles, Settings
 from console.experiment_running.service import ExperimentService
+from console.experiment_running.simulated_hand import SimulatedHand
 from console.experiment_running.state import ExperimentState
 from console.experiment_running.stick_takeover import StickTakeover
+from console.experiment_running.user_files import FOLDER, UserFiles
 from console.experiment_running.vehicle import VehicleFeed
+from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import Experiment, ExperimentEndedError
+from console.experiments.watched import fly
 from console.outbox import Outbox
-from console.recorder import Recorder
+from console.run_keeper import RunKeeper
 from console.sticks import StickOrder
 from console.vehicle_parameters import VehicleParameters
-from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.node import Node
 
 log = logging.getLogger(__name__)
 
-OFTEN, SELDOM = 4, 20
-"""Beats (50 ms) between two statuses, while an experiment runs and otherwise."""
-EVALUATION = 60.0
-"""s for the evaluation, and as much again as the flight is long."""
-INFO, WARN = 20, 30
 _BY_STICKS = "the sticks took over"
 
 
@@ -56,40 +62,59 @@ class ExperimentRunner:
         vehicle_ns: Callable[[], int],
         outbox: Outbox,
         parameters: VehicleParameters,
-        recorder: Recorder,
+        runs: RunKeeper,
+        calibrations: Calibrations,
         catalogue: Catalogue,
         settings: Settings,
         asked: Callable[[str, str], None],
         permit: Callable[[str, str], None],
         module: str = MODULE,
     ) -> None:
-        self.feed = VehicleFeed(parameters)
+        self.feed, self.readings = VehicleFeed(parameters), ReadingsFeed()
         self.link_state, self.vehicle_ns, self.joy = link_state, vehicle_ns, outbox.joy
         self.asked, self.permit = asked, permit
         self._vehicle = vehicle
-        self._outbox, self._recorder = outbox, recorder
-        self._settings, self._module = settings, module
-        self._services = VehicleServices(node)
-        self._lock = threading.RLock()
-        self._sending = threading.Lock()
-        self._state = ExperimentState()
+        self._runs, self._calibrations = runs, calibrations
+        self._settings = settings
+        self._services, self._hand = VehicleServices(node), SimulatedHand(node, vehicle)
         self._client: LiveClient | None = None
+        self._board = ExperimentBoard(outbox, vehicle_ns, lambda: self._pilot)
+        self._lock = self._board.lock
+        self.tell = self._board.tell
+        decisions = Decisions(self._board, self._services, calibrations, catalogue)
+        self.accept, self.reject = decisions.accept, decisions.reject
         self._thread: threading.Thread | None = None
         self._stopped_by = ""
         self._cancelled = threading.Event()
-        self._files = RunFiles(recorder, catalogue, lambda: settings()[1], self._cancelled)
+        self._files = RunFiles(runs.recorder, catalogue, lambda: settings()[1], self._cancelled)
+        self._judging = Judging(self._board, self._files, module, self._cancelled)
         self._takeover = StickTakeover()
-        ExperimentService(node, vehicle, self)
+        self._user_files = UserFiles(catalogue.folder.parent / FOLDER, vehicle)
+        ExperimentService(node, vehicle, self, self._user_files)
+
+    @property
+    def _state(self) -> ExperimentState:
+        return self._board.state
+
+    @property
+    def _pilot(self) -> bool:
+        client = self._client
+        return client is not None and client.pilot
 
     # ------------------------------------------------------------------ the service
-    def start(self, experiment: Experiment, requester: str) -> None:
-        """Begin. Raises RefusedError with the reason; then nothing was sent."""
+    def check_free(self) -> None:
+        """Raises RefusedError while one runs."""
         with self._lock:
             if self._state.running:
                 raise RefusedError(
                     f"{self._state.name} is running, started by {self._state.requester}; "
                     "stop it first"
                 )
+
+    def start(self, experiment: Experiment, requester: str) -> None:
+        """Begin. Raises RefusedError with the reason; then nothing was sent."""
+        with self._lock:
+            self.check_free()
             if self.link_state() is LinkState.LOST:
                 raise RefusedError("the link to the vehicle is lost; nothing was started")
             if (mode := self.feed.mode) != "ready":
@@ -100,17 +125,19 @@ class ExperimentRunner:
             self._stopped_by = ""
             self._cancelled.clear()
             self._takeover.begin()
-            self._state = ExperimentState(
+            self._board.state = ExperimentState(
                 experiment.name, phases.FLYING, "starting", requester, experiment.planned,
                 started=time.monotonic(),
             )  # fmt: skip
-            self._client = LiveClient(self._services, self.feed, self, requester)
+            self._client = LiveClient(
+                self._services, self.feed, self.readings, self._hand, self, requester
+            )
             self._thread = threading.Thread(
                 target=self._run, args=(experiment, self._client), name="experiment", daemon=True
             )
             self._thread.start()
-        self._outbox.say(INFO, f"experiment {experiment.name} by {requester}")
-        self._send()
+        self._board.say(INFO, f"experiment {experiment.name} by {requester}")
+        self._board.send()
 
     def finish(self, requester: str) -> None:
         """End the manoeuvre now, hand back, land, judge. Raises RefusedError."""
@@ -119,8 +146,8 @@ class ExperimentRunner:
                 raise RefusedError("no experiment is flying, so there is nothing to finish")
             self._state.phase = phases.FINISHING
             self._client.finish()
-        self._outbox.say(INFO, f"experiment finishes, asked by {requester}")
-        self._send()
+        self._board.say(INFO, f"experiment finishes, asked by {requester}")
+        self._board.send()
 
     def stop(self, requester: str) -> None:
         """Command no more: brake and hover, or stop judging. Raises RefusedError."""
@@ -132,6 +159,18 @@ class ExperimentRunner:
             client = self._client
         if client is not None:
             client.end(ExperimentEndedError(f"stopped by {requester}"))
+
+    def confirm(self, question: str, requester: str) -> None:
+        """Yes to what it asks; empty for whatever it asks now. Raises RefusedError."""
+        with self._lock:
+            asked, client = self._state.question, self._client
+            if not asked or client is None:
+                raise RefusedError("nothing waits for a yes")
+            if question not in ("", asked):
+                raise RefusedError(f"another question is asked now: {asked}")
+            self._state.question = ""
+        self._board.say(INFO, f"{requester} confirmed: {asked}")
+        client.confirmed()
 
     # ------------------------------------------------------------------ others command
     def commanded(self, command: str, requester: str) -> None:
@@ -166,7 +205,7 @@ class ExperimentRunner:
         try:
             self._services.call("start_behavior", "the sticks", name="velocity", arguments=[])
         except QuadlabError as error:
-            self._outbox.say(WARN, f"{_BY_STICKS}, but: {error}")
+            self._board.say(WARN, f"{_BY_STICKS}, but: {error}")
 
     # ------------------------------------------------------------------ the station's beat
     def tick(self, count: int) -> None:
@@ -175,13 +214,12 @@ class ExperimentRunner:
         if client is not None:
             client.tick()
         with self._lock:
-            running = self._state.running
             if self._state.phase in phases.IN_THE_AIR and client is not None and client.armed:
-                self._state.run_id = self._recorder.run_id or self._state.run_id
-        if count % (OFTEN if running else SELDOM) == 0:
-            self._send()
+                self._state.run_id = self._runs.recorder.run_id or self._state.run_id
+        self._board.tick(count)
 
     def close(self) -> None:
+        self._user_files.close()
         self._cancelled.set()
         if (client := self._client) is not None:
             client.end(ExperimentEndedError("the station stops"), taken_over=True)
@@ -193,88 +231,59 @@ class ExperimentRunner:
         return self._settings()[0]
 
     def step(self, text: str) -> None:
-        with self._lock:
-            changed, self._state.step = self._state.step != text, text
-        if changed:
-            self._send()
+        self._board.set(step=text)
+
+    def ask(self, question: str) -> None:
+        self._board.set(question=question)
+
+    def record(self) -> None:
+        """From now on there is a run, motors on or off. Raises RefusedError."""
+        try:
+            run_id = self._runs.hold(self._state.requester)
+        except StorageError as error:
+            raise RefusedError(f"no run can be recorded, so none is judged: {error}") from error
+        self._board.set(run_id=run_id)
 
     # ------------------------------------------------------------------ the thread
     def _run(self, experiment: Experiment, client: LiveClient) -> None:
         phase, reason = phases.FAILED, ""
         try:
             self.feed.fetch()
+            self._hand.begin(client.requester)
             for _ in self._files.until_free():
                 self.step("waiting for the end of the run before")
                 client.wait(LOOK)
-            experiment.fly(client)
-        except ExperimentEndedError as error:
+            fly(experiment, client)
+        except (ExperimentEndedError, LinkError) as error:
             phase, reason = phases.STOPPED, str(error)
-        except LinkError as error:
-            phase, reason = phases.STOPPED, str(error)
-            client.end(error)
+            if isinstance(error, LinkError):
+                client.end(error)
         except QuadlabError as error:
-            phase, reason = phases.FAILED if client.armed else phases.REFUSED, str(error)
+            phase, reason = phases.FAILED if client.has_begun else phases.REFUSED, str(error)
         except Exception as error:
             log.exception("experiment %s", experiment.name)
             reason = f"a defect of the experiment, see the station's log: {error!r}"
         try:
+            for told in client.close():
+                self._board.say(WARN, f"experiment {experiment.name}: {told}")
+            self._runs.release()
+            self._calibrations.changed()
             if reason:
                 self._leave(client, reason, phase)
             else:
-                self._judge(experiment)
+                self._client = None  # it flies no more: commands take nothing over
+                self._judging.judge(experiment)
         except Exception as error:
             log.exception("experiment %s", experiment.name)
-            self._end(phases.FAILED, f"a defect of the station, see its log: {error!r}")
+            self._board.end(phases.FAILED, f"a defect of the station, see its log: {error!r}")
         finally:
             self._client = None
 
     def _leave(self, client: LiveClient, reason: str, phase: str) -> None:
         """It ended before its end: whatever flies is told to hover, unless a person flies it."""
         if not client.armed or self.link_state() is LinkState.LOST:
-            self._end(phase, reason)
+            self._board.end(phase, reason)
             return
         client.end(ExperimentEndedError(reason))
         held = client.hold(self._stopped_by or self._state.requester)
-        self._end(phase, f"{reason}; {held}" if held else reason)
-
-    def _judge(self, experiment: Experiment) -> None:
-        self._client = None  # it flies no more: commands take nothing over
-        with self._lock:
-            self._state.phase, run_id = phases.EVALUATING, self._state.run_id
-        self.step("waiting for the run's file")
-        try:
-            path = self._files.closed(run_id)
-            self.step("judging the run")
-            elapsed = time.monotonic() - self._state.started
-            done = judge(Job(experiment, path, EVALUATION + elapsed), self._cancelled, self._module)
-        except QuadlabError as error:
-            phase = phases.STOPPED if self._cancelled.is_set() else phases.FAILED
-            kept = f"; run {run_id} is kept" if run_id else ""
-            self._end(phase, f"not judged: {error}{kept}")
-            return
-        with self._lock:
-            self._state.verdict = done.result.verdict
-            self._state.metrics, self._state.limits = done.result.metrics, done.result.limits
-            self._state.reports = done.files
-        self._end(done.result.verdict, done.problem)
-
-    def _end(self, phase: str, reason: str) -> None:
-        with self._lock:
-            self._state.phase, self._state.reason, self._state.step = phase, reason, ""
-            self._state.ended = time.monotonic()
-            name = self._state.name
-        good = phase == phases.PASSED
-        self._outbox.say(
-            INFO if good else WARN, f"experiment {name}: {phase}{': ' if reason else ''}{reason}"
-        )
-        self._send()
-
-    def _send(self) -> None:
-        client, stamp_ns = self._client, self.vehicle_ns()
-        with self._sending:  # what is sent later is newer
-            with self._lock:
-                message = self._state.message(stamp_ns, client is not None and client.pilot)
-            try:
-                self._outbox.message("experiment_status", message, stamp_ns)
-            except LinkError:
-                log.debug("the session is closed", exc_info=True)
+        self._board.end(phase, f"{reason}; {held}" if held else reason)

@@ -6,8 +6,10 @@ import threading
 from dataclasses import replace
 from typing import Any, Protocol
 
+from console.experiment_running.file_check import Described
 from console.experiments.catalogue import EXPERIMENTS, find
-from console.experiments.client import Experiment
+from console.experiments.client import Calibrating, Experiment
+from console.experiments.user_file import mistakes_told
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle_link.idempotent import Idempotent
@@ -17,6 +19,8 @@ from vehicle_link.parameter_messages import from_parameters, to_descriptor
 from vehicle_link.topics import SERVICES
 
 ANSWER = f"{SERVICES['experiment']}_Response"
+RECORDS = {"motor_bench": "motor"}
+"""Of experiments whose calibration has another name than they."""
 
 
 class Runner(Protocol):
@@ -24,19 +28,35 @@ class Runner(Protocol):
 
     def permit(self, command: str, requester: str) -> None: ...
 
+    def check_free(self) -> None: ...
+
     def start(self, experiment: Experiment, requester: str) -> None: ...
 
     def finish(self, requester: str) -> None: ...
 
     def stop(self, requester: str) -> None: ...
 
+    def confirm(self, question: str, requester: str) -> None: ...
+
+    def accept(self, requester: str) -> None: ...
+
+    def reject(self, requester: str) -> None: ...
+
+
+class Files(Protocol):
+    """People's own experiments."""
+
+    def described(self) -> list[Described]: ...
+
+    def find(self, name: str) -> Experiment | None: ...
+
 
 class ExperimentService:
     """Serves `/<vehicle>/station/experiment` on its own thread."""
 
-    def __init__(self, node: Node, vehicle: str, runner: Runner) -> None:
+    def __init__(self, node: Node, vehicle: str, runner: Runner, files: Files) -> None:
         self._vehicle = vehicle
-        self._runner = runner
+        self._runner, self._files = runner, files
         self._lock = threading.Lock()
         node.serve("station/experiment", SERVICES["experiment"], Idempotent(self._answer))
 
@@ -50,44 +70,68 @@ class ExperimentService:
     def _do(self, request: Any) -> Any:
         requester = request.requester or "somebody"
         if request.action == "describe":
-            return describe(self._vehicle)
+            return describe(self._vehicle, self._files)
         self._runner.permit("experiment", requester)
         if request.action == "start":
+            self._runner.check_free()
             options = from_parameters(request.options)
-            self._runner.start(prepared(request.name, options, self._vehicle), requester)
+            self._runner.start(self._prepared(request.name, options), requester)
         elif request.action == "finish":
             self._runner.finish(requester)
         elif request.action == "stop":
             self._runner.stop(requester)
+        elif request.action == "confirm":
+            question = str(from_parameters(request.options).get("question", ""))
+            self._runner.confirm(question, requester)
+        elif request.action == "accept":
+            self._runner.accept(requester)
+        elif request.action == "reject":
+            self._runner.reject(requester)
         else:
             raise UsageError(
-                f"{request.action!r} is no action; there are start, finish, stop and describe"
+                f"{request.action!r} is no action; there are start, finish, stop, confirm, accept, "
+                "reject and describe"
             )
         return new(ANSWER, accepted=True)
 
+    def _prepared(self, name: str, options: dict[str, Any]) -> Experiment:
+        """The experiment with these options. Raises QuadlabError with what is wrong."""
+        own = None if name in EXPERIMENTS else self._files.find(name)
+        experiment = own or find(name, self._vehicle)
+        if experiment.parameters is not None:
+            ParameterStore(experiment.parameters).set(options)
+        elif options:
+            raise UsageError(f"{name} has no options, so not {', '.join(options)}")
+        with mistakes_told(experiment):
+            experiment.check()
+        return experiment
 
-def prepared(name: str, options: dict[str, Any], vehicle: str) -> Experiment:
-    """The experiment with these options. Raises UsageError, ParameterError or StorageError."""
-    experiment = find(name, vehicle)
-    if experiment.parameters is not None:
-        ParameterStore(experiment.parameters).set(options)
-    elif options:
-        raise UsageError(f"{name} has no options, so not {', '.join(options)}")
-    experiment.check()
-    return experiment
 
-
-def describe(vehicle: str) -> Any:
+def describe(vehicle: str, files: Files) -> Any:
     """Names, a line about each, and the options of all as <name>.<option>."""
-    experiments = {name: find(name, vehicle) for name in EXPERIMENTS}
+    listed = [*(_built_in(name, vehicle) for name in EXPERIMENTS), *files.described()]
     descriptors = [
-        to_descriptor(replace(description, name=f"{name}.{description.name}"))
-        for name, experiment in experiments.items()
-        if experiment.parameters is not None
-        for description in ParameterStore(experiment.parameters).descriptions()
+        to_descriptor(replace(option, name=f"{one.name}.{option.name}"))
+        for one in listed
+        for option in one.options
     ]
-    lines = [(type(e).__doc__ or "").strip().splitlines()[0] for e in experiments.values()]
     return new(
         ANSWER,
-        accepted=True, names=list(experiments), descriptions=lines, descriptors=descriptors,
-    )  # fmt: skip
+        accepted=True,
+        names=[one.name for one in listed],
+        descriptions=[one.description for one in listed],
+        descriptors=descriptors,
+        calibrations=[one.calibration for one in listed],
+        problems=[one.problem for one in listed],
+    )
+
+
+def _built_in(name: str, vehicle: str) -> Described:
+    experiment = find(name, vehicle)
+    options = experiment.parameters
+    return Described(
+        name,
+        (type(experiment).__doc__ or "").strip().splitlines()[0],
+        () if options is None else ParameterStore(options).descriptions(),
+        RECORDS.get(name, name) if isinstance(experiment, Calibrating) else "",
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import threading
 import time
 from contextlib import suppress
@@ -15,7 +16,8 @@ from console.parameter_store import PREFIX
 from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.messages import stamp_of
+from vehicle_link.messages import decode, stamp_of
+from vehicle_link.topics import TOPICS
 
 MISSED = 0.5
 """s after which a parameter revision in the status that no change told of is fetched."""
@@ -34,6 +36,8 @@ class VehicleFeed:
         self._position_w = np.zeros(3)
         self._status: Any = None
         self._status_at = 0.0
+        self._estimate: bytes | None = None
+        self._mass = (math.nan, math.inf)  # kg, its standard deviation
         self._values: dict[str, ParameterValue] = {}
         self._revision = -1
         self._behind_since: float | None = None
@@ -55,6 +59,10 @@ class VehicleFeed:
             elif self._behind_since is None:
                 self._behind_since = self._status_at
             self._tell()
+
+    def estimate(self, payload: bytes) -> None:
+        """quadlab_msgs/EstimatorStatus as received; made sense of when somebody looks."""
+        self._estimate = payload
 
     def parameter_changed(self, change: Any) -> None:
         """quadlab_msgs/ParameterChange; the station's own come on the same topic."""
@@ -90,6 +98,7 @@ class VehicleFeed:
 
     def view(self) -> VehicleView:
         """Raises LinkError before the first status."""
+        mass, mass_deviation = self._flown_mass()
         with self._news:
             status = self._status
             if status is None:
@@ -101,7 +110,19 @@ class VehicleFeed:
                 armed=bool(status.armed),
                 airborne=bool(status.airborne),
                 position_w=np.array(self._position_w),
+                mass=mass,
+                mass_deviation=mass_deviation,
             )
+
+    def _flown_mass(self) -> tuple[float, float]:
+        payload, self._estimate = self._estimate, None
+        if payload is not None:
+            with suppress(LinkError):  # its alarm is of whoever receives it
+                told = decode(payload, TOPICS["estimator"].type_name)
+                variance = float(told.mass_variance)
+                deviation = math.sqrt(variance) if variance >= 0.0 else math.inf
+                self._mass = (float(told.mass), deviation)
+        return self._mass
 
     def fetch(self) -> None:
         """All parameters, as before a flight. Raises LinkError."""

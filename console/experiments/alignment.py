@@ -8,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Stamps = npt.NDArray[np.int64]
 
 LARGEST_GAP_NS = 20_000_000
 """Between messages farther apart nothing is interpolated."""
 
 
-def at_stamps(
-    stamps: npt.NDArray[np.int64], messages: Mapping[int, Array]
-) -> tuple[Array, npt.NDArray[np.bool_]]:
+def at_stamps(stamps: Stamps, messages: Mapping[int, Array]) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Linearly between the neighbours; exactly a message where one has the very stamp.
 
     In simulated time the stamps of all topics meet; over a link each source has its own.
@@ -30,12 +29,25 @@ def at_stamps(
     if not messages:
         return np.full((len(stamps), 0), np.nan), np.zeros(len(stamps), bool)
     given = np.array(sorted(messages), np.int64)
-    values = np.array([messages[int(ns)] for ns in given])
+    return between(stamps, given, np.array([messages[int(ns)] for ns in given]))
+
+
+def between(
+    stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """As `at_stamps`, of messages in columns.
+
+    Args:
+        given: (M,) ns, rising. values: (M, K).
+    """
+    if not len(given):
+        return np.full((len(stamps), values.shape[1]), np.nan), np.zeros(len(stamps), bool)
     after = np.clip(np.searchsorted(given, stamps), 0, len(given) - 1)
     before = np.where(given[after] == stamps, after, np.maximum(after - 1, 0))
     gap = given[after] - given[before]
     inside = (given[before] <= stamps) & (stamps <= given[after]) & (gap <= LARGEST_GAP_NS)
     share = np.where(gap > 0, (stamps - given[before]) / np.maximum(gap, 1), 0.0)[:, None]
-    out: Array = values[before] + share * (values[after] - values[before])
+    first = values[before].astype(np.float64)
+    out: Array = first + share * (values[after] - first)
     out[~inside] = np.nan
     return out, inside

@@ -11,14 +11,30 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.emulator import BearingParameters
-from console.experiments.alignment import at_stamps
+from console.experiments.alignment import between
 from quadrotor.errors import LogFormatError
+from vehicle_link.log.column_spool import ColumnSpool, read_spools
 from vehicle_link.log.reader import read_attachments, read_log
 from vehicle_link.messages import decode
-from vehicle_link.topics import decode_actuators, decode_odometry, decode_pose, decode_reference
 
 Array = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.float32]
+Stamps = npt.NDArray[np.int64]
 
+ODOMETRY = (
+    *(f"pose.pose.position.{axis}" for axis in "xyz"),
+    *(f"pose.pose.orientation.{axis}" for axis in "wxyz"),
+    *(f"twist.twist.linear.{axis}" for axis in "xyz"),
+)
+WANTED: dict[str, tuple[str, ...]] = {
+    "truth": ODOMETRY,
+    "state": ODOMETRY,
+    "tracker_pose": tuple(name.removeprefix("pose.") for name in ODOMETRY[:7]),
+    "reference": ("position.x", "position.y", "position.z"),
+    "actuators": ("scaling",),
+    "status": ("mode",),
+}
+WHOLE = ("/events", "/parameter_changes")
 EMERGENCIES = ("emergency_land", "cut")
 
 
@@ -107,55 +123,28 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
 
     Raises LogFormatError when it was not flown on bearings, or truth is missing.
     """
-    found: dict[str, dict[int, Array]] = {
-        "truth": {}, "tracker_pose": {}, "state": {}, "reference": {},
-    }  # fmt: skip
-    topics = (*found, "actuators", "events", "parameter_changes", "status")
-    scaled: list[tuple[int, bool]] = []
-    events: list[tuple[float, str]] = []
-    phase: list[float] = []
-    newest, mode, emergencies = 0.0, "", 0
-    for message in read_log(log, {f"/{vehicle}/{topic}" for topic in topics}):
-        stamp_ns, topic = message.publish_ns, message.topic.rsplit("/", 1)[1]
-        newest = max(newest, stamp_ns * 1e-9)
-        if topic == "parameter_changes":
-            change = decode(message.payload, message.type_name)
-            if change.name == "estimation.source":
-                on = ast.literal_eval(change.new_value) == "bearings"
-                if on is (len(phase) == 0) and len(phase) < 2:
-                    phase.append(stamp_ns * 1e-9)
-        elif topic == "events":
-            events.append((stamp_ns * 1e-9, decode(message.payload, message.type_name).msg))
-        elif topic == "status":
-            was, mode = mode, str(decode(message.payload, message.type_name).mode)
-            emergencies += bool(phase) and mode != was and mode in EMERGENCIES
-        elif not phase or len(phase) == 2:
-            continue
-        elif topic == "reference":
-            wanted = decode_reference(message.payload)[1]
-            found[topic][stamp_ns] = wanted["position_w"][0].copy()
-        elif topic == "actuators":
-            scaled.append((stamp_ns, bool(decode_actuators(message.payload)[1]["scaling"][0] < 1)))
-        elif topic == "tracker_pose":
-            pose = decode_pose(message.payload)
-            found[topic][stamp_ns] = np.concatenate(
-                [pose["position_w"][0], (np.nan,) * 3, pose["quaternion_wb"][0]]
-            )
-        else:
-            row = decode_odometry(message.payload, vehicle)[1]
-            found[topic][stamp_ns] = np.concatenate(
-                [row[name][0] for name in ("position_w", "velocity_w", "quaternion_wb")]
-            )
+    spools = read_spools(log, vehicle, WANTED, WHOLE)
+    phase = _phase(spools["parameter_changes"])
     if not phase:
         raise LogFormatError(
             f"{log.name} never flew on bearings: no change of estimation.source to bearings in it"
         )
-    begin, end = phase[0], newest if len(phase) == 1 else phase[1]
+    newest = max(int(one.publish_ns.max()) for one in spools.values() if len(one))
+    begin_ns, end_ns = phase[0], newest if len(phase) == 1 else phase[1]
+    begin, end = begin_ns * 1e-9, end_ns * 1e-9
+    events = [
+        (ns * 1e-9, str(decode(payload, spools["events"].type_name).msg))
+        for ns, payload in _payloads(spools["events"])
+    ]
     window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
-    truth = found["truth"] or found["tracker_pose"]
-    stamps = np.array(sorted(truth), np.int64)
-    estimate, known = at_stamps(stamps, _unflipped(found["state"]))
-    wanted_w, known_too = at_stamps(stamps, found["reference"])
+    stamps, truth = _rows(spools, "truth", begin_ns, end_ns)
+    if not len(stamps):
+        stamps, truth = _rows(spools, "tracker_pose", begin_ns, end_ns)
+    state_ns, state = _rows(spools, "state", begin_ns, end_ns)
+    _unflip(state)
+    estimate, known = between(stamps, state_ns, state)
+    del state
+    wanted_w, known_too = between(stamps, *_rows(spools, "reference", begin_ns, end_ns))
     rows = known & known_too
     time = stamps[rows] * 1e-9
     if not ((time >= window[0]) & (time <= window[1])).any():
@@ -163,31 +152,79 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
             f"{log.name} has no truth, state and reference at common times between "
             f"{window[0]:.1f} s and {window[1]:.1f} s: too short a stay on bearings"
         )
-    inside = [flag for ns, flag in scaled if window[0] <= ns * 1e-9 <= window[1]]
+    _, scaling = _rows(spools, "actuators", round(window[0] * 1e9), round(window[1] * 1e9))
     return BearingsFlight(
         time,
-        np.array([truth[int(ns)] for ns in stamps[rows]]),
-        estimate[rows],
+        _state(truth[rows].astype(np.float64)),
+        _state(estimate[rows]),
         wanted_w[rows],
-        sum(inside) / max(len(inside), 1),
+        float((scaling < 1.0).mean()) if len(scaling) else 0.0,
         window,
         tuple(
             text for _, text in events
             if text.startswith("fell back") or "no tracker to fall back" in text
         ),
-        emergencies,
+        _emergencies(spools["status"], begin_ns),
     )  # fmt: skip
 
 
-def _unflipped(state: dict[int, Array]) -> dict[int, Array]:
-    """The same attitudes with quaternions of one sign, to interpolate between."""
-    out: dict[int, Array] = {}
-    last = np.zeros(4)
-    for ns in sorted(state):
-        row = state[ns]
-        if row[6:] @ last < 0.0:
-            row = np.concatenate([row[:6], -row[6:]])
-        out[ns], last = row, row[6:]
+def _payloads(spool: ColumnSpool) -> list[tuple[int, bytes]]:
+    return list(zip(spool.publish_ns.tolist(), spool.payloads, strict=False))
+
+
+def _phase(changes: ColumnSpool) -> list[int]:
+    """When bearings were first flown on, and until when (ns), as far as that happened."""
+    phase: list[int] = []
+    for ns, payload in _payloads(changes):
+        change = decode(payload, changes.type_name)
+        if change.name == "estimation.source":
+            on = ast.literal_eval(change.new_value) == "bearings"
+            if on is (len(phase) == 0) and len(phase) < 2:
+                phase.append(ns)
+    return phase
+
+
+def _emergencies(status: ColumnSpool, begin_ns: int) -> int:
+    stamps = status.publish_ns
+    return sum(
+        bool(stamps[index] >= begin_ns) and mode in EMERGENCIES
+        for index, mode in status.texts.get("mode", [])
+    )
+
+
+def _rows(
+    spools: dict[str, ColumnSpool], topic: str, begin_ns: int, end_ns: int
+) -> tuple[Stamps, Floats]:
+    """Stamps (N,), rising, and the numbers wanted of the topic, (N, K). The spool is given up."""
+    spool = spools.pop(topic)
+    stamps, rows = spool.publish_ns, spool.rows(WANTED[topic])
+    del spool
+    if not (np.diff(stamps) >= 0).all():
+        order = np.argsort(stamps, kind="stable")
+        stamps, rows = stamps[order], rows[order]
+    begin, end = np.searchsorted(stamps, [begin_ns, end_ns + 1])
+    return stamps[begin:end], rows[begin:end]
+
+
+def _unflip(odometry: Floats) -> None:
+    """Quaternions of one sign, to interpolate between."""
+    quaternion = odometry[:, 3:7]
+    flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
+    if flips.any():
+        turned = np.concatenate([[0], np.cumsum(flips)]) % 2 == 1
+        quaternion[turned] *= -1.0
+
+
+def _state(odometry: npt.NDArray[np.floating]) -> Array:
+    """Position, velocity (world, NaN without one) and quaternion, (N, 10), of ODOMETRY's rows."""
+    position_w, quaternion, velocity_b = odometry[:, :3], odometry[:, 3:7], odometry[:, 7:]
+    if velocity_b.shape[1]:
+        axis = quaternion[:, 1:]
+        across = 2.0 * np.cross(axis, velocity_b)
+        velocity_w = velocity_b + quaternion[:, :1] * across + np.cross(axis, across)
+    else:
+        velocity_w = np.full_like(position_w, np.nan)
+    out: Array = np.concatenate([position_w, velocity_w, quaternion], axis=1)
     return out
 
 

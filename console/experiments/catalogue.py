@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from console.experiments.accelerometer import Accelerometer
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.client import Experiment
 from console.experiments.figure_eight import FigureEight
+from console.experiments.gyroscope import Gyroscope
 from console.experiments.hover import Hover
+from console.experiments.inertia import InertiaExperiment
+from console.experiments.mass import MassExperiment
+from console.experiments.motor_bench import MotorBench
 from quadrotor.errors import UsageError
 
 EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
     "figure_eight": FigureEight,
     "hover": Hover,
     "bearings": BearingsExperiment,
+    "gyroscope": Gyroscope,
+    "accelerometer": Accelerometer,
+    "motor_bench": MotorBench,
+    "mass": MassExperiment,
+    "inertia": InertiaExperiment,
 }
 
 

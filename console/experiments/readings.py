@@ -48,7 +48,9 @@ class Progress:
         instruction: what to do now, a short sentence.
         number, count: which step of how many, from 1.
         share: of the step, 0…1.
-        live: figures by name: value and unit.
+        live: figures by name: value and unit. The page draws `X deviation` as a band about `X`;
+            `pose K x`, `y`, `z` (world up in body axes, of the K-th pose held) and `next x`, `y`,
+            `z` (of the one to come) as points of a sphere.
     """
 
     instruction: str

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.calibration.still_poses import StillPose
+from quadrotor.constants import GRAVITY
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
-from quadrotor.vehicle_model import GRAVITY
 
 Array = npt.NDArray[np.float64]
 

@@ -95,3 +95,32 @@ def average_steps(schedule: BenchSchedule, time: Array, force: Array, torque: Ar
     columns = np.array(rows, dtype=np.float64).T
     references, forces, torques, errors, counts = columns
     return BenchSteps(references, forces, torques, errors, counts.astype(np.int64))
+
+
+def held_steps(time: Array, reference: Array, force: Array, torque: Array) -> BenchSteps:
+    """What a recording of (N,) samples without a known schedule came to.
+
+    A step is a reference held for longer than it takes to settle; held several times, as a rest
+    is, its means are put together. Raises MeasurementError when nothing was held long enough.
+    """
+    changes = np.flatnonzero(np.diff(reference)) + 1
+    found: dict[float, list[tuple[float, float, float, int]]] = {}
+    for part in np.split(np.arange(len(time)), changes):
+        settled = part[time[part] >= time[part[0]] + SETTLING]
+        if len(settled) >= SAMPLES_MIN:
+            held = force[settled]
+            row = held.mean(), torque[settled].mean(), held.var(), len(settled)
+            found.setdefault(float(reference[part[0]]), []).append(row)
+    if not found:
+        raise MeasurementError(
+            f"no reference is held for longer than {SETTLING:g} s with {SAMPLES_MIN} samples after "
+            "that; hold each for 5 s"
+        )
+    columns = []
+    for value in sorted(found):
+        forces, torques, variances, counts = np.array(found[value]).T
+        total = counts.sum()
+        error = np.sqrt((variances * counts).sum()) / total
+        columns.append((value, forces @ counts / total, torques @ counts / total, error, total))
+    references, means, mean_torques, errors, samples = np.array(columns, dtype=np.float64).T
+    return BenchSteps(references, means, mean_torques, errors, samples.astype(np.int64))

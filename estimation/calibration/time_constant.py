@@ -20,6 +20,10 @@ Array = npt.NDArray[np.float64]
 SAMPLES_MIN = 100
 BOUNDS = (0.001, 0.5)
 """s."""
+FROM_FORCE = (
+    "found from force alone: the sensor's own filter and the air's inertia count as lag of the "
+    "motor; measure the speed to be sure"
+)
 
 
 @dataclass(frozen=True)
@@ -50,11 +54,7 @@ def time_constant_from_force(period: float, reference: Array, force: Array) -> T
 
     Raises MeasurementError as `time_constant_from_speed`.
     """
-    return _identify(
-        period, reference, np.sqrt(np.maximum(force, 0.0)),
-        "found from force alone: the sensor's own filter and the air's inertia count as lag of the "
-        "motor; measure the speed to be sure",
-    )  # fmt: skip
+    return _identify(period, reference, np.sqrt(np.maximum(force, 0.0)), FROM_FORCE)
 
 
 def _identify(period: float, reference: Array, speed: Array, warning: str) -> TimeConstant:

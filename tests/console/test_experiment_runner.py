@@ -17,6 +17,8 @@ from console.base_station import BaseStation
 from console.catalogue import Catalogue
 from console.experiments import catalogue as experiments
 from console.experiments.client import Client, Result
+from quadlab.station_client import station
+from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterDescription, Parameters, parameter
 from quadrotor.records import TICK
 from vehicle_link import topics
@@ -214,6 +216,7 @@ class Bench:
 
     def __init__(self, data: Path) -> None:
         port, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        self.loopback = loopback
         files = ensure_certificates(data / "certificates")
         self.sessions = [vehicle_session(port, files, "127.0.0.1")]
         self.vehicle = ScriptedVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
@@ -327,7 +330,7 @@ def bench(running: Bench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 
 def test_what_there_is_comes_with_bounds_choices_and_units(bench: Bench) -> None:
     answer = bench.do("describe")
-    assert {"hover", "figure_eight", "bearings", "small"} == set(answer.names)
+    assert {"hover", "figure_eight", "bearings", "small"} <= set(answer.names)
     options = {d.name: d for d in map(from_descriptor, answer.descriptors)}
     duration, manoeuvre = options["bearings.duration"], options["bearings.manoeuvre"]
     assert (duration.minimum, duration.maximum, duration.unit) == (5.0, 3600.0, "s")
@@ -622,3 +625,21 @@ def test_a_wait_in_vain_ends_hovering_with_the_reason(bench: Bench) -> None:
 def test_the_status_is_sent_again_while_nothing_happens(bench: Bench) -> None:
     have = len(bench.told)
     assert until(lambda: len(bench.told) > have + 1, 5.0)
+
+
+def test_a_terminal_commands_as_a_person_with_control_and_gives_it_up(bench: Bench) -> None:
+    with station(bench.loopback, "quad1") as terminal:
+        told = terminal.ask("experiment", action="describe")
+        assert len(told.names) == len(told.calibrations) == len(told.problems)
+        assert terminal.parameters() == bench.vehicle.values_
+        with pytest.raises(RefusedError, match="the vehicle's calibrations are not known"):
+            terminal.ask("calibrate", action="history")
+        terminal.ask("experiment", action="start", name="small")
+        assert until(lambda: terminal.statuses.get(timeout=LIMIT).requester == terminal.requester)
+        refused = bench.do("stop", "grace").reason
+        assert refused.startswith(f"{terminal.requester} has control")
+        terminal.ask("experiment", action="stop")
+        bench.ended()
+    assert (
+        bench.do("stop", "grace").reason == "no experiment is running, so there is nothing to stop"
+    )

@@ -143,6 +143,22 @@ def test_no_thrust_stays_finite_and_clamped() -> None:
     assert 0.5 <= flight.mass <= 2.4
 
 
+def test_a_velocity_that_is_no_number_leaves_it_as_it_is() -> None:
+    """The law may fly on it: a NaN that stayed would end in the motors."""
+    flight = Flight()
+    flight.state["velocity_w"] = math.nan
+    flight.step(True)
+    flight.state["velocity_w"] = 0.0
+    flight.fly(6.0)
+    learnt = flight.mass
+    flight.state["velocity_w"] = math.nan
+    flight.step(True)
+    assert flight.mass == learnt
+    flight.state["velocity_w"] = 0.0
+    flight.fly(1.0)
+    assert flight.mass == pytest.approx(MASS, abs=0.002)
+
+
 def test_zero_gain_holds() -> None:
     flight = Flight(1.0)
     flight.estimator.configure(MassParameters(gain=0.0))

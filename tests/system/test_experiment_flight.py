@@ -1,13 +1,15 @@
-"""An experiment started from the page's API on the whole laboratory: flown, judged, reported."""
+"""Experiments on the whole laboratory: flown, judged, reported; calibrated from a terminal."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from vehicle_link.log import read_log
+from quadlab.__main__ import main
+from vehicle_link.log import read_attachments, read_log
 from vehicle_link.messages import decode
 
 pytestmark = pytest.mark.timeout(240)
@@ -18,6 +20,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
 ) -> None:
     lab = start_laboratory().sign_in()
     lab.ready()
+    calibrate(lab)
 
     def status() -> dict[str, Any]:
         return lab.summary().get("experiment") or {}
@@ -45,7 +48,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     [picture] = [name for name in report["files"] if name.endswith(".png")]
     answer = lab.browser.get(f"/api/runs/{done['run_id']}/report/{picture}")
     assert answer.content.startswith(b"\x89PNG")
-    [run] = lab.runs()
+    [run] = [one for one in lab.runs() if one["id"] == done["run_id"]]
     assert (run["id"], run["report"], run["complete"]) == (done["run_id"], True, True)
     told = [
         decode(message.payload, message.type_name)
@@ -58,3 +61,15 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     assert {m.requester for m in told if hasattr(m, "old_value")} == {run["operator"]}
     values = {p["name"]: p["value"] for p in lab.get("/api/parameters")["parameters"]}
     assert values["estimation.estimator"] == "complementary", "as it was found"
+
+
+def calibrate(lab: Any) -> None:
+    """The gyroscope, from a terminal: on the ground, recorded, kept by the vehicle."""
+    words = ["gyroscope", "--accept", "--set", "samples=200", "--loopback-port"]
+    assert main(["calibrate", *words, str(lab.link_port)]) == 0
+    [run] = lab.runs()
+    assert (run["report"], run["complete"]) == (True, True)
+    newest = lab.get("/api/calibrations")["history"][0]
+    assert (newest["name"], newest["run_id"]) == ("gyroscope", run["id"])
+    kept = read_attachments(lab.data / "runs" / f"{run['id']}.mcap")["calibrations.json"]
+    assert json.loads(kept)["in_force"]["gyroscope"]["requester"] == "start"

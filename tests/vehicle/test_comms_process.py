@@ -4,6 +4,7 @@ comms process that is killed in it, and every way in which a process may end.
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
@@ -19,7 +20,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.records import POSE_SAMPLE, Record
+from vehicle.calibration_store import CalibrationStore
 from vehicle.onboard_log import torn_logs
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.authority import ensure_certificates
@@ -72,7 +75,7 @@ class VehicleProcesses:
 
     def __init__(self, folder: Path, loopback_port: int = 0) -> None:
         self.data = folder / "data"
-        self.data.mkdir()
+        self.data.mkdir(exist_ok=True)
         self.link_port = free_port(socket.SOCK_DGRAM)
         self.loopback_port = loopback_port
         self.errors_path = folder / "errors"
@@ -238,6 +241,29 @@ def check_parameters(station: FakeStation) -> None:
     assert "allowed 0.5 to 2.4 kg" in refused.reason
 
 
+def check_calibrations(station: FakeStation) -> None:
+    """One is stored, found and refused; what was stored before the start is in force."""
+    assert ParameterClient(station.node, "/quad1/vehicle").values()["model.motor_offset"] == 14.5
+    wait_until(
+        lambda: any("is not in force: --set model.mass=1.3" in text for text in station.events),
+        "the lines on calibrations in force",
+    )
+    found = station.command("calibrate", "c1", action="gyroscope")
+    assert found.accepted, found.reason
+    arm = CalibrationRecord(name="arm", values={"model.arm": 0.251}, run_id="run_7")
+    stored = station.command("calibrate", "c2", action="store", record=arm.model_dump_json())
+    assert stored.accepted, stored.reason
+    assert parse_record(stored.records[0]).previous == {"model.arm": 0.25}
+    wait_until(lambda: "model.arm 0.25 0.251" in station.changes, "the calibration's change")
+    history = station.command("calibrate", "c3", action="history")
+    names = [parse_record(text).name for text in history.records]
+    assert names[:2] == ["arm", "gyroscope"]
+    assert "motor" in names
+    refused = station.command("bench", "c4", motor=2, reference=60, secured=False)
+    assert not refused.accepted
+    assert "confirm first that the propellers are off" in refused.reason
+
+
 def take_off(station: FakeStation) -> None:
     refused = station.command("start_behavior", "b0", name="take_off")
     assert not refused.accepted
@@ -273,6 +299,10 @@ def check_logs(processes: VehicleProcesses) -> None:
     assert len(paths) == 2
     assert read_metadata(paths[0])["quadlab.recovered"]["messages"] != "0"
     assert b'"model.mass": 1.308' in read_attachments(paths[1])["parameters.json"]
+    for path in paths:
+        carried = json.loads(read_attachments(path)["calibrations.json"])["in_force"]
+        assert set(carried) == {"motor", "gyroscope", "arm"}
+        assert carried["gyroscope"]["requester"] == "anna"
     for topic in ("state", "reference", "imu", "actuators"):
         gaps = np.diff(stamps_of(paths, topic))
         assert (gaps > 0).all(), topic
@@ -284,12 +314,17 @@ def check_logs(processes: VehicleProcesses) -> None:
 
 
 def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
+    motor = CalibrationRecord(name="motor", values={"model.motor_offset": 14.5}, stamp_ns=1)
+    mass = CalibrationRecord(name="mass", values={"model.mass": 1.25}, stamp_ns=2)
+    for record in (motor, mass):
+        CalibrationStore(tmp_path / "data", print).append(record)
     with vehicle_processes(tmp_path, free_port(socket.SOCK_STREAM)) as processes:
         station = FakeStation(processes)
         try:
             wait_until(lambda: station.mode == "ready", "ready")
             check_link(station)
             check_parameters(station)
+            check_calibrations(station)
             take_off(station)
             survive_comms(station, processes)
             assert station.command("start_behavior", "b2", name="land").accepted

@@ -335,16 +335,22 @@ def test_bytes_that_are_no_frames_are_told_apart_from_silence(
     assert "for 0.5 s; waiting. 12 pieces of bytes came that are no frames: is its baud" in line
 
 
-def test_without_samples_an_emergency_acts_and_arming_is_refused(bench: Bench) -> None:
+def test_without_samples_an_emergency_acts_and_what_turns_motors_is_refused(bench: Bench) -> None:
     bench.nothing(600_000_000)
     bench.outbox()
     cut = mailbox.Emergency("r1", "anna", "cut")
-    bench.send(cut, mailbox.Arm("r2", "anna"))
+    bench.send(
+        cut,
+        mailbox.Arm("r2", "anna"),
+        mailbox.Bench("r3", "anna", 1, 100, True),
+        mailbox.CalibrateGyroscope("r4", "anna"),
+    )
     bench.nothing(1)
     assert bench.stack.calls == [cut]
+    refused = "refused: the microcontroller gives no samples"
     assert bench.outbox() == [
         mailbox.Reply("r1", True),
-        mailbox.Reply("r2", False, "refused: the microcontroller gives no samples"),
+        *(mailbox.Reply(request_id, False, refused) for request_id in ("r2", "r3", "r4")),
     ]
 
 

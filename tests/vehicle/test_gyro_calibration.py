@@ -16,7 +16,10 @@ def test_the_bias_is_the_mean_of_still_samples() -> None:
     calibration = GyroCalibration(200, np.radians(1.0))
     results = [calibration.add(sample) for sample in samples]
     assert all(result is None for result in results[:-1])
-    np.testing.assert_allclose(results[-1], samples.mean(axis=0), atol=1e-12)
+    found = results[-1]
+    assert found is not None
+    np.testing.assert_allclose(found.bias_b, samples.mean(axis=0), atol=1e-12)
+    np.testing.assert_allclose(found.deviation_b, samples.std(axis=0), atol=1e-12)
 
 
 def test_a_moving_vehicle_is_refused_with_both_numbers_and_calibrated_once_still() -> None:
@@ -27,4 +30,17 @@ def test_a_moving_vehicle_is_refused_with_both_numbers_and_calibrated_once_still
     with pytest.raises(MeasurementError, match=r"4\.\d\d deg/s, allowed 1\.00"):
         calibration.add(np.array([swing[-1], 0.0, 0.0]))
     results = [calibration.add(np.array([0.03, 0.0, 0.0])) for _ in range(50)]
-    np.testing.assert_allclose(results[-1], [0.03, 0.0, 0.0], atol=1e-12)
+    found = results[-1]
+    assert found is not None
+    np.testing.assert_allclose(found.bias_b, [0.03, 0.0, 0.0], atol=1e-12)
+
+
+def test_samples_taken_while_motors_run_are_none() -> None:
+    calibration = GyroCalibration(50, np.radians(1.0))
+    for _ in range(49):
+        assert calibration.add(np.zeros(3)) is None
+    with pytest.raises(MeasurementError, match="motors are on"):
+        calibration.add(np.zeros(3), motors_on=True)
+    results = [calibration.add(np.zeros(3)) for _ in range(50)]
+    assert all(result is None for result in results[:-1])
+    assert results[-1] is not None

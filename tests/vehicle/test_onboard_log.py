@@ -74,6 +74,21 @@ def test_every_tick_from_arming_to_half_a_second_after_disarming_is_there(tmp_pa
     assert read_metadata(path)["quadlab.run"]["vehicle"] == "quad1"
 
 
+def test_calibrations_are_attached_as_they_are_when_the_file_begins(tmp_path: Path) -> None:
+    in_force = [b"first", b"second"]
+    log = OnboardLog(
+        tmp_path, "quad1", lambda: b"{}", lambda *_: None, lambda _: 2 * FREE_BYTES_MIN,
+        calibrations=lambda: in_force.pop(0),
+    )  # fmt: skip
+    for batch in (
+        ticks(0, 5, armed=True), ticks(5, 300, armed=False), ticks(1000, 5, armed=True)
+    ):  # fmt: skip
+        log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
+    log.close()
+    found = [read_attachments(path) for path in sorted((tmp_path / "onboard").glob("*"))]
+    assert [one["calibrations.json"] for one in found] == [b"first", b"second"]
+
+
 def test_the_file_is_named_after_vehicle_and_utc(tmp_path: Path) -> None:
     harness = Harness(tmp_path)
     harness.feed(ticks(8, 5, armed=True))

@@ -19,10 +19,12 @@ from quadrotor.errors import LinkError, StorageError
 from quadrotor.records import new_state
 from vehicle.microcontroller import Microcontroller, RawSample
 from vehicle.simulator import process
+from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import RunStatistics, run
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.truth import Put, TruthPublisher
+from vehicle_link.messages import decode, stamp_of
 from vehicle_link.node import Node, Received
 from vehicle_link.serial.port import PortError, SerialPort
 from vehicle_link.topics.ticks import decode_odometry
@@ -233,6 +235,26 @@ def test_truth_is_sent_as_odometry_with_its_stamp() -> None:
     assert stamp_ns == source_ns == 1_700_000_000_123_456_789
     assert truth["position_w"][0].tolist() == [1.0, 2.0, 3.0]
     assert receiver.closed.is_set()
+
+
+def test_a_reading_of_the_bench_is_sent_on_its_topic_with_its_stamp() -> None:
+    sent: list[tuple[bytes, int, str]] = []
+    arrived = threading.Event()
+
+    def put(payload: bytes, source_ns: int, topic: str = "truth", /) -> None:
+        sent.append((payload, source_ns, topic))
+        arrived.set()
+
+    publisher = TruthPublisher(lambda: (put, lambda: None), "quad1")
+    reading = ForceReading(7, 1.5, -0.02, 99.0)
+    while not arrived.wait(0.1):
+        publisher.offer_reading(1_700_000_000_000_000_007, reading)
+    publisher.close()
+    payload, source_ns, topic = sent[0]
+    message = decode(payload, "quadlab_msgs/BenchReading")
+    assert topic == "bench_reading"
+    assert stamp_of(message) == source_ns == 1_700_000_000_000_000_007
+    assert (message.force, message.torque, message.speed) == (1.5, -0.02, 99.0)
 
 
 def test_the_truth_s_thread_hurries_and_the_network_s_threads_do_not(

@@ -90,7 +90,7 @@ class Lab(SimulatedFlight):
         assert np.all(self.robot.rotor_speeds < 25.0)
 
     @property
-    def told(self) -> ControlMode:
+    def control_told(self) -> ControlMode:
         """What the status says."""
         return ControlMode(self.stack.status["control_mode"][0])
 
@@ -104,10 +104,10 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     assert lab.emergency().accepted
     lab.advance()
     assert lab.stack.control_mode is ControlMode.EMERGENCY
-    assert lab.told is ControlMode.DIRECT, "the microcontroller has not answered yet"
+    assert lab.control_told is ControlMode.DIRECT, "the microcontroller has not answered yet"
     lab.wait(0.1)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
-    assert lab.told is ControlMode.EMERGENCY
+    assert lab.control_told is ControlMode.EMERGENCY
     lab.landed()
     assert "emergency land by anna; the microcontroller lands alone" in lab.texts()
     assert "landed by the microcontroller" in lab.texts()
@@ -134,7 +134,7 @@ def test_emergency_land_takes_a_milder_landing_over(chosen: str, told: str) -> N
     lab.wait(0.1)
     assert lab.emergency().accepted
     lab.wait(0.1)
-    assert lab.told is ControlMode[told]
+    assert lab.control_told is ControlMode[told]
     assert lab.stack.mode is Mode.EMERGENCY_LAND
 
 

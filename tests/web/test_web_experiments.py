@@ -23,6 +23,16 @@ RESULT = {
 }  # fmt: skip
 
 
+class NoFiles:
+    """Nobody has experiments of their own."""
+
+    def described(self) -> list[Any]:
+        return []
+
+    def find(self, name: str) -> None:
+        return None
+
+
 @pytest.fixture
 def describing(station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
     """The station's own description of its experiments."""
@@ -30,7 +40,7 @@ def describing(station: Any, monkeypatch: pytest.MonkeyPatch) -> Any:
 
     def call(service: str, request: Any) -> Any:
         if service == "experiment" and request.action == "describe" and not station.away:
-            return describe("quad1")
+            return describe("quad1", NoFiles())
         return plain(service, request)
 
     monkeypatch.setattr(station, "_call_blocking", call)
@@ -44,6 +54,7 @@ def report(site: Any) -> Iterator[Path]:
     (folder / "result.json").write_text(json.dumps(RESULT))
     (folder / f"{RUN}.png").write_bytes(PNG)
     (folder / "page.html").write_text("<script>alert(1)</script>")
+    (folder / "page.svg").write_text("<svg/>")
     yield folder
     for path in folder.iterdir():
         path.unlink()
@@ -56,7 +67,8 @@ def test_experiments_come_with_their_options_and_status(
     answer = operator.get("/api/experiments")
     assert answer.status_code == 200, answer.text
     found = {e["name"]: e for e in answer.json()["experiments"]}
-    assert set(found) == {"hover", "figure_eight", "bearings"}
+    assert {"hover", "figure_eight", "bearings", "accelerometer", "motor_bench"} <= set(found)
+    assert (found["bearings"]["calibration"], found["motor_bench"]["calibration"]) == ("", "motor")
     assert found["hover"]["options"] == []
     options = {o["name"]: o for o in found["bearings"]["options"]}
     assert (options["duration"]["minimum"], options["duration"]["unit"]) == (5.0, "s")
@@ -130,7 +142,12 @@ def test_a_report_is_found_by_its_run(operator: httpx.Client, report: Path) -> N
     assert operator.get(f"/api/runs/{RUN}/report").json() == RESULT
     picture = operator.get(f"/api/runs/{RUN}/report/{RUN}.png")
     assert (picture.content, picture.headers["content-type"]) == (PNG, "image/png")
-    foreign = operator.get(f"/api/runs/{RUN}/report/page.html")
+    document = operator.get(f"/api/runs/{RUN}/report/page.html")
+    assert document.headers["content-type"].startswith("text/html")
+    policy = document.headers.get_list("content-security-policy")
+    assert len(policy) == 1
+    assert policy[0].startswith("sandbox; default-src 'none'"), "it runs and fetches nothing"
+    foreign = operator.get(f"/api/runs/{RUN}/report/page.svg")
     assert foreign.headers["content-type"] == "application/octet-stream"
     assert foreign.headers["content-disposition"].startswith("attachment")
     page = operator.get(f"/report/{RUN}")

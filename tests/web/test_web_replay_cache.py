@@ -14,12 +14,12 @@ import pytest
 from benchmarks.recorded_run import STEP_NS, MadeRun, position_at, write_run
 from quadrotor.errors import LogFormatError, OutOfBoundsError
 from vehicle_link.log import LogWriter, read_log
+from vehicle_link.log.message_times import common_stamps, gaps
 from vehicle_link.messages import decode, encode, header, new
 from web.replay.build import build
 from web.replay.derived import of_odometry
 from web.replay.pyramid import coarser, edges, level_sizes, pyramid
 from web.replay.reader import Replay
-from web.replay.times import common_stamps, gaps
 from web.replay.track import PARTS, WIDTH
 
 RUN = MadeRun(

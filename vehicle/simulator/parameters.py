@@ -2,8 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+import numpy.typing as npt
+
 from quadrotor.parameters import parameter
 from quadrotor.vehicle_model import VehicleModel
+
+
+def _matrix_entry(entry: str) -> float:
+    same = entry[0] == entry[1]
+    value: float = parameter(
+        1.0 if same else 0.0, ge=0.5 if same else -0.2, le=1.5 if same else 0.2, step=0.001,
+        description=f"entry {entry} of the true T of Sec. 5.2, what a calibration is to find",
+    )  # fmt: skip
+    return value
 
 
 class SimulatorParameters(VehicleModel):
@@ -96,6 +108,15 @@ class SimulatorParameters(VehicleModel):
     accelerometer_noise: float = parameter(
         0.05, unit="m/s²", ge=0.0, le=5.0, step=0.01, description="standard deviation a sample"
     )
+    accelerometer_xx: float = _matrix_entry("xx")
+    accelerometer_xy: float = _matrix_entry("xy")
+    accelerometer_xz: float = _matrix_entry("xz")
+    accelerometer_yx: float = _matrix_entry("yx")
+    accelerometer_yy: float = _matrix_entry("yy")
+    accelerometer_yz: float = _matrix_entry("yz")
+    accelerometer_zx: float = _matrix_entry("zx")
+    accelerometer_zy: float = _matrix_entry("zy")
+    accelerometer_zz: float = _matrix_entry("zz")
     accelerometer_bias_x: float = parameter(
         0.03, unit="m/s²", ge=-2.0, le=2.0, step=0.01, description="left after calibration"
     )
@@ -153,6 +174,43 @@ class SimulatorParameters(VehicleModel):
         0.0, ge=0.0, le=0.5, step=0.005,
         description="share of the bytes on the serial wires that arrive as others, both ways",
     )  # fmt: skip
+
+    held: str = parameter(
+        "free", choices=("free", "hand", "bench"),
+        description="by a hand, lifted and turned as hand_* say; or fixed level on a bench, with "
+        "a force/torque sensor under the turning motor. Let go by the hand it is set down",
+    )  # fmt: skip
+    hand_roll: float = parameter(
+        0.0, unit="deg", ge=-180.0, le=180.0, step=5.0, description="the hand turns it there"
+    )
+    hand_pitch: float = parameter(
+        0.0, unit="deg", ge=-90.0, le=90.0, step=5.0, description="the hand turns it there"
+    )
+    hand_yaw: float = parameter(
+        0.0, unit="deg", ge=-180.0, le=180.0, step=5.0, description="the hand turns it there"
+    )
+    bench_sensor: str = parameter(
+        "force and speed", choices=("force and speed", "force", "none"),
+        description="what is plugged in at the bench: a tachometer beside the force/torque sensor",
+    )  # fmt: skip
+    bench_force_noise: float = parameter(
+        0.02, unit="N", ge=0.0, le=1.0, step=0.005, description="standard deviation a reading"
+    )
+    bench_torque_noise: float = parameter(
+        0.0005, unit="N m", ge=0.0, le=0.1, step=0.0001,
+        description="standard deviation a reading",
+    )  # fmt: skip
+    bench_speed_noise: float = parameter(
+        0.5, unit="count", ge=0.0, le=20.0, step=0.1,
+        description="standard deviation a reading, as a motor reference",
+    )  # fmt: skip
+
+    @property
+    def accelerometer_matrix(self) -> npt.NDArray[np.float64]:
+        """T (3, 3) of Sec. 5.2: f_b = T (a_m - b)."""
+        return np.array(
+            [[getattr(self, f"accelerometer_{row}{column}") for column in "xyz"] for row in "xyz"]
+        )
 
     @property
     def unplugged(self) -> tuple[bool, bool]:

@@ -169,9 +169,7 @@ def blow(plant: Record, noise: Array, row: int, dt: float) -> None:
 def advance(plant: Record, references: tuple[int, int, int, int], duration: float) -> None:
     """Advance a PLANT record (1,) by `duration` (s) with held motor references (counts)."""
     p = plant[0]
-    if p.battery_exponent > 0.0:  # thrust goes with the square of speed
-        voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
-        p.battery_share = voltage ** (2.0 * p.battery_exponent)
+    follow_battery(p)
     p.ground_share = ground_gain(p.ground_effect, p.x[2])
     steps = math.ceil(duration / SUBSTEP - 1e-9)
     dt = duration / steps
@@ -179,7 +177,15 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
         float(references[0]), float(references[1]), float(references[2]), float(references[3])
     )  # fmt: skip
     move(p, target, steps, dt, motor_share(p.model.motor_time_constant, dt))
-    _discharge(plant, duration)
+    discharge(plant, duration)
+
+
+@compiled(inner=True)
+def follow_battery(p: Item) -> None:
+    """Thrust goes with the square of speed, which goes with the voltage."""
+    if p.battery_exponent > 0.0:
+        voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
+        p.battery_share = voltage ** (2.0 * p.battery_exponent)
 
 
 @compiled(inner=True)
@@ -274,7 +280,7 @@ def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) ->
 
 
 @compiled(inner=True)
-def _discharge(plant: Record, duration: float) -> None:
+def discharge(plant: Record, duration: float) -> None:
     """Draw the rotors' and the avionics' power; the terminals sag by the inner resistance."""
     p = plant[0]
     power = AVIONICS_POWER

@@ -122,7 +122,12 @@ def _loop(
             line.advance(simulated.period)
         simulated.step_period()
         statistics.periods += 1
-        if publisher is not None and simulated.stamp_ns >= truth_due_ns:
+        if publisher is None:
+            continue
+        reading = simulated.bench_reading()
+        if reading is not None:
+            publisher.offer_reading(epoch_ns + reading.stamp_ns, reading)
+        if simulated.stamp_ns >= truth_due_ns:
             truth_due_ns = simulated.stamp_ns + SECOND_NS // TRUTH_RATE
             publisher.offer(epoch_ns + simulated.stamp_ns, simulated.truth)
     return statistics

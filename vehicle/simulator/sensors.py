@@ -39,6 +39,7 @@ _VOLTAGE_NOISE = 0.02  # V
 
 SENSORS = np.dtype(
     [
+        ("accelerometer_matrix", "f8", (3, 3)),  # inverse of T: body axes to the sensor's
         ("accelerometer_bias", "f8", 3),  # m/s^2
         ("accelerometer_noise", "f8"),  # m/s^2
         ("gyroscope_bias", "f8", 3),  # rad/s
@@ -57,6 +58,7 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     """A SENSORS record, shape (1,)."""
     p = parameters
     sensors = np.zeros(1, SENSORS)
+    sensors["accelerometer_matrix"] = np.linalg.inv(p.accelerometer_matrix)
     sensors["accelerometer_bias"] = (
         p.accelerometer_bias_x, p.accelerometer_bias_y, p.accelerometer_bias_z,
     )  # fmt: skip
@@ -98,6 +100,14 @@ def _count(value: float, low: int, high: int) -> int:
 
 
 @compiled(inner=True)
+def sensed_force(matrix: Array, force_b: Array, axis: int) -> float:
+    """Specific force (m/s^2) along one axis of the sensor: a row of T^-1 f of Sec. 5.2."""
+    row = matrix[axis]
+    out: float = row[0] * force_b[0] + row[1] * force_b[1] + row[2] * force_b[2]
+    return out
+
+
+@compiled(inner=True)
 def accelerometer_count(force: float, bias: float, deviation: float, normal: float) -> int:
     """Count of one axis for a specific force (m/s^2), with its noise's standard normal number."""
     value = force + bias + deviation * normal
@@ -121,8 +131,9 @@ def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Re
     twisted = math.hypot(s.gyroscope_noise, speed * s.vibration_gyroscope)
     for i in range(3):
         registers[_ACCELEROMETER + i] = accelerometer_count(
-            p.specific_force_b[i], s.accelerometer_bias[i], shaken, noise[row, i]
-        )
+            sensed_force(s.accelerometer_matrix, p.specific_force_b, i),
+            s.accelerometer_bias[i], shaken, noise[row, i],
+        )  # fmt: skip
         registers[_GYROSCOPE + i] = gyroscope_count(
             p.x[10 + i], s.gyroscope_bias[i], twisted, noise[row, 3 + i]
         )

@@ -12,6 +12,8 @@ from quadrotor.compiled import compiled
 from quadrotor.records import STATE, Record
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.program import period
+from vehicle.simulator.force_sensor import ForceReading, ForceSensor
+from vehicle.simulator.held import BENCH, FREE, configure_holder, hold, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, blow, configure_plant, new_plant
 from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
@@ -29,14 +31,18 @@ PERIOD_MAX_US = 1000
 @compiled
 def _run(
     plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
-    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], periods: int, dt: float,
+    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], holder: Record,
+    periods: int, dt: float,
 ) -> None:  # fmt: skip
     """`periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
-    p = program[0]
+    p, h = program[0], holder[0]
     for k in range(periods):
         r = p.references
         blow(plant, noise[:, GUSTS:], row + k, dt)
-        advance(plant, (r[0], r[1], r[2], r[3]), dt)
+        if h.held == FREE:
+            advance(plant, (r[0], r[1], r[2], r[3]), dt)
+        else:
+            hold(plant, holder, (r[0], r[1], r[2], r[3]), dt)
         sample(plant, sensors, noise, row + k, registers)
         period(p, registers, command, dt)
 
@@ -77,6 +83,9 @@ class SimulatedVehicle:
         self.stamp_ns = 0
         self._wires = new_wires(ports, parameters)
         self._plant = new_plant(parameters)
+        self._holder = new_holder()
+        configure_holder(self._holder, self._plant, parameters)
+        self._force_sensor = ForceSensor(parameters)
         self._sensors = new_sensors(parameters)
         self._noise = Noise(parameters.seed)
         self._begun_ns = 0  # time of period 0
@@ -145,7 +154,7 @@ class SimulatedVehicle:
         if first:
             _begin(*arguments, self._period)
         else:
-            _run(*arguments, periods, self._period)
+            _run(*arguments, self._holder, periods, self._period)
             firmware.statistics.steps(stamp_ns // 1_000_000, periods, 1)
         self._count = last + 1
         if last % self._periods == 0:
@@ -177,7 +186,23 @@ class SimulatedVehicle:
         registers, noise = self.firmware.registers.copy(), np.zeros_like(self._noise.block)
         rest = program, registers, (0, 0, 0, 0)
         _begin(plant, self._sensors, noise, 0, *rest, self._period)
-        _run(plant, self._sensors, noise, 0, *rest, 1, self._period)
+        holder = new_holder()
+        _run(plant, self._sensors, noise, 0, *rest, holder, 1, self._period)
+        for held in ("hand", "free", "bench"):
+            configure_holder(holder, plant, SimulatorParameters(held=held))
+        plant["rotor_speeds"] = 1.0
+        ForceSensor(self.parameters).read(0, plant, self.parameters)
+
+    @property
+    def held(self) -> bool:
+        """Whether a hand or the bench has it; setting it down takes a while."""
+        return bool(self._holder["held"][0] != FREE)
+
+    def bench_reading(self) -> ForceReading | None:
+        """Of the force/torque sensor after the last step, when one was due on the bench."""
+        if self._holder["held"][0] != BENCH:
+            return None
+        return self._force_sensor.read(self.stamp_ns, self._plant, self.parameters)
 
     def disturb(self, force_w: Sequence[float]) -> None:
         """Push the vehicle with this force (N, world axes) from now on; zeros end it."""
@@ -187,6 +212,7 @@ class SimulatedVehicle:
         """Take new true values in flight, a payload for instance; motion and charge stay."""
         self.parameters = parameters
         configure_plant(self._plant, parameters)
+        configure_holder(self._holder, self._plant, parameters)
         self._sensors = new_sensors(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)

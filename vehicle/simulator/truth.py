@@ -1,4 +1,5 @@
-"""Publishes the truth as a tracking system would, from a thread of its own.
+"""Publishes the truth as a tracking system would, and the force/torque sensor's readings on the
+bench, from a thread of its own.
 
 The network may be slow or the station away: the plant must not wait. Only the newest few states
 are kept for sending.
@@ -13,23 +14,29 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
+from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
 
 KEPT = 8
 PRIORITY = 10
 """SCHED_FIFO, below the plant's."""
 RETRY_S = 1.0
+PUBLISHED = ("truth", "bench_reading")
 
-Put = Callable[[bytes, int], None]
-"""Sends one payload with its source time in ns."""
+
+class Put(Protocol):
+    """Sends one payload with its source time in ns."""
+
+    def __call__(self, payload: bytes, source_ns: int, topic: str = "truth", /) -> None: ...
 
 
 class TruthPublisher:
-    """Encodes and sends STATE records.
+    """Encodes and sends STATE records and readings.
 
     Args:
         connect: opens the way out and returns how to send and how to close; may block, may raise
@@ -41,7 +48,7 @@ class TruthPublisher:
         self.dropped = 0
         self._connect = connect
         self._vehicle = vehicle
-        self._states: queue.Queue[tuple[int, Record] | None] = queue.Queue(KEPT)
+        self._states: queue.Queue[tuple[int, Record | ForceReading] | None] = queue.Queue(KEPT)
         self._stop = threading.Event()
         self._complained = False
         # A daemon: opening a session can block for as long as the station is away.
@@ -50,8 +57,15 @@ class TruthPublisher:
 
     def offer(self, stamp_ns: int, state: Record) -> None:
         """Send this state (1,), which is copied; dropped when the thread is behind."""
+        self._offer(stamp_ns, state.copy())
+
+    def offer_reading(self, stamp_ns: int, reading: ForceReading) -> None:
+        """As `offer`, of the force/torque sensor."""
+        self._offer(stamp_ns, reading)
+
+    def _offer(self, stamp_ns: int, what: Record | ForceReading) -> None:
         try:
-            self._states.put_nowait((stamp_ns, state.copy()))
+            self._states.put_nowait((stamp_ns, what))
         except queue.Full:
             self.dropped += 1
 
@@ -65,6 +79,7 @@ class TruthPublisher:
     def _run(self) -> None:
         _hurry(True)
         # Imported here: the station's message types take a while, the plant need not wait.
+        from vehicle_link.topics.bench import encode_bench_reading
         from vehicle_link.topics.ticks import encode_odometries
 
         while not self._stop.is_set():
@@ -82,8 +97,16 @@ class TruthPublisher:
             try:
                 while not self._stop.is_set():
                     item = self._states.get()
-                    if item is not None:
-                        put(encode_odometries(item[0], item[1], self._vehicle)[0], item[0])
+                    if item is None:
+                        continue
+                    stamp_ns, what = item
+                    if isinstance(what, ForceReading):
+                        payload = encode_bench_reading(
+                            stamp_ns, what.force, what.torque, what.speed
+                        )
+                        put(payload, stamp_ns, "bench_reading")
+                    else:
+                        put(encode_odometries(stamp_ns, what, self._vehicle)[0], stamp_ns)
             except LinkError as error:
                 self._complain(error)
             finally:
@@ -109,7 +132,7 @@ def _hurry(on: bool) -> None:
 def connect_to_station(
     loopback_port: int, vehicle: str, live: LiveParameters
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
-    """`connect` of a TruthPublisher: topic /<vehicle>/truth through the station's router.
+    """`connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
 
     The parameters of the simulator are served the same way, as those of /<vehicle>/simulator.
     """
@@ -124,7 +147,7 @@ def connect_to_station(
 
         session = loopback_session(loopback_port)
         node = Node(session, f"/{vehicle}", "simulator")
-        publisher = node.advertise(TOPICS["truth"])
+        publishers = {topic: node.advertise(TOPICS[topic]) for topic in PUBLISHED}
         changes = node.advertise(TOPICS["parameter_changes"])
 
         def tell(
@@ -158,6 +181,9 @@ def connect_to_station(
             node.close()
             session.close()  # type: ignore[no-untyped-call]
 
-        return publisher.put, close
+        def put(payload: bytes, source_ns: int, topic: str = "truth", /) -> None:
+            publishers[topic].put(payload, source_ns)
+
+        return put, close
 
     return connect

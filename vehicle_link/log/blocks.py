@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Schema
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 
 from quadrotor.errors import LogFormatError, StorageError
@@ -45,7 +45,7 @@ class Block(NamedTuple):
 
 
 class BlockReader:
-    """Iterate once; `channels`, `schemas` and `attachments` grow on the way.
+    """Iterate once; `channels`, `schemas`, `attachments` and `metadata` grow on the way.
 
     After the last block `tear` says why reading stopped early (empty: at the log's end) and
     `damaged_chunks` how many were passed over.
@@ -60,6 +60,7 @@ class BlockReader:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.attachments: dict[str, bytes] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
         self.tear = ""
         self.damaged_chunks = 0
         self._parts: list[bytes] = []
@@ -119,6 +120,9 @@ class BlockReader:
         elif opcode == Opcode.ATTACHMENT:
             attachment = Attachment.read(_stream(data))
             self.attachments[attachment.name] = attachment.data
+        elif opcode == Opcode.METADATA:
+            record = Metadata.read(_stream(data))
+            self.metadata[record.name] = dict(record.metadata)
 
     def _opened(self, data: bytes) -> bytes:
         """What is in a chunk; nothing when it is damaged: the next one may be whole again."""

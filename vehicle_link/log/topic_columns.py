@@ -6,7 +6,7 @@ its type (by path, `pose.pose.position.x`), and for each text the places where i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,6 +51,8 @@ class ColumnReader:
 
     Args:
         whole: ends of topic names (`/events`) whose payloads are wanted too.
+        wanted: paths of the numbers and texts to be read by last part of the topic's name; of
+            other topics only the times. None for all there are.
 
     Attributes:
         problems: one line for each topic that could not be read.
@@ -58,8 +60,14 @@ class ColumnReader:
     Raises LogFormatError or StorageError.
     """
 
-    def __init__(self, path: Path, whole: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self,
+        path: Path,
+        whole: tuple[str, ...] = (),
+        wanted: Mapping[str, Collection[str]] | None = None,
+    ) -> None:
         self.log = BlockReader(path)
+        self._wanted = wanted
         self.problems: dict[str, str] = {}
         self._whole = whole
         self._topics: dict[int, _TopicReader | None] = {}
@@ -86,8 +94,11 @@ class ColumnReader:
                 if channel.message_encoding != "cdr":
                     raise LogFormatError(f"messages in {channel.message_encoding!r}; only cdr")
                 layouts = SchemaLayouts(schema)
+                paths = None
+                if self._wanted is not None:
+                    paths = frozenset(self._wanted.get(channel.topic.rsplit("/", 1)[-1], ()))
                 reader = _TopicReader(
-                    channel.topic, schema.name, layouts, channel.topic.endswith(self._whole)
+                    channel.topic, schema.name, layouts, channel.topic.endswith(self._whole), paths
                 )
             except LogFormatError as error:
                 self.problems[channel.topic] = str(error)
@@ -96,11 +107,19 @@ class ColumnReader:
 
 
 class _TopicReader:
-    def __init__(self, topic: str, type_name: str, layouts: SchemaLayouts, whole: bool) -> None:
+    def __init__(
+        self,
+        topic: str,
+        type_name: str,
+        layouts: SchemaLayouts,
+        whole: bool,
+        paths: frozenset[str] | None,
+    ) -> None:
         self._topic = topic
         self._type_name = type_name
         self._layouts = layouts
         self._whole = whole
+        self._paths = paths  # of the numbers and texts wanted, None for all
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
         self._last: dict[str, str] = {}
         self.problem = ""  # the first message that could not be read
@@ -115,7 +134,7 @@ class _TopicReader:
             field_at(data, places, 15, "<i8"), field_at(data, places, 23, "<i8"),
         )  # fmt: skip
         texts: dict[str, npt.NDArray[Any]] = {}
-        for size in np.unique(sizes).tolist():
+        for size in np.unique(sizes).tolist() if self._paths != frozenset() else ():
             chosen = np.flatnonzero(sizes == size)
             rows = _rows(data, places[chosen] + HEAD_BYTES, size)
             self._read_size(rows, chosen, out, texts)
@@ -147,7 +166,8 @@ class _TopicReader:
                     self.problem = self.problem or str(error)
                     left[np.argmax(left)] = False
                     continue
-                known.append(layout)
+                known.append(_narrowed(layout, self._paths))
+                layout = known[-1]
             here = left & layout.fits(rows)
             if here.any():
                 whole = bool(here.all())
@@ -164,6 +184,18 @@ class _TopicReader:
                 self._last[path] = text
                 found.append((index, text))
         return found
+
+
+def _narrowed(layout: PayloadLayout, paths: frozenset[str] | None) -> PayloadLayout:
+    """With these numbers and texts alone."""
+    if paths is None:
+        return layout
+    return PayloadLayout(
+        layout.size,
+        layout.lengths,
+        {path: place for path, place in layout.numbers.items() if path in paths},
+        {path: pieces for path, pieces in layout.texts.items() if path in paths},
+    )
 
 
 def _fill(

@@ -1,5 +1,6 @@
 """The topics of a vehicle: their table, and payloads from and to the records of a tick."""
 
+from vehicle_link.topics.bench import encode_bench_reading
 from vehicle_link.topics.measurements import (
     Bearings,
     Sticks,
@@ -61,6 +62,7 @@ __all__ = [
     "encode_batteries",
     "encode_bearing_pose",
     "encode_bearings",
+    "encode_bench_reading",
     "encode_estimators",
     "encode_event",
     "encode_heartbeat",

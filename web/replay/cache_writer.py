@@ -13,12 +13,12 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from vehicle_link.log.message_times import common_stamps, gaps
 from vehicle_link.log.topic_columns import ColumnReader
 from web.replay import derived, timeline
 from web.replay.pyramid import FACTOR, edges, pyramid
 from web.replay.signals import as_json, signals_of
 from web.replay.spool import TopicSpool
-from web.replay.times import common_stamps, gaps
 from web.replay.track import PARTS, WIDTH, track
 
 VERSION = 2

@@ -5,6 +5,7 @@ import { get } from "./api.js";
 import { Ages } from "./ages.js";
 import { Bar } from "./bar.js";
 import { Beacons } from "./beacons.js";
+import { Calibrate } from "./calibrate.js";
 import { ControlStrip } from "./control.js";
 import { Charts } from "./charts.js";
 import { addEmergency } from "./emergency.js";
@@ -50,6 +51,7 @@ async function start() {
   const charts = new Charts($("charts"), telemetry, description);
   new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
   new Tune($("tab-tune"), { events, session, isOperator });
+  new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
 
   tabs();

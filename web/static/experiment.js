@@ -1,13 +1,16 @@
 // The Fly tab's experiments: options, start by a hold (it arms), finish, stop, and the verdict.
 
 import { get, request } from "./api.js";
-import { duration, element, exact, words } from "./format.js";
+import { isCalibration } from "./calibrate_words.js";
+import { Guide } from "./experiment_guide.js";
+import { OptionForm } from "./experiment_options.js";
+import { duration, element, words } from "./format.js";
 import { onHold } from "./hold.js";
 
 const RUNNING = ["flying", "finishing", "evaluating"];
 const HELP = "Any command of a person, or a deflected stick, takes over and ends it.";
 const BY_HAND = "Flown by hand: hold Shift, or a shoulder button of the pad.";
-const RETRY = 3000; // ms, while the station does not tell its experiments
+const RETRY = 3000, NEW = 10_000; // ms, while the station does not tell its experiments, and afterwards
 
 export class ExperimentSection {
   constructor(place, events, fly, isOperator, ages) {
@@ -17,11 +20,13 @@ export class ExperimentSection {
     this.isOperator = isOperator;
     this.place = place;
     this.known = null; // asked for when the section is open
+    this.others = []; // names of those in the Calibrate tab
     this.again = 0;
-    this.fields = [];
     this.state = element("output");
     this.select = element("select", { ariaLabel: "experiment", onchange: () => this.showOptions() });
-    this.options = element("div", { className: "options" });
+    this.about = element("p", { className: "about" });
+    this.form = new OptionForm();
+    this.guide = new Guide({ isOperator, ask: (action, body) => this.ask(action, body) });
     this.start = element("button", { className: "hold", title: "hold for 0.8 s: arms, takes off and flies it" }, "Start");
     this.finish = element("button", { title: "end the manoeuvre now: handed back, landed, judged", onclick: () => this.ask("finish") }, "Finish");
     this.stop = element("button", { title: "command no more: the vehicle brakes and hovers; land it", onclick: () => this.ask("stop") }, "Stop");
@@ -30,9 +35,9 @@ export class ExperimentSection {
     this.result = element("div", { className: "result" });
     this.state.dataset.topic = this.step.dataset.topic = "experiment_status";
     place.append(
-      element("summary", {}, "Experiment", this.state), this.select, this.options,
+      element("summary", {}, "Experiment", this.state), this.select, this.about, this.form.place,
       element("div", { className: "act" }, this.start, this.finish, this.stop),
-      element("div", { className: "progress" }, this.bar), this.step, this.result);
+      element("div", { className: "progress" }, this.bar), this.step, this.guide.place, this.result);
     onHold(this.start, 800, () => this.begin());
     place.addEventListener("toggle", () => place.open && this.load());
     events.on("summary", () => this.draw());
@@ -41,56 +46,43 @@ export class ExperimentSection {
 
   get status() { return this.events.summary.experiment ?? null; }
 
+  // Again and again while it is open: files of one's own come, go and are mended.
   async load() {
-    if (this.known || performance.now() < this.again) return;
-    this.again = performance.now() + RETRY;
+    if (performance.now() < this.again) return;
+    this.again = performance.now() + (this.known ? NEW : RETRY);
     try {
-      const { experiments } = await get("/api/experiments");
+      const { experiments } = await get("/api/experiments"), text = JSON.stringify(experiments);
       if (!experiments.length) throw new Error("The station knows no experiments.");
-      this.known = experiments;
+      if (text === this.text) return;
+      this.text = text;
+      this.known = experiments.filter(({ calibration }) => !calibration);
+      this.others = experiments.filter(({ calibration }) => calibration).map(({ name }) => name);
     } catch (error) {
-      this.options.replaceChildren(element("p", { className: "empty" }, error.message));
+      if (this.known) return;
+      this.form.place.replaceChildren(element("p", { className: "empty" }, error.message));
       return;
     }
-    this.select.replaceChildren(...this.known.map(({ name }) => element("option", { value: name }, words(name))));
+    const before = this.select.value, typed = this.form.taken();
+    this.select.replaceChildren(...this.known.map(({ name, problem }) => element("option", { value: name }, problem ? `${name}: broken` : words(name))));
     const running = this.known.find(({ name }) => name === this.status?.name);
-    this.select.value = (running ?? this.known.find(({ name }) => name === "bearings") ?? this.known[0])?.name ?? "";
+    this.select.value = (running ?? this.known.find(({ name }) => name === before) ?? this.known.find(({ name }) => name === "bearings") ?? this.known[0])?.name ?? "";
     this.showOptions();
+    if (this.select.value === before) this.form.put(typed);
   }
 
+  get chosen() { return this.known?.find(({ name }) => name === this.select.value); }
+
+  // A file of one's own that is broken can be chosen, to read why, and not started.
   showOptions() {
-    const chosen = this.known.find(({ name }) => name === this.select.value);
-    this.select.title = chosen?.description ?? "";
-    this.fields = (chosen?.options ?? []).map((option) => [option, this.input(option)]);
-    this.options.replaceChildren(...this.fields.map(([option, input]) =>
-      element("label", { className: option.type === "str" && !option.choices.length ? "wide" : option.unit ? "" : "bare" }, element("span", {}, words(option.name)), input, ...(option.unit ? [element("small", {}, option.unit)] : []))));
+    const { chosen } = this;
+    set(this.about, chosen?.problem || chosen?.description || "");
+    this.about.classList.toggle("reason", Boolean(chosen?.problem));
+    this.form.show(chosen?.problem ? undefined : chosen);
     this.draw();
   }
 
-  input(option) {
-    const bounds = option.minimum !== null && option.maximum !== null ? `, ${exact(option.minimum)} to ${exact(option.maximum)} ${option.unit}` : "";
-    const common = { title: `${option.description}${bounds}`, ariaLabel: option.name };
-    if (option.choices.length) {
-      const select = element("select", common, ...option.choices.map((choice) => element("option", { value: choice }, words(choice))));
-      select.value = option.default;
-      return select;
-    }
-    if (option.type === "bool") return element("input", { ...common, type: "checkbox", checked: option.default });
-    if (option.type === "str") return element("input", { ...common, type: "text", value: option.default, placeholder: "none" });
-    return element("input", { ...common, type: "number", value: option.default, min: option.minimum ?? "", max: option.maximum ?? "", step: "any" });
-  }
-
   begin() {
-    const options = {};
-    for (const [option, input] of this.fields) {
-      if (option.type === "bool") options[option.name] = input.checked;
-      else if (option.type === "str") options[option.name] = input.value.trim();
-      else if (!input.checkValidity() || !Number.isFinite(input.valueAsNumber)) {
-        this.fly.refuse(`${words(this.select.value)}: ${words(option.name)} = ${input.value || "?"}; allowed ${exact(option.minimum)} to ${exact(option.maximum)} ${option.unit}`);
-        return;
-      } else options[option.name] = input.valueAsNumber;
-    }
-    this.ask("start", { name: this.select.value, options });
+    try { this.ask("start", { name: this.select.value, options: this.form.values() }); } catch (error) { this.fly.refuse(error.message); }
   }
 
   ask(action, body = {}) {
@@ -98,25 +90,26 @@ export class ExperimentSection {
   }
 
   draw() {
-    const { status, place } = this;
+    const { status, place } = this, isElsewhere = Boolean(status) && (isCalibration(status.name) || this.others.includes(status.name));
     const old = this.ages.isOld("experiment_status");
     const runs = Boolean(status) && RUNNING.includes(status.phase);
-    if (runs && !this.ran) place.open = true;
+    if (runs && !this.ran && !isElsewhere) place.open = true;
     this.ran = runs;
     if (place.open) this.load();
     const inTheAir = runs && status.phase !== "evaluating";
     const time = status?.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : "";
     set(this.state, !status || status.phase === "idle" ? "" : `${words(status.name)} · ${status.phase}`);
+    this.guide.draw(isElsewhere ? null : status, old);
     place.classList.toggle("old", old);
-    this.start.disabled = !this.isOperator || runs || old || !this.fields.length && !this.select.value;
+    this.start.disabled = !this.isOperator || runs || old || !this.chosen || Boolean(this.chosen.problem);
     this.finish.disabled = !this.isOperator || status?.phase !== "flying" || old;
     this.stop.disabled = !this.isOperator || !runs || old;
     this.select.disabled = runs;
-    for (const [, input] of this.fields) input.disabled = runs;
+    this.form.disable(runs);
     this.bar.style.width = runs && status.planned ? `${Math.min(100, (100 * status.elapsed) / status.planned)}%` : "0";
-    set(this.step, runs ? `${status.manual ? BY_HAND : status.step}${inTheAir && time ? ` · ${time}` : ""}` : this.known ? HELP : "");
-    const key = JSON.stringify([status?.phase, status?.run_id, status?.reason, status?.reports, runs]);
-    if (key !== this.drawn) { this.drawn = key; this.showResult(status, runs); }
+    set(this.step, isElsewhere && runs ? "A calibration runs: see the Calibrate tab." : runs ? `${status.manual ? BY_HAND : status.step}${inTheAir && time ? ` · ${time}` : ""}` : this.known ? HELP : "");
+    const key = JSON.stringify([status?.phase, status?.run_id, status?.reason, status?.reports, runs, isElsewhere]);
+    if (key !== this.drawn) { this.drawn = key; this.showResult(isElsewhere ? null : status, runs); }
   }
 
   showResult(status, runs) {

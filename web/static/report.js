@@ -3,6 +3,7 @@
 import { get } from "./api.js";
 import { figures } from "./experiment.js";
 import { element, exact, words } from "./format.js";
+import { RunReport } from "./runs_report.js";
 
 const run = decodeURIComponent(location.pathname.split("/")[2]);
 const base = `/api/runs/${encodeURIComponent(run)}`;
@@ -31,3 +32,11 @@ try {
 } catch (error) {
   main.append(element("h1", {}, "No report"), element("p", { className: "reason" }, error.message));
 }
+
+// One with figures, made on request, of any run there is.
+try {
+  const [session] = await Promise.all([get("/api/session"), get(`${base}/report_making`)]);
+  const made = new RunReport(session.role !== "viewer");
+  main.append(made.place);
+  made.show({ id: run });
+} catch { /* an unknown run; said above */ }

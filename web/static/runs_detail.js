@@ -3,6 +3,7 @@
 import { get, request } from "./api.js";
 import { element, fixed } from "./format.js";
 import { RunNotes } from "./runs_notes.js";
+import { RunReport } from "./runs_report.js";
 import { RunSharing } from "./runs_sharing.js";
 import { experiment, startOf, state } from "./runs_words.js";
 
@@ -14,12 +15,13 @@ export class RunDetail {
     this.facts = element("p", { className: "facts" });
     this.links = element("div", { className: "links" });
     this.sharing = new RunSharing();
+    this.report = new RunReport(page.isOperator);
     this.known = element("datalist", { id: "known-tags" });
     this.tags = element("div", { className: "tags" });
     this.tagInput = element("input", { placeholder: "add a tag", ariaLabel: "add a tag", maxLength: 40, disabled: !page.isOperator, list: "known-tags", onkeydown: (event) => this.tagKey(event), onchange: () => this.addTag() });
     this.notes = new RunNotes(page);
     this.marks = element("ol", { className: "marks" });
-    this.single = element("div", {}, this.sharing.place, element("h3", {}, "Tags"), element("div", { className: "tag-row" }, this.tags, this.tagInput, this.known), this.notes.place, element("h3", {}, "Marks"), this.marks);
+    this.single = element("div", {}, this.report.place, this.sharing.place, element("h3", {}, "Tags"), element("div", { className: "tag-row" }, this.tags, this.tagInput, this.known), this.notes.place, element("h3", {}, "Marks"), this.marks);
     this.nothing = element("p", { className: "empty" }, "Choose a run to see what can be done with it.");
     this.content = element("div", {}, this.title, this.facts, this.links, this.single);
     place.append(this.nothing, this.content);
@@ -40,6 +42,9 @@ export class RunDetail {
       : [run.id, run.operator, experiment(run), run.problem || text !== "complete" ? `${text}: ${why}` : ""].filter(Boolean).join(" · ");
     this.drawLinks(run, chosen);
     this.sharing.show(several ? null : run, isOther);
+    const wanted = several ? null : run;
+    if (wanted?.id !== this.reported?.id || wanted?.recording !== this.reported?.recording) this.report.show(wanted);
+    this.reported = wanted;
     this.drawTags();
     this.notes.show(several ? null : run);
     this.marks.hidden = several;

@@ -133,7 +133,8 @@ def flying_lab(
 ) -> Iterator[Any]:
     """A site in flight, with runs, a history of gains and an account: what pages can show."""
     data = tmp_path_factory.mktemp("pages")
-    with lab_of_pages.flying_lab(data, serve, helper("step_vehicle")) as site:
+    vehicle, calibrating = helper("step_vehicle"), helper("calibrating")
+    with lab_of_pages.flying_lab(data, serve, vehicle, calibrating) as site:
         yield site
 
 

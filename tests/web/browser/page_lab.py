@@ -26,6 +26,7 @@ from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
+from vehicle.imu_calibration import ImuCalibration
 from vehicle.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
@@ -55,6 +56,7 @@ class _Station(Parameters):
 
 
 class _Root(Parameters):
+    imu: ImuCalibration = ImuCalibration()
     model: VehicleModel = VehicleModel()
     control: ControlParameters = ControlParameters()
     behavior: BehaviorParameters = BehaviorParameters()
@@ -63,20 +65,23 @@ class _Root(Parameters):
     station: _Station = _Station()
 
 
-def circle(station: Any, t: float) -> None:
-    """One sample of a vehicle that flies a circle under anna's control; t in s."""
-    stamp, angle, lag = header(time.time_ns()), 0.8 * t, 0.06
-    wobble = 0.012 * math.sin(3.1 * t)
+def circle(station: Any, t: float, *, stands: bool = False) -> None:
+    """One sample of a vehicle that flies a circle under anna's control, or stands; t in s."""
+    stamp, angle, lag = header(time.time_ns()), 0.0 if stands else 0.8 * t, 0.06
+    wobble = 0.0 if stands else 0.012 * math.sin(3.1 * t)
+    speed = 0.0 if stands else 0.96
 
     def place(a: float) -> tuple[float, float, float]:
+        if stands:
+            return (0.0, 0.0, 0.06)
         return (1.2 * math.cos(a), 1.2 * math.sin(a), 1.2 + 0.15 * math.sin(0.5 * a))
 
     x, y, z = place(angle - lag)
-    half = 0.5 * 0.12
+    half = 0.0 if stands else 0.5 * 0.12
     pose = {"pose": {"position": (x + wobble, y, z), "orientation": (half, half, 0.0, 0.995)}}
     truth = {"pose": {"position": (x, y + 0.004, z), "orientation": (half, half, 0.0, 0.995)}}
-    twist = {"twist": {"linear": (-0.96 * math.sin(angle), 0.96 * math.cos(angle), wobble),
-                       "angular": (wobble, 0.4 * wobble, 0.1)}}  # fmt: skip
+    twist = {"twist": {"linear": (-speed * math.sin(angle), speed * math.cos(angle), wobble),
+                       "angular": (wobble, 0.4 * wobble, 0.1 * speed)}}  # fmt: skip
     put = station.put
     ours = ("state", "truth", "reference", "link_status", "station_status")
     station.put = lambda topic, message: None if topic in ours else put(topic, message)
@@ -121,18 +126,22 @@ def _furnish(data: Path, catalogue: Catalogue) -> None:
 
 
 @contextmanager
-def flying_lab(data: Path, serve: Any, step_vehicle: Any) -> Iterator[Any]:
-    """A site; `site.vehicle` flies its step tests. Estimators are compared five times a second."""
+def flying_lab(data: Path, serve: Any, step_vehicle: Any, calibrating: Any) -> Iterator[Any]:
+    """A site; `site.vehicle` flies its step tests. Estimators are compared five times a second.
+
+    `site.experiment`: fields of an ExperimentStatus; with them the vehicle stands on the ground.
+    """
     catalogue = Catalogue(data)
     _furnish(data, catalogue)
     with serve(data, catalogue) as site:
         ended = threading.Event()
         site.vehicle = step_vehicle.StepVehicle(site.station)
         site.station.store = ParameterStore(_Root().model_copy(deep=True))
+        site.calibrating, site.experiment, kept = calibrating, None, calibrating.history()
         answer = site.station._call_blocking
 
         def call(service: str, request: Any) -> Any:
-            response = answer(service, request)
+            response = calibrating.answered(service, request, answer(service, request), kept)
             if service == "checks":
                 response.checked, response.checks = time.time(), to_messages(FOUND)
             return response
@@ -141,7 +150,12 @@ def flying_lab(data: Path, serve: Any, step_vehicle: Any) -> Iterator[Any]:
             compare_at = 0.0
             while not ended.wait(PERIOD):
                 t = time.monotonic()
-                circle(site.station, t)
+                told = site.experiment
+                site.station.said = dict(calibrating.Bench.GROUND) if told else {}
+                circle(site.station, t, stands=bool(told))
+                if told:
+                    status = new("quadlab_msgs/ExperimentStatus", **told)
+                    site.station.put("experiment_status", status)
                 if t > compare_at:
                     compare_at = t + 0.2
                     site.station.compare(("vehicle", "error_state"))

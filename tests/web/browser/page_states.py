@@ -32,6 +32,7 @@ class Room:
         self.page.wait_for_selector("#behaviors button", state="attached")
 
     def _console(self, tab: str) -> None:
+        self.lab.experiment = None
         if self.page.url.split("#")[0] != f"{self.lab.base}/":
             self.page.goto(f"{self.lab.base}/")
         self.page.wait_for_selector("#behaviors button", state="attached")
@@ -80,6 +81,24 @@ class Room:
                 self.lab.vehicle.zeta = 0.7
         for box in boxes.all():
             box.check()
+
+    def calibrate(self) -> None:
+        """An accelerometer's result, to be accepted."""
+        self._console("calibrate")
+        found = self.lab.calibrating
+        self.lab.experiment = found.ended("accelerometer", found.accelerometer())
+        self.page.wait_for_selector(".outcome .found")
+
+    def calibrating(self) -> None:
+        """The accelerometer, with five poses held."""
+        self._console("calibrate")
+        found = self.lab.calibrating
+        live = {**found.pose_figures(5), "poses": (5.0, ""), "condition number": (14.2, "")}
+        self.lab.experiment = found.told(
+            "accelerometer", live, step_number=6, step_count=12, step_share=0.6,
+            instruction="Hold the vehicle 20° nose and right side up, still for 1 s",
+        )  # fmt: skip
+        self.page.wait_for_selector(".sphere .held >> nth=4")
 
     def beacons(self) -> None:
         self._console("beacons")

@@ -14,12 +14,12 @@ import pytest
 IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's pictures
 SIZES = ((1440, 900), (1024, 700), (2560, 1440))
 STATES = (
-    "guide", "people", "fly", "gains", "gains_history", "beacons", "link", "tune", "signals",
-    "charts", "pad_editor", "runs", "replay", "setup", "kill", "sign_in",
+    "guide", "people", "fly", "gains", "gains_history", "beacons", "link", "tune", "calibrating",
+    "calibrate", "signals", "charts", "pad_editor", "runs", "replay", "setup", "kill", "sign_in",
 )  # fmt: skip
 """Methods of page_states.Room, in the order in which they are cheapest; the last signs out."""
-SHOWN = {"fly", "gains", "gains_history", "link", "tune", "charts", "runs", "replay", "setup",
-         "kill", "sign_in"}  # fmt: skip
+SHOWN = {"fly", "gains", "gains_history", "link", "tune", "calibrating", "calibrate", "charts",
+         "runs", "replay", "setup", "kill", "sign_in"}  # fmt: skip
 """Those whose pictures the documentation has."""
 
 

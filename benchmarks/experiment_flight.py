@@ -1,0 +1,59 @@
+"""An experiment flown in simulated time, judged from its log as `quadlab fly` does."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.experiments import watched
+from console.experiments.catalogue import find
+from console.experiments.client import Calibrating, Result
+from quadlab.flight_log import FlightLog
+from quadlab.fly import with_experiment
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+VEHICLE = "quad1"
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What came of it; `proposal` of a calibration only."""
+
+    result: Result
+    proposal: CalibrationRecord | None
+
+    def value(self, name: str) -> float:
+        """A proposed parameter."""
+        assert self.proposal is not None
+        return float(self.proposal.values[name])
+
+
+def fly(
+    name: str,
+    settings: dict[str, ParameterValue] | None = None,
+    *,
+    seed: int = 1,
+    true_state: bool = False,
+) -> Flown:
+    """Args: `settings` of vehicle, `simulator`, `tracker`, `experiment`. Raises QuadlabError."""
+    experiment = find(name, VEHICLE)
+    parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
+    parameters.seed(seed)
+    ParameterStore(parameters).preset(settings or {})
+    experiment.check()
+    robot = SimulatedVehicle(parameters.simulator)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.mcap"
+        log = FlightLog(path, VEHICLE, ParameterStore(parameters), {"run_id": name})
+        flight = SimulatedFlight(parameters, robot, log, TrueState(robot) if true_state else None)
+        try:
+            watched.fly(experiment, flight)
+        finally:
+            log.close()
+        result = experiment.evaluate(path)
+        calibrates = isinstance(experiment, Calibrating)
+        return Flown(result, experiment.proposal(path) if calibrates else None)

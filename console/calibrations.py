@@ -1,0 +1,136 @@
+"""The calibrations that the vehicle keeps, as the station read them last.
+
+Read when the vehicle connects, starts anew, or has taken one over; each run's file carries those
+in force. Serves `/<vehicle>/station/calibrate` with the actions `history` and `in_force`.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from typing import Any
+
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import LinkError, MeasurementError
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES
+
+SERVICE = SERVICES["calibrate"]
+TIMEOUT = 2.0
+"""s; a long history is some tens of kB."""
+AGAIN = 5.0
+"""s between two questions to a vehicle that does not answer."""
+TOLD = HISTORY, IN_FORCE = ("history", "in_force")
+NOT_READ = "the vehicle has not told them yet"
+LOST = "the link to the vehicle is lost"
+
+
+class Calibrations:
+    """Thread-safe."""
+
+    def __init__(self, node: Node) -> None:
+        self._client = node.client("calibrate", SERVICE, priority="background")
+        self._lock = threading.Lock()
+        self._records: dict[str, tuple[CalibrationRecord, ...]] | None = None
+        self._problem = NOT_READ
+        self._due = 0.0  # s of the monotonic clock; inf: read
+        self._revision = -1
+        self._is_starting = False
+        node.serve("station/calibrate", SERVICE, self._answer)
+
+    # ------------------------------------------------------------------ the station tells
+    def look(self, revision: int) -> None:
+        """Once a second while the vehicle is heard; may wait for its answer.
+
+        Args:
+            revision: of the vehicle's parameters; a lower one is a vehicle that started anew.
+        """
+        with self._lock:
+            if revision < self._revision:
+                self._due = 0.0
+            self._revision = revision
+            is_due = time.monotonic() >= self._due
+        if is_due:
+            try:
+                self.read()
+            except LinkError as error:
+                with self._lock:
+                    self._problem, self._due = str(error), time.monotonic() + AGAIN
+
+    def status(self, mode: str) -> None:
+        """Each status of the vehicle; one that has started has its gyroscope calibrated."""
+        was, self._is_starting = self._is_starting, mode == "starting"
+        if was and not self._is_starting:
+            self.changed()
+
+    def lost(self) -> None:
+        """The vehicle is not heard: another one may come."""
+        with self._lock:
+            self._records, self._problem, self._due = None, LOST, 0.0
+
+    def changed(self) -> None:
+        """What was read is old."""
+        with self._lock:
+            self._due = 0.0
+
+    # ------------------------------------------------------------------ read
+    def read(self) -> tuple[CalibrationRecord, ...]:
+        """The vehicle's history, newest first. Raises LinkError; what was known is forgotten."""
+        with self._lock:
+            self._due = float("inf")  # a change from now on is not in the answer
+        try:
+            records = {action: self._asked(action) for action in TOLD}
+        except LinkError:
+            with self._lock:
+                self._records, self._due = None, 0.0
+            raise
+        with self._lock:
+            self._records, self._problem = records, ""
+        return records[HISTORY]
+
+    def in_force(self) -> dict[str, CalibrationRecord] | None:
+        """By name, as the vehicle tells them; None when they are not known. Never waits."""
+        with self._lock:
+            records = self._records
+        return None if records is None else {record.name: record for record in records[IN_FORCE]}
+
+    def attachment(self) -> bytes:
+        """calibrations.json of a run. Never waits."""
+        known = self.in_force()
+        with self._lock:
+            problem = "" if known is not None else f"unknown: {self._problem}"
+        force = None
+        if known is not None:
+            force = {name: one.model_dump(mode="json") for name, one in known.items()}
+        return json.dumps({"in_force": force, "problem": problem}, indent=1).encode()
+
+    # ------------------------------------------------------------------ inside
+    def _asked(self, action: str) -> tuple[CalibrationRecord, ...]:
+        request = new(f"{SERVICE}_Request", requester="station", action=action)
+        response = self._client.call(request, timeout=TIMEOUT)
+        if not response.accepted:
+            raise LinkError(f"the vehicle does not tell its calibrations: {response.reason}")
+        try:
+            return tuple(parse_record(str(text)) for text in response.records)
+        except MeasurementError as error:
+            raise LinkError(f"the vehicle's calibrations cannot be read: {error}") from error
+
+    def _answer(self, request: Any) -> Any:
+        """As they were read last."""
+        answer = f"{SERVICE}_Response"
+        if request.action not in TOLD:
+            return new(
+                answer, accepted=False,
+                reason=f"the station serves only {' and '.join(TOLD)} here, not "
+                f"{request.action!r:.40}; calibrations are made and accepted through its "
+                "experiments",
+            )  # fmt: skip
+        with self._lock:
+            records, problem = self._records, self._problem
+        if records is None:
+            reason = f"the vehicle's calibrations are not known: {problem}"
+            return new(answer, accepted=False, reason=reason)
+        told = [one.model_dump_json() for one in records[request.action]]
+        return new(answer, accepted=True, records=told)

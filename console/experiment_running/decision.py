@@ -1,0 +1,92 @@
+"""What becomes of a calibration that an experiment proposed: the vehicle takes it over, or not."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+
+from console.calibrations import Calibrations
+from console.catalogue import Catalogue
+from console.experiment_running.board import INFO, WARN, ExperimentBoard
+from console.experiment_running.state import ACCEPTED, REJECTED
+from console.experiment_running.vehicle_services import VehicleServices
+from console.run_reports import write_decision
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+
+STORE_TIMEOUT = 2.0
+"""s for the vehicle to check, apply and write a record, a try."""
+NAME_MAX = 64
+
+
+class Decisions:
+    """Accepts or rejects the newest proposal, once; thread-safe."""
+
+    def __init__(
+        self,
+        board: ExperimentBoard,
+        services: VehicleServices,
+        calibrations: Calibrations,
+        catalogue: Catalogue,
+    ) -> None:
+        self._board, self._services = board, services
+        self._calibrations, self._catalogue = calibrations, catalogue
+        self._deciding = threading.Lock()
+        self._unanswered = ""  # the proposal that was sent without an answer
+
+    def accept(self, requester: str) -> None:
+        """The vehicle checks and keeps it. Raises RefusedError; then it is still open."""
+        with self._deciding:
+            text, record = self._open()
+            sent = record.model_copy(
+                update={"run_id": self._board.state.run_id, "requester": requester[:NAME_MAX]}
+            )
+            if self._unanswered != text or not self._is_kept(sent):
+                self._store(text, sent, requester)
+            self._decide(ACCEPTED, record.name, requester)
+        self._calibrations.changed()
+
+    def reject(self, requester: str) -> None:
+        """Nothing changes on the vehicle. Raises RefusedError without a proposal."""
+        with self._deciding:
+            _, record = self._open()
+            self._decide(REJECTED, record.name, requester)
+
+    def _open(self) -> tuple[str, CalibrationRecord]:
+        state = self._board.state
+        if not state.proposal:
+            raise RefusedError("no calibration is proposed, so there is nothing to decide")
+        if state.decision:
+            raise RefusedError(f"the proposal was {state.decision} already; repeat the experiment")
+        return state.proposal, parse_record(state.proposal)
+
+    def _store(self, text: str, record: CalibrationRecord, requester: str) -> None:
+        try:
+            self._services.call(
+                "calibrate", requester, timeout=STORE_TIMEOUT,
+                action="store", record=record.model_dump_json(),
+            )  # fmt: skip
+        except LinkError as error:
+            self._unanswered = text
+            raise RefusedError(
+                f"it is not known whether the vehicle took it over ({error}); accept it again"
+            ) from error
+
+    def _is_kept(self, record: CalibrationRecord) -> bool:
+        """Whether the vehicle took it over, though its answer was lost. Raises RefusedError."""
+        try:
+            history = self._calibrations.read()
+        except LinkError as error:
+            raise RefusedError(str(error)) from error
+        return any((kept.name, kept.run_id) == (record.name, record.run_id) for kept in history)
+
+    def _decide(self, decision: str, name: str, requester: str) -> None:
+        self._unanswered = ""
+        self._board.set(decision=decision)
+        run_id = self._board.state.run_id
+        self._board.say(INFO, f"calibration {name} of run {run_id} {decision} by {requester}")
+        try:
+            path: Path = self._catalogue.resolve(run_id)
+            write_decision(path, decision, requester)
+        except QuadlabError as error:  # the vehicle's history says it too
+            self._board.say(WARN, f"the report does not say that it was {decision}: {error}")

@@ -1,0 +1,49 @@
+"""From the end of a flight to its verdict, as the board shows it."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from console.experiment_running import state as phases
+from console.experiment_running.board import ExperimentBoard
+from console.experiment_running.evaluation import Job, judge
+from console.experiment_running.run_files import RunFiles
+from console.experiments.client import Experiment
+from quadrotor.errors import QuadlabError
+
+EVALUATION = 60.0
+"""s for the evaluation, and as much again as the flight is long."""
+
+
+class Judging:
+    """Args: `module`, what judges a run; `cancelled` ends it."""
+
+    def __init__(
+        self, board: ExperimentBoard, files: RunFiles, module: str, cancelled: threading.Event
+    ) -> None:
+        self._board, self._files = board, files
+        self._module, self._cancelled = module, cancelled
+
+    def judge(self, experiment: Experiment) -> None:
+        """Waits for the run's file, then for the process."""
+        board = self._board
+        run_id, started = board.state.run_id, board.state.started
+        board.set(phase=phases.EVALUATING, step="waiting for the run's file")
+        try:
+            path = self._files.closed(run_id)
+            board.set(step="judging the run")
+            seconds = EVALUATION + time.monotonic() - started
+            done = judge(Job(experiment, path, seconds), self._cancelled, self._module)
+        except QuadlabError as error:
+            phase = phases.STOPPED if self._cancelled.is_set() else phases.FAILED
+            kept = f"; run {run_id} is kept" if run_id else ""
+            board.end(phase, f"not judged: {error}{kept}")
+            return
+        with board.lock:
+            state = board.state
+            state.verdict, state.reports, state.proposal = (
+                done.result.verdict, done.files, done.proposal,
+            )  # fmt: skip
+            state.metrics, state.limits = done.result.metrics, done.result.limits
+        board.end(done.result.verdict, done.problem)

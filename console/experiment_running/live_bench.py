@@ -1,0 +1,131 @@
+"""One motor on the bench, asked for again and again for as long as its experiment lives.
+
+The vehicle stops the motor when it is not asked again in time; so whatever ends the experiment,
+or the station, ends the bench.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+
+PERIOD = 0.2
+"""s between two askings."""
+LOOKED = 5.0
+"""s without a look at the experiment's client, after which nobody watches the motor."""
+SHOWN = 0.5
+"""s after which the vehicle's status must show the bench."""
+BENCH, SILENT = "bench", ""
+
+
+class LiveBench:
+    """Of one experiment; its thread begins with the first motor.
+
+    Args:
+        ask: sends (motor, reference) once. Raises RefusedError, or LinkError without an answer.
+        end: tells the vehicle to end the bench, whatever was before; does not raise.
+        timeout: s after which the vehicle stops the motor.
+        mode: the vehicle's as it tells it now, empty when it is silent.
+        looked: s of the steady clock at which the experiment last looked at its client.
+
+    Attributes:
+        problem: why the bench ended by itself, until it is set anew.
+    """
+
+    def __init__(
+        self,
+        ask: Callable[[int, int], None],
+        end: Callable[[], None],
+        timeout: Callable[[], float],
+        mode: Callable[[], str],
+        looked: Callable[[], float],
+    ) -> None:
+        self._ask, self._tell_end = ask, end
+        self._timeout, self._mode, self._looked = timeout, mode, looked
+        self._asking = threading.Lock()
+        self._wanted: tuple[int, int] | None = None
+        self._since = self._heard = 0.0
+        self._limit = 0.0
+        self._over = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.problem: QuadlabError | None = None
+
+    @property
+    def is_on(self) -> bool:
+        return self._wanted is not None
+
+    def set(self, motor: int, reference: int) -> None:
+        """Motor 1 to 4 at a reference (counts), 0 ends it. Raises RefusedError or LinkError."""
+        with self._asking:
+            if self._over.is_set():
+                raise RefusedError("the experiment is over; no motor is turned any more")
+            self.problem = None
+            if not motor:
+                self._stop()
+                return
+            if self._wanted is None:
+                self._since, self._limit = time.monotonic(), self._timeout()
+            sent = time.monotonic()
+            try:
+                self._ask(motor, reference)
+            except QuadlabError:
+                self._stop()
+                raise
+            self._wanted, self._heard = (motor, reference), sent
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._run, name="bench", daemon=True)
+                self._thread.start()
+
+    def give_up(self) -> None:
+        """Ask no more from now on; the motor is stopped beside. Never waits."""
+        self._over.set()
+
+    def close(self) -> None:
+        """The motor is stopped, or the vehicle was asked to and does it by itself."""
+        self._over.set()
+        if self._thread is not None:
+            self._thread.join(3.0)
+
+    # ------------------------------------------------------------------ its thread
+    def _run(self) -> None:
+        while not self._over.wait(min(PERIOD, 0.4 * self._limit)):
+            with self._asking:
+                if self._wanted is not None and not self._over.is_set():
+                    self._again(*self._wanted)
+        with self._asking:
+            self._stop()
+
+    def _stop(self) -> None:
+        if self._wanted is not None:
+            self._wanted = None
+            self._tell_end()
+
+    def _again(self, motor: int, reference: int) -> None:
+        try:
+            self._check()
+            sent = time.monotonic()
+            self._ask(motor, reference)
+            self._heard = sent
+        except LinkError:
+            return  # again at the next period, while the vehicle still turns it
+        except QuadlabError as error:
+            self.problem = error
+            self._stop()
+
+    def _check(self) -> None:
+        """Asked late, the vehicle would start a motor that it has stopped. Raises RefusedError."""
+        now = time.monotonic()
+        if now - self._heard > self._limit:
+            raise RefusedError(
+                f"the vehicle did not answer for {now - self._heard:.1f} s and has stopped the "
+                "motor on the bench; mend the link and begin again"
+            )
+        if now - self._since > SHOWN and self._mode() not in (BENCH, SILENT):
+            raise RefusedError(f"the vehicle has ended the bench; it is {self._mode()}")
+        if now - self._looked() > LOOKED:
+            raise RefusedError(
+                f"the motor was stopped: the experiment did not look at its client for {LOOKED:g} s"
+            )

@@ -1,0 +1,253 @@
+"""Commands and waits of an experiment over the station's link: the vehicle in wall time.
+
+Whoever else commands the vehicle ends the experiment: from then on nothing of it is sent. So
+does a lost link; the vehicle then brakes and lands by itself.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+from console.experiment_running.vehicle import VehicleFeed
+from console.experiment_running.vehicle_services import VehicleServices
+from console.experiments.client import VehicleView
+from console.experiments.readings import Progress
+from console.sticks import StickOrder, StickWatchdog
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+
+LOOK = 0.02
+"""s between two looks at a condition, at least."""
+IDLE = 0.1
+"""s between two looks when nothing is heard."""
+SHOWN = 0.5
+"""s for the status to show what was accepted."""
+SETTLE = 0.05
+"""s that somebody's command waits for one of the experiment that is on its way."""
+
+
+class Ground(Protocol):
+    """What the client needs of the station."""
+
+    def link_state(self) -> LinkState: ...
+
+    def vehicle_ns(self) -> int: ...
+
+    def joy(self, order: StickOrder) -> None: ...
+
+    def stick_timeout(self) -> float: ...
+
+    def asked(self, command: str, requester: str) -> None: ...
+
+    def step(self, text: str) -> None: ...
+
+    def tell(self, progress: Progress) -> None: ...
+
+    def ask(self, question: str) -> None: ...
+
+    def record(self) -> None: ...
+
+
+class LiveCommands:
+    """What a flying experiment needs of `console.experiments.client.Client`.
+
+    Args:
+        requester: who started it; the vehicle is told that this person asks.
+    """
+
+    has_pilot = True
+
+    def __init__(
+        self, services: VehicleServices, feed: VehicleFeed, ground: Ground, requester: str
+    ) -> None:
+        self._services, self._feed, self._ground = services, feed, ground
+        self.requester = requester
+        self._sending = threading.Lock()
+        self._ended: QuadlabError | None = None
+        self._taken_over = threading.Event()
+        self._finish = threading.Event()
+        self._watchdog = StickWatchdog()
+        self._watchdog_lock = threading.Lock()
+        self._looked = time.monotonic()
+        self.pilot = False
+        """Whether the person's sticks fly."""
+        self.armed = False
+        """Whether the motors were started."""
+
+    # ------------------------------------------------------------------ from other threads
+    def finish(self) -> None:
+        self._finish.set()
+        self._feed.wake()
+
+    def end(self, why: QuadlabError, *, taken_over: bool = False, patience: float = 0.0) -> None:
+        """No more commands from now on; waits raise. The first reason stays.
+
+        Args:
+            taken_over: by a person; then not even `hold` sends anything.
+            patience: s to wait for a command that is on its way.
+        """
+        self._ended = self._ended or why
+        if taken_over:
+            self._taken_over.set()
+        self._feed.wake()
+        if patience and self._sending.acquire(timeout=patience):
+            self._sending.release()
+
+    @property
+    def taken_over(self) -> bool:
+        """Whether a person has commanded since, or flies with the sticks."""
+        return self._taken_over.is_set()
+
+    def tick(self) -> None:
+        """Some times a second: sticks that the experiment stopped moving are dropped."""
+        with self._watchdog_lock:
+            order = self._watchdog.tick(time.monotonic(), self._ground.stick_timeout())
+        if order is not None and self._ended is None and not self.pilot:
+            self._ground.joy(order)
+
+    # ------------------------------------------------------------------ the client API
+    @property
+    def finished(self) -> bool:
+        return self._finish.is_set()
+
+    def pilot_flies(self, on: bool) -> None:
+        self.pilot = on
+        if on:
+            self._ground.step("flown by hand")
+
+    def view(self) -> VehicleView:
+        self._check()
+        return self._feed.view()
+
+    def arm(self) -> None:
+        self._ground.step("arming")
+        self._ground.asked("arm", self.requester)
+        self.armed = True
+        try:
+            self._call("arm")
+        except RefusedError:
+            self.armed = False
+            raise
+        self._shown("")
+
+    def start(self, behavior: str, **arguments: ParameterValue) -> None:
+        self._ground.step(behavior.replace("_", " "))
+        self._call("start_behavior", name=behavior, arguments=to_parameters(arguments))
+        self._shown(behavior)
+
+    def change(self, values: dict[str, ParameterValue]) -> None:
+        if not values:
+            return
+        asked = _few(values)
+        self._ground.step(asked)
+        try:
+            response = self._call("change_parameters", parameters=to_parameters(values))
+        except RefusedError as error:
+            self._ground.step(f"{asked}: {error}")
+            raise
+        self._feed.applied(from_parameters(response.applied), int(response.revision))
+
+    def parameter(self, name: str) -> ParameterValue:
+        return self._feed.parameter(name)
+
+    def sticks(self, axes: Sequence[float]) -> None:
+        forward, left, up, yaw = (float(axis) for axis in axes)
+        now, timeout = time.monotonic(), self._ground.stick_timeout()
+        with self._watchdog_lock:
+            if self._watchdog.dropped:  # released and pressed again
+                self._watchdog.feed((0.0, 0.0, 0.0, 0.0), False, now, timeout)
+            order = self._watchdog.feed((forward, left, up, yaw), True, now, timeout)
+        with self._sending:
+            self._check()
+            self._ground.joy(order)
+
+    def wait_until(
+        self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
+    ) -> None:
+        self._ground.step(f"waiting for {what}")
+        end = time.monotonic() + timeout
+        while True:
+            seen, looked = self._feed.news, time.monotonic()
+            view = self.view()
+            if condition(view):
+                return
+            if view.mode == "cut":
+                raise RefusedError(f"the motors were cut while it waited for {what}")
+            if looked >= end:
+                raise RefusedError(
+                    f"waited {timeout:g} s for {what} in vain; the vehicle is "
+                    f"{view.mode}, {view.behavior}"
+                )
+            self._feed.wait_news(seen, min(IDLE, end - looked))
+            self._pause(looked + LOOK)
+
+    def wait(self, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._check()
+            self._pause(time.monotonic() + min(left, LOOK))
+        self._check()
+
+    # ------------------------------------------------------------------ after the end
+    def hold(self, requester: str) -> str:
+        """What the vehicle is told when its experiment has ended in the air: to brake and hover;
+        on the ground, to stop the motors. Nothing when a person has commanded since.
+
+        Returns what came of it, in words.
+        """
+        view = self._feed.view()
+        if self._taken_over.is_set() or not view.armed or view.mode != "armed":
+            return ""
+        service, said = ("start_behavior", "it brakes and hovers; land it")
+        fields: dict[str, Any] = {"name": "brake"}
+        if not view.airborne:
+            service, said, fields = ("disarm", "the motors are off", {})
+        try:
+            with self._sending:
+                if self._taken_over.is_set():
+                    return ""
+                self._services.call(service, requester, **fields)
+        except (RefusedError, LinkError) as error:
+            return f"it was told to {service} and did not: {error}"
+        return said
+
+    # ------------------------------------------------------------------ inside
+    def _call(self, service: str, **fields: Any) -> Any:
+        with self._sending:
+            self._check()
+            response = self._services.call(service, self.requester, **fields)
+        self._check()
+        return response
+
+    def _shown(self, behavior: str) -> None:
+        """Until the status is from after the answer: what follows must not look at old news."""
+        self._feed.wait_status(behavior, self._ground.vehicle_ns(), SHOWN)
+        self._check()
+
+    def _pause(self, until: float) -> None:
+        """Sleep to a time of the monotonic clock; an end is seen at the next look."""
+        left = until - time.monotonic()
+        if left > 0.0:
+            time.sleep(left)
+
+    def _check(self) -> None:
+        self._looked = time.monotonic()
+        if self._ended is None and self._ground.link_state() is LinkState.LOST:
+            self._ended = LinkError(
+                "the link to the vehicle was lost; it brakes, and lands by itself unless "
+                "the station is heard again"
+            )
+        if self._ended is not None:
+            raise self._ended
+
+
+def _few(values: dict[str, ParameterValue]) -> str:
+    """Some parameters in words."""
+    if len(values) > 3:
+        return f"setting {len(values)} parameters"
+    return "setting " + ", ".join(f"{name.split('.', 1)[-1]} = {v}" for name, v in values.items())

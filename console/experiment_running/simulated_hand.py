@@ -1,0 +1,112 @@
+"""The simulator's hand and bench, for procedures that a person would else carry out."""
+
+from __future__ import annotations
+
+import math
+import uuid
+from collections.abc import Sequence
+
+from quadrotor.errors import LinkError, MeasurementError, RefusedError, WrongTypeError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.parameter_messages import from_value, to_parameters
+from vehicle_link.topics import SERVICES
+
+HELD, FREE = "simulator.held", "free"
+ANGLES = ("simulator.hand_roll", "simulator.hand_pitch", "simulator.hand_yaw")
+TIMEOUT = 1.0
+_GET = "rcl_interfaces/srv/GetParameters"
+
+
+class SimulatedHand:
+    """Of the simulator at this station, if there is one; used by one experiment at a time.
+
+    Attributes:
+        is_there: whether a simulator answered when the experiment began.
+    """
+
+    def __init__(self, node: Node, vehicle: str) -> None:
+        self._get = node.client(f"/{vehicle}/simulator/get_parameters", _GET)
+        self._change = node.client("simulator/change_parameters", SERVICES["change_parameters"])
+        self.is_there = False
+        self._held = FREE
+
+    def begin(self, requester: str) -> None:
+        """An experiment begins: is there a simulator? One left holding the vehicle lets it go.
+
+        Raises RefusedError.
+        """
+        held = self._asked()
+        self.is_there, self._held = held is not None, held or FREE
+        self.let_go(requester)
+
+    def turn(self, quaternion_wb: Sequence[float] | None, requester: str) -> None:
+        """Hold it in this attitude (w, x, y, z), None lets go; a real vehicle: nothing.
+
+        Raises MeasurementError for what is no attitude, RefusedError with the simulator's reason.
+        """
+        if quaternion_wb is None:
+            self.let_go(requester)
+            return
+        angles = euler_degrees(quaternion_wb)
+        if self.is_there:
+            self._hold("hand", dict(zip(ANGLES, angles, strict=True)), requester)
+
+    def fix(self, requester: str) -> None:
+        """Put it on the bench; a real vehicle: nothing. Raises RefusedError."""
+        if self.is_there and self._held != "bench":
+            self._hold("bench", {}, requester)
+
+    def let_go(self, requester: str) -> None:
+        """Raises RefusedError."""
+        if self._held != FREE:
+            self._hold(FREE, {}, requester)
+
+    def _asked(self) -> str | None:
+        """How it holds the vehicle now; None without a simulator, or one that cannot hold it."""
+        request = new(f"{_GET}_Request", names=[HELD])
+        for _ in range(2):  # a busy computer's second chance: a simulated vehicle is no real one
+            try:
+                [value] = self._get.call(request, TIMEOUT).values
+                return str(from_value(value))
+            except (WrongTypeError, ValueError):
+                return None
+            except LinkError as error:
+                if "did not answer" not in str(error):
+                    return None
+        return None
+
+    def _hold(self, how: str, angles: dict[str, float], requester: str) -> None:
+        self._set({HELD: how, **angles}, requester)
+        self._held = how
+
+    def _set(self, values: dict[str, ParameterValue], requester: str) -> None:
+        request = new(
+            f"{SERVICES['change_parameters']}_Request",
+            request_id=uuid.uuid4().hex, requester=requester, parameters=to_parameters(values),
+        )  # fmt: skip
+        try:
+            response = self._change.call(request, TIMEOUT)
+        except LinkError as error:
+            raise RefusedError(f"the simulator does not hold the vehicle: {error}") from error
+        if not response.accepted:
+            raise RefusedError(f"the simulator does not hold the vehicle: {response.reason}")
+
+
+def euler_degrees(quaternion_wb: Sequence[float]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw (deg, ZYX). Raises MeasurementError for what is no unit quaternion."""
+    try:
+        w, x, y, z = (float(part) for part in quaternion_wb)
+        length = math.hypot(w, x, y, z)
+    except (TypeError, ValueError):
+        length = math.nan
+    if not abs(length - 1.0) < 1e-3:
+        raise MeasurementError(
+            f"an attitude is a unit quaternion (w, x, y, z), not {quaternion_wb!r:.80}"
+        )
+    w, x, y, z = w / length, x / length, y / length, z / length
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)

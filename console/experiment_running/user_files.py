@@ -1,0 +1,145 @@
+"""Experiments of people's own: the files of a folder, looked at beside, loaded when one starts."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from console.experiment_running.file_check import Described, check
+from console.experiments.catalogue import EXPERIMENTS
+from console.experiments.client import Experiment
+from console.experiments.user_file import load
+from quadrotor.errors import QuadlabError, RefusedError, StorageError
+
+log = logging.getLogger(__name__)
+
+FOLDER = "experiments"
+"""Below the data folder."""
+PERIOD = 2.0
+"""s between two looks at the folder."""
+LOAD = 5.0
+"""s for a file to load in the station; it was loaded elsewhere before."""
+FILES_MAX = 100
+
+Version = tuple[int, int]
+"""Of a file: when it was changed (ns), bytes."""
+
+
+class UserFiles:
+    """Looked at in a thread of its own; a folder that is not there is an empty one.
+
+    Args:
+        look: makes sense of one file, in a process of its own.
+    """
+
+    def __init__(
+        self, folder: Path, vehicle: str, look: Callable[[Path, str], Described] = check
+    ) -> None:
+        self._folder, self._vehicle, self._look = folder, vehicle, look
+        self._lock = threading.Lock()
+        self._known: dict[Path, tuple[Version, Described]] = {}
+        self._waiting: tuple[Path, ...] = ()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="experiment files", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing.set()
+
+    def described(self) -> list[Described]:
+        """All files, broken ones among them, by name. Never waits."""
+        with self._lock:
+            known = {path: found for path, (_, found) in sorted(self._known.items())}
+            waiting = self._waiting
+        listed, taken = [], set(EXPERIMENTS)
+        for path, found in known.items():
+            if not found.problem and found.name in taken:
+                problem = f"{path.name}: there is an experiment {found.name} already; rename it"
+                listed.append(Described(path.name, problem=problem))
+            else:
+                listed.append(found)
+            taken.add(found.name)
+        return listed + [
+            Described(path.name, problem=f"{path.name} is being looked at; ask again in a moment")
+            for path in waiting
+            if path not in known
+        ]
+
+    def find(self, name: str) -> Experiment | None:
+        """A new one of this name; None when no file has it.
+
+        Raises RefusedError for a broken file, StorageError or UsageError for one broken since.
+        """
+        found = next((one for one in self.described() if one.name == name), None)
+        if found is None:
+            return None
+        if found.problem:
+            raise RefusedError(f"{name} cannot run: {found.problem}")
+        with self._lock:
+            paths = [path for path, (_, one) in sorted(self._known.items()) if one.name == name]
+        return self._loaded(paths[0]) if paths else None
+
+    def _loaded(self, path: Path) -> Experiment:
+        """In a thread that a file which hangs may keep."""
+        made: list[Experiment] = []
+        failed: list[QuadlabError] = []
+
+        def run() -> None:
+            try:
+                made.append(load(path, self._vehicle))
+            except QuadlabError as error:
+                failed.append(error)
+            except BaseException as error:  # of a file: nothing of it may hurt the station
+                failed.append(StorageError(f"{path.name} cannot be loaded: {error!r}"))
+
+        thread = threading.Thread(target=run, name="experiment file", daemon=True)
+        thread.start()
+        thread.join(LOAD)
+        if failed:
+            raise failed[0]
+        if not made:
+            raise RefusedError(f"{path.name} is not loaded after {LOAD:g} s; nothing was started")
+        return made[0]
+
+    # ------------------------------------------------------------------ its thread
+    def _run(self) -> None:
+        while True:
+            try:
+                self._scan()
+            except Exception:
+                log.exception("experiment files")
+            if self._closing.wait(PERIOD):
+                return
+
+    def _scan(self) -> None:
+        present = _versions(self._folder)
+        with self._lock:
+            self._known = {p: known for p, known in self._known.items() if p in present}
+            changed = [
+                path for path, version in present.items()
+                if path not in self._known or self._known[path][0] != version
+            ]  # fmt: skip
+            self._waiting = tuple(changed)
+        for path in changed:
+            if self._closing.is_set():
+                return
+            found = self._look(path, self._vehicle)
+            with self._lock:
+                self._known[path] = (present[path], found)
+        with self._lock:
+            self._waiting = ()
+
+
+def _versions(folder: Path) -> dict[Path, Version]:
+    """The files that may be experiments; those of editors and of Python are none."""
+    found = {}
+    try:
+        for path in sorted(folder.glob("*.py"))[:FILES_MAX]:
+            if path.name[0] not in "._#" and path.is_file():
+                about = path.stat()
+                found[path] = (about.st_mtime_ns, about.st_size)
+    except OSError:
+        return found  # what vanished meanwhile is seen at the next look
+    return found

@@ -1,0 +1,140 @@
+"""The accelerometer's calibration from a log: the poses that were held in it, and what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from console.experiments.client import Client
+from console.experiments.log_columns import TopicColumns, read_columns
+from console.experiments.pose_guide import Array, raw_of, up_of
+from estimation.calibration.accelerometer import (
+    CONDITION_MAX,
+    AccelerometerCalibration,
+    identify_accelerometer,
+)
+from estimation.calibration.still_poses import StillPose
+from quadrotor.calibration_record import CalibrationRecord, Quality
+from quadrotor.errors import MeasurementError
+from quadrotor.parameters import ParameterValue
+
+MATRIX = tuple(f"imu.accelerometer_{row}{column}" for row in "xyz" for column in "xyz")
+BIAS = tuple(f"imu.accelerometer_bias_{axis}" for axis in "xyz")
+WANTED = {
+    "imu": tuple(f"linear_acceleration.{axis}" for axis in "xyz"),
+    "actuators": tuple(f"motor_references[{motor}]" for motor in range(4)),
+    "tracker_pose": tuple(f"pose.orientation.{axis}" for axis in "wxyz"),
+}
+SAMPLES_MIN = 20
+"""Of a pose."""
+DEVIATION_MAX = 0.15
+"""m/s^2 on any axis, of the samples of a pose beyond their noise at rest."""
+SATURATED = 19.4
+"""m/s^2."""
+RESIDUAL_MAX = 0.1
+"""m/s^2 rms: three times what 0.2 deg of attitude make."""
+
+
+@dataclass(frozen=True)
+class InForce:
+    """The calibration that the log's samples were made with."""
+
+    matrix: Array  # T (3, 3)
+    bias: Array  # b (3,) m/s^2
+
+    @classmethod
+    def of(cls, client: Client) -> InForce:
+        """The vehicle's present one."""
+        entries = [float(client.parameter(name)) for name in MATRIX]
+        bias = [float(client.parameter(name)) for name in BIAS]
+        return cls(np.array(entries).reshape(3, 3), np.array(bias))
+
+
+@dataclass(frozen=True)
+class Held:
+    """A pose: from when to when (s, vehicle clock), and on which face; empty with a tracker."""
+
+    start: float
+    end: float
+    face: str
+
+
+def identify(
+    log: Path, vehicle: str, in_force: InForce | None, held: Sequence[Held], noise: float
+) -> AccelerometerCalibration:
+    """T and b from the poses `held` in the log.
+
+    Args:
+        noise: rad, standard deviation of a pose's attitude.
+
+    Raises LogFormatError; MeasurementError for too few poses, one that moved, was saturated, or
+    had motors on; DegenerateGeometryError for poses that do not determine the result.
+    """
+    if in_force is None:
+        raise MeasurementError("no pose was held, so there is nothing to calibrate from")
+    on_faces = all(one.face for one in held)
+    optional = ("tracker_pose",) if on_faces else ()
+    columns = read_columns(log, vehicle, WANTED, optional)
+    poses = [_pose(number, one, columns, in_force) for number, one in enumerate(held, 1)]
+    return identify_accelerometer(poses, attitude_error=noise)
+
+
+def _pose(
+    number: int, held: Held, columns: dict[str, TopicColumns], in_force: InForce
+) -> StillPose:
+    force, references, seen = (
+        columns[topic].table(names, held.start, held.end) for topic, names in WANTED.items()
+    )
+    raw = raw_of(force, in_force.matrix, in_force.bias)
+    if len(raw) < SAMPLES_MIN:
+        raise MeasurementError(
+            f"pose {number} has {len(raw)} samples in the log, needed are {SAMPLES_MIN}; "
+            "was it recorded to its end?"
+        )
+    if references.any():
+        raise MeasurementError(f"motors were on in pose {number}; they shake it. Begin again")
+    if np.abs(raw).max() >= SATURATED:
+        raise MeasurementError(
+            f"the accelerometer is saturated in pose {number}: {np.abs(raw).max():.1f} m/s², it "
+            f"shows up to {SATURATED:g}"
+        )
+    deviation = float(raw.std(axis=0).max())
+    if deviation > DEVIATION_MAX:
+        raise MeasurementError(
+            f"the vehicle moved in pose {number}: {deviation:.2f} m/s² of deviation, allowed "
+            f"{DEVIATION_MAX:g}; begin again"
+        )
+    up = None
+    if not held.face:
+        if not len(seen):
+            raise MeasurementError(
+                f"the log has no poses of the tracker while pose {number} was held; use "
+                "experiment.method=faces without a tracker"
+            )
+        mean = up_of(seen).mean(axis=0)
+        up = mean / np.linalg.norm(mean)
+    return StillPose(raw.mean(axis=0), up, deviation)
+
+
+def record_of(found: AccelerometerCalibration, conditions: dict[str, str]) -> CalibrationRecord:
+    """What the vehicle would take over."""
+    values: dict[str, ParameterValue] = dict(
+        zip(MATRIX, found.matrix.ravel().tolist(), strict=True)
+    )
+    values |= dict(zip(BIAS, found.bias.tolist(), strict=True))
+    lengths = np.linalg.norm(found.residuals, axis=1)
+    return CalibrationRecord(
+        name="accelerometer",
+        values=values,
+        figures=(Quality(name="poses", value=float(len(lengths))),),
+        quality=(
+            Quality(name="residual rms", value=found.rms, unit="m/s²", limit=RESIDUAL_MAX),
+            Quality(name="residual max", value=float(lengths.max()), unit="m/s²"),
+            Quality(name="condition number", value=found.condition_number, limit=CONDITION_MAX),
+        ),
+        residuals=tuple((f"pose {k}, m/s²", float(length)) for k, length in enumerate(lengths, 1)),
+        conditions=conditions,
+    )

@@ -1,0 +1,125 @@
+"""The gyroscope's drift, found anew while the vehicle stands still (Sec. 5.1)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from console.experiments.client import Client, Result
+from console.experiments.log_columns import Array, read_columns
+from console.experiments.readings import Progress
+from quadrotor.calibration_record import CalibrationRecord, Quality
+from quadrotor.errors import MeasurementError, RefusedError
+from quadrotor.parameters import Parameters, parameter
+
+SAMPLES = "safety.gyro_samples"
+CHECK = 5.0
+"""s of standing still afterwards, in which what is left of the drift is seen."""
+ERROR_MAX = 0.03
+"""deg/s, of the drift."""
+RATES = ("angular_velocity.x", "angular_velocity.y", "angular_velocity.z")
+REFERENCES = tuple(f"motor_references[{motor}]" for motor in range(4))
+KEEP_STILL = "Leave the vehicle standing still; do not touch it"
+
+
+class GyroscopeOptions(Parameters):
+    """How long to listen."""
+
+    samples: int = parameter(
+        500, ge=50, le=5000, step=50, description="still samples averaged (Sec. 5.1)"
+    )
+
+
+class Gyroscope:
+    """The vehicle finds its drift; judged on what is left of it in the samples after."""
+
+    name = "gyroscope"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = GyroscopeOptions()
+        self._vehicle = vehicle
+        self._found: CalibrationRecord | None = None
+        self._window = (0.0, 0.0)
+
+    @property
+    def planned(self) -> float:
+        return 5.0 + CHECK + self.parameters.samples / 500.0
+
+    def check(self) -> None:
+        """Nothing can be chosen wrongly."""
+
+    def fly(self, client: Client) -> None:
+        """Raises RefusedError with the vehicle's reason: it moved, or motors are on."""
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.tell(Progress(KEEP_STILL, 1, 2))
+        before = client.parameter(SAMPLES)
+        client.change({SAMPLES: self.parameters.samples})
+        try:
+            self._found = client.calibrate_gyroscope()
+        finally:
+            client.change({SAMPLES: before})
+        start = client.view().time
+        while (done := client.view().time - start) < CHECK:
+            if client.view().mode != "ready":
+                raise RefusedError(
+                    f"the vehicle is {client.view().mode}; motors stay off while the gyroscope is "
+                    "calibrated. Begin again"
+                )
+            client.tell(Progress(KEEP_STILL, 2, 2, share=done / CHECK))
+            client.wait(0.1)
+        self._window = (start, client.view().time)
+
+    def evaluate(self, log: Path) -> Result:
+        """What is left of the drift. Raises LogFormatError, MeasurementError."""
+        found, rates = self._checked(log)
+        left = np.degrees(np.abs(rates.mean(axis=0)).max())
+        metrics = {
+            "standard_error_deg_s": _figure(found, "standard error"),
+            "drift_left_deg_s": float(left),
+            "deviation_deg_s": float(np.degrees(rates.std(axis=0).max())),
+            "samples": float(len(rates)),
+        }
+        # What is left is seen with an error of its own.
+        seen = np.degrees(rates.std(axis=0).max()) / np.sqrt(len(rates))
+        limits = {
+            "standard_error_deg_s": ERROR_MAX,
+            "drift_left_deg_s": 2.0 * ERROR_MAX + 2.0 * float(seen),
+        }
+        passed = all(metrics[name] <= limit for name, limit in limits.items())
+        return Result("passed" if passed else "failed", metrics, limits)
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """What the vehicle found and flies on already, with what is left of it."""
+        found, _ = self._checked(log)
+        result = self.evaluate(log)
+        left = Quality(
+            name="drift left", value=result.metrics["drift_left_deg_s"], unit="deg/s",
+            limit=result.limits["drift_left_deg_s"],
+        )  # fmt: skip
+        error = Quality(
+            name="standard error", value=result.metrics["standard_error_deg_s"], unit="deg/s",
+            limit=ERROR_MAX,
+        )  # fmt: skip
+        others = tuple(one for one in found.quality if one.name != "standard error")
+        return found.model_copy(update={"quality": (error, left, *others)})
+
+    def _checked(self, log: Path) -> tuple[CalibrationRecord, Array]:
+        """The record and the rates (N, 3) rad/s afterwards."""
+        if self._found is None:
+            raise MeasurementError("the gyroscope was not calibrated, so nothing is proposed")
+        columns = read_columns(log, self._vehicle, {"imu": RATES, "actuators": REFERENCES})
+        rates = columns["imu"].table(RATES, *self._window)
+        if len(rates) < 50:
+            raise MeasurementError(
+                f"{log.name} has {len(rates)} samples after the calibration, needed are 50; "
+                "was it recorded to its end?"
+            )
+        if columns["actuators"].table(REFERENCES, *self._window).any():
+            raise MeasurementError("motors were on while the gyroscope was looked at; begin again")
+        return self._found, rates
+
+
+def _figure(record: CalibrationRecord, name: str) -> float:
+    """One quality of a record, NaN when it has none of this name."""
+    return next((one.value for one in record.quality if one.name == name), float("nan"))

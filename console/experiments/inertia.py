@@ -1,0 +1,208 @@
+"""The inertia about three axes (Sec. 5.4), from doublets of the reference in hover.
+
+A doublet to the side tilts the vehicle there and back, one of the yaw turns it: each asks for a
+torque about one axis that changes its sign, and none moves it far. The vehicle itself ends what
+leaves its path (behaviour `excite`).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from console.experiments.client import Client, Result, VehicleView
+from console.experiments.inertia_log import read_inertia
+from console.experiments.readings import Progress
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, ParameterValue, parameter
+
+AXES = ("x", "y", "yaw")
+REPEATS = 3
+LEVELS = 3
+"""Of a doublet: to one side, to the other, back."""
+LEAD = 0.5
+"""s of rest before the first one."""
+REST = 1.2
+"""s between two excitations."""
+PATIENCE = 10.0
+"""s that the vehicle is given to come to rest."""
+FAR = 1.0
+"""m from where it hovered, in any direction, beyond which it is ended."""
+NEAR_GROUND = 0.5
+"""m, the same downwards."""
+SHAPES = {"slow": (0.25, 0.4, 0.8), "quick": (0.2, 0.4, 0.4)}
+"""m, rad, s a level."""
+RANDOM = ((0.12, 0.25), (0.3, 0.5), (0.3, 0.7))
+"""The same, least and most."""
+
+
+class InertiaOptions(Parameters):
+    """How it is excited."""
+
+    excitation: str = parameter(
+        "random", choices=(*SHAPES, "random"),
+        description="doublets of 0.8 s a level, of 0.4 s, or of random size and time",
+    )  # fmt: skip
+    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the random ones")
+    rounds: int = parameter(
+        2, ge=2, le=10, step=1, description="how often all three axes are excited"
+    )
+    height: float = parameter(1.2, unit="m", ge=1.0, le=1.5, step=0.1, description="of the hover")
+    size: float = parameter(
+        1.0, ge=0.3, le=1.5, step=0.1, description="of all amplitudes over the usual ones"
+    )
+
+
+class InertiaExperiment:
+    """Take-off, doublets about three axes in turns, landing; estimated from every tick."""
+
+    name = "inertia"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = InertiaOptions()
+        self._vehicle = vehicle
+        self._place: tuple[float, float, float] | None = None
+
+    @property
+    def planned(self) -> float:
+        """s, about."""
+        return 20.0 + sum(_duration(one) + REST for one in self.excitations())
+
+    def check(self) -> None:
+        """Nothing can be chosen wrongly; what is too large the vehicle refuses."""
+
+    def preconditions(self, view: VehicleView) -> str:
+        """What is missing before it may start, in words."""
+        if not np.isfinite(view.position_w).all():
+            return "the vehicle does not know where it is; check the tracker"
+        return ""
+
+    def abort(self, view: VehicleView) -> str:
+        """Why it is to be ended, in words."""
+        if self._place is None or not view.airborne:
+            return ""
+        away = view.position_w - np.array(self._place)
+        if not float(np.linalg.norm(away)) <= FAR:
+            return f"{np.linalg.norm(away):.1f} m from where it hovered, {FAR:g} m are allowed"
+        if away[2] < -NEAR_GROUND:
+            return f"{-away[2]:.1f} m below where it hovered, {NEAR_GROUND:g} m are allowed"
+        return ""
+
+    def excitations(self) -> list[dict[str, ParameterValue]]:
+        """The arguments of each `excite` in turn; the same seed gives the same."""
+        p = self.parameters
+        random = np.random.default_rng(p.seed)
+        out: list[dict[str, ParameterValue]] = []
+        for k in range(3 * p.rounds):
+            axis = AXES[k % 3]
+            move, turn, time = SHAPES.get(p.excitation, (0.0, 0.0, 0.0))
+            if p.excitation == "random":
+                move, turn, time = (float(random.uniform(*span)) for span in RANDOM)
+                move, turn = np.copysign((move, turn), random.uniform(-1.0, 1.0)).tolist()
+            out.append(
+                {
+                    "axis": axis,
+                    "shape": "doublet",
+                    "amplitude": round(p.size * (turn if axis == "yaw" else move), 3),
+                    "duration": round(time, 1),
+                    "repeats": REPEATS,
+                }
+            )
+        return out
+
+    # ------------------------------------------------------------------ flight
+    def fly(self, client: Client) -> None:
+        """Raises RefusedError with the vehicle's reason when it will not, or ended by itself."""
+        self._place = None
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.wait(0.5)
+        steps = self.excitations()
+        client.tell(Progress("Keep clear: it takes off by itself", 1, len(steps) + 2))
+        client.arm()
+        client.wait(1.0)
+        try:
+            client.start("take_off", height=self.parameters.height)
+            client.wait_until(
+                lambda v: v.behavior == "hover", what="hover after take-off", timeout=20
+            )
+            client.wait(2.0)
+            x, y, z = client.view().position_w.tolist()
+            self._place = (x, y, z)
+            for k, one in enumerate(steps):
+                if client.finished:
+                    break
+                client.tell(Progress(_words(one), k + 2, len(steps) + 2, k / len(steps)))
+                self._excite(client, one)
+        except RefusedError:
+            self._land(client)
+            raise
+        client.tell(Progress("It lands", len(steps) + 2, len(steps) + 2))
+        self._land(client)
+
+    def _excite(self, client: Client, arguments: dict[str, ParameterValue]) -> None:
+        self._begin(client, arguments)
+        begun, planned = client.view().time, _duration(arguments)
+        client.wait_until(
+            lambda v: v.behavior != "excite" or client.finished,
+            what="the end of the excitation", timeout=planned + 5.0,
+        )  # fmt: skip
+        view = client.view()
+        if view.behavior == "excite":  # finished before its end
+            client.start("brake")
+        elif view.behavior not in ("hover", "brake"):
+            raise RefusedError(f"the excitation gave way to {view.behavior}")
+        elif view.time - begun < planned - 0.5:
+            raise RefusedError(
+                f"the vehicle ended the excitation of {arguments['axis']} by itself after "
+                f"{view.time - begun:.1f} of {planned:.1f} s; the events of the run say which "
+                "limit it left: try a smaller size"
+            )
+        client.wait(REST)
+
+    def _begin(self, client: Client, arguments: dict[str, ParameterValue]) -> None:
+        """Once the vehicle is at rest. Raises RefusedError when it never is, or for the rest."""
+        until = client.view().time + PATIENCE
+        while True:
+            try:
+                client.start("excite", **arguments)
+            except RefusedError as error:
+                if "not at rest" not in str(error) or client.view().time > until:
+                    raise
+                client.wait(0.5)
+            else:
+                return
+
+    def _land(self, client: Client) -> None:
+        self._place = None
+        view = client.view()
+        if view.mode == "armed" and view.behavior not in ("ground", "land"):
+            client.start("land")
+        if view.armed and view.behavior != "ground":
+            client.wait_until(lambda v: not v.armed, what="touch-down", timeout=30)
+        client.wait(0.5)
+
+    # ------------------------------------------------------------------ judgement
+    def evaluate(self, log: Path) -> Result:
+        """Raises LogFormatError without what it needs, MeasurementError when never excited."""
+        flight = read_inertia(log, self._vehicle)
+        metrics, limits = flight.metrics(), flight.limits()
+        passed = all(metrics.get(name, np.inf) <= limit for name, limit in limits.items())
+        return Result("passed" if passed else "failed", metrics, limits)
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """The three inertias for model.inertia_xx, _yy, _zz. Raises as `evaluate`."""
+        return read_inertia(log, self._vehicle).record()
+
+
+def _duration(arguments: dict[str, ParameterValue]) -> float:
+    """s of one excitation."""
+    return LEAD + REPEATS * LEVELS * float(arguments["duration"])
+
+
+def _words(arguments: dict[str, ParameterValue]) -> str:
+    axis, size = arguments["axis"], abs(float(arguments["amplitude"]))
+    if axis == "yaw":
+        return f"It turns to and fro by {size:.2f} rad"
+    return f"It moves to and fro along {axis} by {size:.2f} m"

@@ -1,0 +1,232 @@
+"""The inertia from every tick of a log, and how it converged (Sec. 5.4)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from console.experiments.log_columns import (
+    FlownParameters,
+    TopicColumns,
+    read_columns,
+    read_parameters,
+)
+from quadrotor.calibration_record import CalibrationRecord, Quality
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+AXES = ("xx", "yy", "zz")
+RATES = tuple(f"twist.twist.angular.{axis}" for axis in "xyz")
+THRUSTS = tuple(f"thrusts[{k}]" for k in range(4))
+WANTED = {"state": RATES, "actuators": THRUSTS, "status": ("airborne", "behavior")}
+GUESS = 0.03
+"""kg m², what every axis begins with: nothing of the model's own inertia is taken over."""
+ERROR_MAX = 0.03
+"""Share of the truth."""
+SPREAD_MAX = 0.02
+"""Share of the estimate by which it still moves in the last third."""
+TORQUE_MIN = 0.003
+"""N m rms of the filtered torque about an axis, below which noise is as large."""
+LATE = 1.0
+"""s after the last excitation that still count."""
+GAP = 2.5
+"""Periods; after a longer gap between ticks the filters begin anew, once the motors' lag has
+forgotten what was commanded in it."""
+FORGOTTEN = 5.0
+"""Time constants of the motors until then."""
+EACH = 0.02
+"""s between two moments of the convergence."""
+BOUNDS = ((0.001, 0.1), (0.001, 0.1), (0.001, 0.2))
+"""kg m², of model.inertia_…"""
+
+
+@dataclass(frozen=True, slots=True)
+class InertiaFlight:
+    """The estimate over the excitation.
+
+    Attributes:
+        time: (N,) s, vehicle clock. inertia_b: (N, 3) kg m².
+        torque_b: (3,) N m, the largest rms of the filtered torque about each axis.
+        missing: share of the ticks that are not in the log.
+        truth_b: (3,) kg m²; NaN when nobody knows.
+    """
+
+    time: Array
+    inertia_b: Array
+    torque_b: Array
+    missing: float
+    truth_b: Array
+    ticks: int
+    parameters: FlownParameters
+
+    @property
+    def found_b(self) -> Array:
+        """(3,) kg m²."""
+        found: Array = self.inertia_b[-1]
+        return found
+
+    @property
+    def spread_b(self) -> Array:
+        """(3,) standard deviation over the last third, a share of the estimate."""
+        spread: Array = self.inertia_b[-(len(self.time) // 3 or 1) :].std(axis=0) / self.found_b
+        return spread
+
+    @property
+    def settled_b(self) -> Array:
+        """(3,) s from the first excitation until each stays within 3 % of truth, or of its end."""
+        aim = np.where(np.isfinite(self.truth_b), self.truth_b, self.found_b)
+        away = np.abs(self.inertia_b / aim - 1.0) > ERROR_MAX
+        after = [int(np.flatnonzero(column)[-1]) + 1 if column.any() else 0 for column in away.T]
+        late = self.time - self.time[0]
+        return np.array([late[k] if k < len(late) else math.inf for k in after])
+
+    def metrics(self) -> dict[str, float]:
+        """kg m², shares, s; what is not known is left out."""
+        error_b = np.abs(self.found_b / self.truth_b - 1.0)
+        out = {
+            f"inertia_{axis}_kg_m2": float(v) for axis, v in zip(AXES, self.found_b, strict=True)
+        }
+        out |= {f"error_{axis}_share": float(v) for axis, v in zip(AXES, error_b, strict=True)}
+        out |= {
+            "error_share": float(error_b.max()),
+            "spread_share": float(self.spread_b.max()),
+            "within_3_percent_s": float(self.settled_b.max()),
+            "torque_rms_min_n_m": float(self.torque_b.min()),
+            "missing_share": self.missing,
+            "excited_s": float(self.time[-1] - self.time[0]),
+        }
+        return {name: value for name, value in out.items() if not math.isnan(value)}
+
+    def limits(self) -> dict[str, float]:
+        """The largest that are good."""
+        known = {"error_share": ERROR_MAX} if np.isfinite(self.truth_b).all() else {}
+        return {**known, "spread_share": SPREAD_MAX}
+
+    def record(self) -> CalibrationRecord:
+        """Raises MeasurementError for an axis that was hardly excited, or beyond the model's."""
+        for axis, value, torque, (low, high) in zip(
+            AXES, self.found_b, self.torque_b, BOUNDS, strict=True
+        ):
+            if not torque >= TORQUE_MIN:
+                raise MeasurementError(
+                    f"the excitation about {axis[0]} was too weak: {1e3 * torque:.1f} mN m rms, "
+                    f"{1e3 * TORQUE_MIN:g} mN m are needed; fly larger or quicker steps"
+                )
+            if not low <= value <= high:
+                raise MeasurementError(
+                    f"an inertia of {value:.4g} kg m² about {axis[0]} is none the model takes: "
+                    f"{low:g} to {high:g} kg m²"
+                )
+        values = self.parameters.vehicle
+        warnings = ()
+        if self.missing > 0.0:
+            warnings = (f"{100.0 * self.missing:.2g} % of the ticks are not in the log",)
+        each = list(zip("xyz", self.spread_b, self.torque_b, self.settled_b, strict=True))
+        return CalibrationRecord(
+            name="inertia",
+            values={
+                f"model.inertia_{axis}": round(float(v), 6)
+                for axis, v in zip(AXES, self.found_b, strict=True)
+            },
+            figures=(
+                *(
+                    Quality(name=f"torque about {a}, rms", value=t, unit="N m")
+                    for a, _, t, _ in each
+                ),
+                *(
+                    Quality(name=f"within 3 % about {a} after", value=min(s, 999.0), unit="s")
+                    for a, _, _, s in each
+                ),
+            ),
+            quality=tuple(
+                Quality(name=f"spread about {a}, share", value=s, limit=SPREAD_MAX)
+                for a, s, _, _ in each
+            ),
+            warnings=warnings,
+            conditions={
+                "meaning": "torque commanded over torque needed: the inertia over the thrust "
+                "efficiency",
+                "motor lag": f"{float(values['model.motor_time_constant']):g} s",
+                "first guess": f"{GUESS:g} kg m² about each axis",
+                "ticks": str(self.ticks),
+            },
+        )  # fmt: skip
+
+
+def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
+    """Raises LogFormatError without the topics, MeasurementError when nothing was excited."""
+    parameters = read_parameters(log)
+    columns = read_columns(log, vehicle, WANTED)
+    start, end = _excited(columns["status"])
+    if not end > start:
+        raise MeasurementError(f"{log.name}: nothing was excited in flight, so nothing is known")
+    state, actuators = columns["state"], columns["actuators"]
+    time, first, second = np.intersect1d(state.time, actuators.time, return_indices=True)
+    inside = (time >= start) & (time <= end)
+    if inside.sum() < 3:
+        raise MeasurementError(f"{log.name} has hardly a tick of the excitation")
+    rates = np.stack([state.numbers[name][first][inside] for name in RATES], axis=1)
+    thrusts = np.stack([actuators.numbers[name][second][inside] for name in THRUSTS], axis=1)
+    return estimate_inertia(time[inside], rates, thrusts, parameters)
+
+
+def estimate_inertia(
+    time: Array, rates_b: Array, thrusts: Array, parameters: FlownParameters
+) -> InertiaFlight:
+    """Step the estimator over all ticks; the thrusts of a tick act until the next one."""
+    # Here, for it loads a compiler, which the station does not.
+    from estimation.inertia_estimator import InertiaEstimator
+    from quadrotor.records import ACTUATORS, new_state
+
+    values = parameters.vehicle
+    estimator = InertiaEstimator(
+        np.full(3, GUESS),
+        arm=float(values["model.arm"]), torque_ratio=float(values["model.torque_ratio"]),
+        motor_time_constant=float(values["model.motor_time_constant"]),
+    )  # fmt: skip
+    state, actuators = new_state(), np.zeros(1, ACTUATORS)
+    rate_b, thrust = state["angular_velocity_b"][0], actuators["thrusts"][0]
+    steps = np.diff(time)
+    period = float(np.median(steps))
+    moments, found, next_at = [], [], 0.0
+    torque_b = np.zeros(3)
+    forgotten = FORGOTTEN * float(values["model.motor_time_constant"])
+    learns_at = time[0] + forgotten
+    for k, dt in enumerate(steps.tolist()):
+        rate_b[:], thrust[:] = rates_b[k + 1], thrusts[k]
+        if dt > GAP * period:
+            learns_at = time[k + 1] + forgotten
+        estimator.step(state, actuators, bool(time[k + 1] >= learns_at), dt)
+        if time[k + 1] >= next_at:
+            next_at = time[k + 1] + EACH
+            moments.append(time[k + 1])
+            found.append(estimator.inertia_b)
+            torque_b = np.maximum(torque_b, estimator.torque_b)
+    moments.append(time[-1])
+    found.append(estimator.inertia_b)
+    truth = parameters.truth
+    lost = float(np.sum(np.maximum(np.rint(steps / period) - 1.0, 0.0)))
+    return InertiaFlight(
+        np.array(moments), np.array(found), torque_b, lost / (lost + len(time)),
+        np.array([float(truth.get(f"inertia_{axis}", math.nan)) for axis in AXES])
+        / float(truth.get("thrust_efficiency", 1.0)),
+        len(time), parameters,
+    )  # fmt: skip
+
+
+def _excited(status: TopicColumns) -> tuple[float, float]:
+    """s, from the first excitation to shortly after the last, in the air; NaN without one."""
+    flying = status.time[status.numbers["airborne"] > 0.5]
+    behaviors = status.words.get("behavior", [])
+    begins = [t for t, name in behaviors if name == "excite"]
+    if not begins or not len(flying):
+        return math.nan, math.nan
+    ends = [t for t, name in behaviors if t > begins[-1] and name != "excite"]
+    end = ends[0] + LATE if ends else math.inf
+    down = [t for t, name in behaviors if t > begins[-1] and name in ("land", "emergency_landing")]
+    return begins[0], min(end, float(flying[-1]), *down[:1])

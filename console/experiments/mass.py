@@ -1,0 +1,197 @@
+"""The first experiment of Sec. 7: a vehicle that does not know its mass takes off and finds it.
+
+It flies on the estimate (eqs. 6 to 10), which begins too low: the take-off is held back until the
+error of the height makes up for it, then the estimate learns within a second. Erratic flight at
+random velocities afterwards shows how quiet it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from console.experiments.client import Client, Result, VehicleView
+from console.experiments.mass_log import DEVIATION_MAX, read_mass
+from console.experiments.readings import Progress
+from console.experiments.stick_sequences import RATE, SPEEDS, scripted
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, ParameterValue, parameter
+
+USED_BY, INITIAL = "mass.used_by", "mass.initial"
+STICK_SPEEDS = (
+    "behavior.joy_speed_xy", "behavior.joy_speed_xy", "behavior.joy_speed_z",
+    "behavior.joy_yaw_rate",
+)  # fmt: skip
+STEPS = 4
+HOVER = (5.0, 25.0)
+"""s of hover after the climb: at least, and at most until the estimate has converged."""
+FAR = 1.6
+"""m from where it hovered, beyond which the erratic flight is ended."""
+
+
+class MassOptions(Parameters):
+    """How it is flown."""
+
+    initial: float = parameter(
+        1.0, unit="kg", ge=0.5, le=2.4, step=0.05, description="what the estimate begins with"
+    )
+    height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1, description="of take-off")
+    climb: float = parameter(
+        0.1, unit="m/s", ge=0.05, le=0.5, step=0.05, description="speed of the take-off"
+    )
+    duration: float = parameter(
+        30.0, unit="s", ge=0.0, le=600.0, step=1.0, description="of the erratic flight"
+    )
+    seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the erratic flight")
+
+
+class MassExperiment:
+    """Take-off on a low estimate, hover until it has converged, erratic flight, landing."""
+
+    name = "mass"
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = MassOptions()
+        self._vehicle = vehicle
+
+    @property
+    def planned(self) -> float:
+        """s, about."""
+        p = self.parameters
+        return 30.0 + p.height / p.climb + p.duration
+
+    def check(self) -> None:
+        """Nothing can be chosen wrongly."""
+
+    def preconditions(self, view: VehicleView) -> str:
+        """What is missing before it may start, in words."""
+        if not np.isfinite(view.position_w).all():
+            return "the vehicle does not know where it is; check the tracker"
+        return ""
+
+    # ------------------------------------------------------------------ flight
+    def fly(self, client: Client) -> None:
+        """Raises RefusedError with the vehicle's reason when it will not.
+
+        What the law flies on is put back after landing, also when the flight failed; not when a
+        person took over, for then nothing more may be sent.
+        """
+        p = self.parameters
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        found = {name: client.parameter(name) for name in (USED_BY, INITIAL)}
+        client.change({USED_BY: "estimate", INITIAL: p.initial})
+        try:
+            try:
+                self._fly(client)
+            except RefusedError:
+                self._land(client)
+                raise
+            self._land(client)
+        finally:
+            self._put_back(client, found)
+
+    def _fly(self, client: Client) -> None:
+        p = self.parameters
+        client.wait(0.5)
+        client.arm()
+        client.wait(1.0)
+        patience = p.height / p.climb + 10.0
+        client.start("take_off", height=p.height, speed=p.climb)
+        try:
+            self._until(
+                client, lambda v: v.airborne,
+                "Keep clear: it takes off by itself, held back by the low estimate", 1, patience,
+                "lift-off",
+            )  # fmt: skip
+        except RefusedError as error:
+            raise RefusedError(
+                f"{error}. With {p.initial:g} kg to begin with and {p.height:g} m to climb it "
+                "pulls only so much: try a larger initial mass or height"
+            ) from error
+        self._until(client, lambda v: v.behavior == "hover", "It climbs and learns", 2, patience,
+                    "hover after take-off")  # fmt: skip
+        start = client.view().time
+        self._until(
+            client,
+            lambda v: (
+                v.time >= start + HOVER[0]
+                and (v.mass_deviation <= DEVIATION_MAX or v.time >= start + HOVER[1])
+            ),
+            "It hovers until the estimate has converged", 3, HOVER[1] + 5.0, "convergence",
+        )  # fmt: skip
+        if p.duration and not client.finished:
+            self._erratic(client)
+
+    def _erratic(self, client: Client) -> None:
+        """At the speeds the sequence reckons with, whatever full stick means to the vehicle."""
+        p = self.parameters
+        full = [float(client.parameter(name)) for name in STICK_SPEEDS]
+        sequence = np.clip(scripted(p.seed, p.duration) * SPEEDS / full, -1.0, 1.0)
+        client.start("velocity")
+        place = client.view().position_w
+        for k, axes in enumerate(sequence):
+            client.sticks(axes.tolist())
+            client.wait(1.0 / RATE)
+            view = client.view()
+            if k % 10 == 0:
+                _tell(client, view, "It flies about: keep clear", 4, k / len(sequence))
+            if client.finished or view.behavior != "velocity":
+                break
+            if np.linalg.norm(view.position_w - place) > FAR:
+                raise RefusedError(f"more than {FAR:g} m from where it hovered: ended")
+        if client.view().behavior == "velocity":
+            client.start("brake")
+            client.wait(2.0)
+
+    def _until(
+        self, client: Client, condition: Callable[[VehicleView], bool], instruction: str,
+        number: int, timeout: float, what: str,
+    ) -> None:  # fmt: skip
+        """Wait, and tell. A landing by the vehicle's own decision ends it. Raises RefusedError."""
+        start = client.view().time
+        told = -1.0
+
+        def looked(view: VehicleView) -> bool:
+            nonlocal told
+            if view.time >= told + 0.2:
+                told = view.time
+                share = min(1.0, (view.time - start) / timeout)
+                _tell(client, view, instruction, number, share)
+            if not view.armed:
+                raise RefusedError(f"the motors are off while it waited for {what}")
+            return condition(view) or client.finished
+
+        client.wait_until(looked, what=what, timeout=timeout)
+
+    def _land(self, client: Client) -> None:
+        view = client.view()
+        if view.mode == "armed" and view.behavior not in ("ground", "land"):
+            client.start("land")
+        if view.armed and view.behavior != "ground":
+            client.wait_until(lambda v: not v.armed, what="touch-down", timeout=30)
+        client.wait(0.5)
+
+    def _put_back(self, client: Client, found: dict[str, ParameterValue]) -> None:
+        with suppress(RefusedError):  # not on the ground: left as it is
+            client.change(found)
+
+    # ------------------------------------------------------------------ judgement
+    def evaluate(self, log: Path) -> Result:
+        """Raises LogFormatError without what it needs, MeasurementError when it never flew."""
+        flight = read_mass(log, self._vehicle)
+        metrics, limits = flight.metrics(), flight.limits()
+        passed = all(metrics.get(name, np.inf) <= limit for name, limit in limits.items())
+        return Result("passed" if passed else "failed", metrics, limits)
+
+    def proposal(self, log: Path) -> CalibrationRecord:
+        """The mass for model.mass. Raises as `evaluate`."""
+        return read_mass(log, self._vehicle).record()
+
+
+def _tell(client: Client, view: VehicleView, text: str, number: int, share: float) -> None:
+    live = {"mass": (view.mass, "kg"), "mass deviation": (view.mass_deviation, "kg")}
+    client.tell(Progress(text, number, STEPS, share, live))

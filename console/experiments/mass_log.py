@@ -1,0 +1,201 @@
+"""What a log says of the mass estimate: how it converged, and how quiet it is afterwards."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from console.experiments.log_columns import FlownParameters, read_columns, read_parameters
+from quadrotor.calibration_record import CalibrationRecord, Quality
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+WANTED = {
+    "estimator": ("mass", "mass_variance", "estimator"),
+    "status": ("airborne", "behavior"),
+}
+DEVIATION_MAX = 0.002
+"""kg, standard deviation of a converged estimate, and of its mean in erratic flight."""
+ERROR_MAX = 0.01
+"""Share of the truth, flown on full sensors."""
+WITHIN = 0.01
+WITHIN_MAX = 3.0
+"""Share of the mass, and s from lift-off within which it is to be reached for good."""
+LEAST = 5.0
+"""s of erratic flight that are worth a figure."""
+SLICES = 6
+MASS_BOUNDS = (0.5, 2.4)
+"""kg, of model.mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class MassFlight:
+    """The estimate at its 50 Hz, from take-off to landing.
+
+    Attributes:
+        time: (N,) s, vehicle clock. mass, deviation: (N,) kg.
+        take_off, lift_off, landing: s; NaN where it did not happen.
+        erratic: s, from when to when it was flown about; NaN when it was not.
+        truth: kg, what the estimate should find; NaN when nobody knows.
+    """
+
+    time: Array
+    mass: Array
+    deviation: Array
+    take_off: float
+    lift_off: float
+    landing: float
+    erratic: tuple[float, float]
+    truth: float
+    estimator: str
+    parameters: FlownParameters
+
+    @property
+    def judged(self) -> npt.NDArray[np.bool_]:
+        """(N,) what the mass is the mean of: the erratic flight, else the last of the hover."""
+        start, end = self.erratic
+        if not end - start >= LEAST:
+            end = self.landing if math.isfinite(self.landing) else float(self.time[-1])
+            start = end - LEAST
+        return (self.time >= start) & (self.time <= end) & (self.time > self.lift_off)
+
+    @property
+    def found(self) -> float:
+        """kg."""
+        return float(self.mass[self.judged].mean())
+
+    @property
+    def spread(self) -> float:
+        """kg, standard deviation of the estimate in erratic flight; NaN when it was not flown."""
+        start, end = self.erratic
+        return float(self.mass[self.judged].std()) if end - start >= LEAST else math.nan
+
+    @property
+    def settled(self) -> float:
+        """s from lift-off until the estimate stays within 1 % of the truth, or of its own end."""
+        aim = self.truth if math.isfinite(self.truth) else self.found
+        rows = (self.time >= self.lift_off) & (self.time <= self.time[self.judged][-1])
+        away = np.flatnonzero(np.abs(self.mass[rows] / aim - 1.0) > WITHIN)
+        if not len(away):
+            return 0.0
+        after = away[-1] + 1
+        time = self.time[rows]
+        return float(time[after] - self.lift_off) if after < len(time) else math.inf
+
+    def metrics(self) -> dict[str, float]:
+        """kg, s, shares; what is not known is left out."""
+        found = {
+            "mass_kg": self.found,
+            "truth_kg": self.truth,
+            "error_share": abs(self.found / self.truth - 1.0),
+            "erratic_std_kg": self.spread,
+            "deviation_kg": float(self.deviation[self.judged][-1]),
+            "lift_off_s": self.lift_off - self.take_off,
+            "within_1_percent_s": self.settled,
+            "erratic_s": self.erratic[1] - self.erratic[0],
+        }
+        return {name: value for name, value in found.items() if not math.isnan(value)}
+
+    def limits(self) -> dict[str, float]:
+        """The largest that are good."""
+        known = {"error_share": ERROR_MAX} if math.isfinite(self.truth) else {}
+        return {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
+
+    def record(self) -> CalibrationRecord:
+        """Raises MeasurementError when the model takes no such mass."""
+        low, high = MASS_BOUNDS
+        if not low <= self.found <= high:
+            raise MeasurementError(
+                f"a mass of {self.found:.3f} kg is none the model takes: {low:g} to {high:g} kg"
+            )
+        rows = self.judged
+        pieces = zip(
+            np.array_split(self.time[rows], SLICES), np.array_split(self.mass[rows], SLICES),
+            strict=True,
+        )  # fmt: skip
+        begin = float(self.time[rows][0])
+        spread = float(self.mass[rows].std())
+        warnings = () if self.spread < math.inf else ("not flown about: the mean is of the hover",)
+        values = self.parameters.vehicle
+        return CalibrationRecord(
+            name="mass",
+            values={"model.mass": round(self.found, 4)},
+            figures=tuple(
+                Quality(name=name, value=value, unit=unit)
+                for name, value, unit in (
+                    ("mass of the model", float(values["model.mass"]), "kg"),
+                    ("lift-off after", self.lift_off - self.take_off, "s"),
+                )
+                if math.isfinite(value)
+            ),
+            quality=(
+                Quality(name="standard deviation", value=spread, unit="kg", limit=DEVIATION_MAX),
+                Quality(
+                    name="within 1 % after", value=min(self.settled, 999.0), unit="s",
+                    limit=WITHIN_MAX,
+                ),
+            ),
+            residuals=tuple(
+                (f"{t[0] - begin:.0f} to {t[-1] - begin:.0f} s, kg", float(m.mean() - self.found))
+                for t, m in pieces
+                if len(t)
+            ),
+            warnings=warnings,
+            conditions={
+                "meaning": "thrust commanded over thrust needed: the mass over the thrust "
+                "efficiency",
+                "samples": str(int(rows.sum())),
+                "first guess": f"{self.mass[self.time <= self.lift_off][-1:].sum():.3g} kg",
+                "estimator": self.estimator,
+            },
+        )  # fmt: skip
+
+
+def read_mass(log: Path, vehicle: str) -> MassFlight:
+    """Raises LogFormatError without the topics, MeasurementError when it never left the ground."""
+    parameters = read_parameters(log)
+    columns = read_columns(log, vehicle, WANTED)
+    estimator, status = columns["estimator"], columns["status"]
+    flying = status.time[status.numbers["airborne"] > 0.5]
+    if not len(flying):
+        raise MeasurementError(
+            f"{log.name}: the vehicle never left the ground, so nothing is known"
+        )
+    lift_off = float(flying[0])
+    if not (estimator.time > lift_off).any():
+        raise MeasurementError(f"{log.name} has no estimate of the mass from the flight")
+    names = estimator.words.get("estimator", [])
+    return MassFlight(
+        estimator.time,
+        estimator.numbers["mass"],
+        np.sqrt(estimator.numbers["mass_variance"]),
+        status.first("behavior", "take_off"),
+        lift_off,
+        status.first("behavior", "land", "emergency_landing"),
+        _stretch(status.words.get("behavior", []), float(flying[-1])),
+        _truth(parameters),
+        names[-1][1] if names else "",
+        parameters,
+    )
+
+
+def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, float]:
+    """The first stay in velocity flight (s)."""
+    for k, (time, name) in enumerate(behaviors):
+        if name == "velocity":
+            return time, behaviors[k + 1][0] if k + 1 < len(behaviors) else end
+    return math.nan, math.nan
+
+
+def _truth(parameters: FlownParameters) -> float:
+    """kg: what thrust commanded over thrust needed comes to."""
+    truth = parameters.truth
+    if "mass" not in truth:
+        return math.nan
+    mass = float(truth["mass"]) + float(truth.get("payload", 0.0))
+    return mass / float(truth.get("thrust_efficiency", 1.0))

@@ -1,0 +1,84 @@
+"""Which pose a vehicle is to be held in next, and how a person is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.calibration.accelerometer import FACES
+
+Array = npt.NDArray[np.float64]
+
+SMALL = math.radians(8.0)
+"""A tilt that need not be told."""
+
+
+def spread_poses(count: int, tilt: float) -> Array:
+    """Directions of world z in body axes, shape (count, 3), within `tilt` (rad) of upright.
+
+    The first is upright, a third of the others lean by half of the tilt, the rest by all of it,
+    each ring spread evenly.
+    """
+    near = (count - 1) // 3
+    poses = [(0.0, 0.0, 1.0)]
+    for number, lean, turn in ((near, 0.5 * tilt, 0.5), (count - 1 - near, tilt, 0.0)):
+        for k in range(number):
+            azimuth = 2.0 * math.pi * (k + turn) / number
+            out = math.sin(lean)
+            poses.append((out * math.cos(azimuth), out * math.sin(azimuth), math.cos(lean)))
+    return np.array(poses)
+
+
+def farthest(wanted: Array, taken: Sequence[Array]) -> Array:
+    """Of the directions `wanted` (N, 3) the one farthest from all taken; the first when none is."""
+    if not taken:
+        return np.array(wanted[0])
+    nearness = (wanted @ np.array(taken).T).max(axis=1)
+    return np.array(wanted[int(nearness.argmin())])
+
+
+def attitude_of(up_b: Array) -> tuple[float, float, float, float]:
+    """A quaternion (w, x, y, z), body to world, whose world z in body axes is `up_b` (3,).
+
+    Roll and pitch alone: no heading is asked for.
+    """
+    roll = math.atan2(up_b[1], up_b[2])
+    pitch = math.atan2(-up_b[0], math.hypot(up_b[1], up_b[2]))
+    cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
+    cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
+    return cr * cp, sr * cp, cr * sp, -sr * sp
+
+
+def words_of(up_b: Array) -> str:
+    """An attitude for a person: 'nose up by 35 deg, left side up by 60 deg'."""
+    pitch = math.asin(max(-1.0, min(1.0, float(up_b[0]))))
+    roll = math.asin(max(-1.0, min(1.0, float(up_b[1]))))
+    told = [
+        f"{high if angle > 0.0 else low} by {math.degrees(abs(angle)):.0f} deg"
+        for angle, high, low in (
+            (pitch, "nose up", "nose down"), (roll, "left side up", "right side up"),
+        )
+        if abs(angle) > SMALL
+    ]  # fmt: skip
+    below = ", upside down" if up_b[2] < -0.1 else ""
+    return (", ".join(told) or "level") + below
+
+
+def face_up(name: str) -> Array:
+    """World z in body axes of a vehicle on this face."""
+    return np.array(FACES[name])
+
+
+def up_of(quaternion_wb: Array) -> Array:
+    """World z in body axes of attitudes (…, 4) in w, x, y, z."""
+    w, x, y, z = np.moveaxis(quaternion_wb, -1, 0)
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+
+
+def raw_of(specific_force_b: Array, matrix: Array, bias: Array) -> Array:
+    """What the sensor gave, a_m = T^-1 f + b, of readings (N, 3) calibrated by T and b."""
+    raw: Array = np.linalg.solve(matrix, specific_force_b.T).T + bias
+    return raw

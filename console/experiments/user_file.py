@@ -1,0 +1,218 @@
+"""An experiment of a user's own: a Python file with one class of the Experiment protocol.
+
+The file runs with all the rights of the process that loads it. Its mistakes are told with file and
+line. What was flown is judged by the very source it was flown with, in another process too.
+"""
+
+from __future__ import annotations
+
+import ast
+import copyreg
+import hashlib
+import inspect
+import math
+import pickle
+import re
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any, TypeVar
+
+from console.experiments.client import Experiment
+from quadrotor.errors import QuadlabError, StorageError, UsageError
+from quadrotor.parameters import Parameters, ParameterStore
+
+METHODS = {
+    "check": "def check(self) -> None",
+    "fly": "def fly(self, client: Client) -> None",
+    "evaluate": "def evaluate(self, log: Path) -> Result",
+}
+OPTIONAL = {
+    "report": "def report(self, log: Path, folder: Path) -> list[Path]",
+    "proposal": "def proposal(self, log: Path) -> CalibrationRecord",
+    "preconditions": "def preconditions(self, view: VehicleView) -> str",
+    "abort": "def abort(self, view: VehicleView) -> str",
+}
+ATTRIBUTES = ("name", "parameters", "planned")
+NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
+WHERE = "docs/experiments.md shows one"
+T = TypeVar("T")
+
+
+class UserFileError(QuadlabError):
+    """An exception that nobody caught in a user's file, with its line."""
+
+
+def is_file(name: str) -> bool:
+    """Whether this is meant as a file and not as the name of a built-in experiment."""
+    return name.endswith(".py") or "/" in name or "\\" in name
+
+
+def load(path: Path, vehicle: str = "quad1") -> Experiment:
+    """The experiment of the file `path`.
+
+    Raises StorageError for a file that cannot be read, UsageError that names file and line for
+    everything that is wrong in it.
+    """
+    try:
+        source = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        why = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
+        raise StorageError(f"the experiment {path} cannot be read: {why}") from None
+    kind, node = _class_of(path, source)
+    takes_vehicle = _accepts(kind, 1)
+    experiment = _told(path, lambda: kind(vehicle) if takes_vehicle else kind(), UsageError)
+    _check(path, experiment, node)
+    checked: Experiment = experiment
+    return checked
+
+
+@contextmanager
+def mistakes_told(experiment: Experiment) -> Iterator[None]:
+    """Around what calls a user's file: its exceptions become UserFileError, "FILE.py line N: …".
+
+    Errors made for users pass as they are, and so does everything of a built-in experiment.
+    """
+    path = getattr(sys.modules.get(type(experiment).__module__), "experiment_file", None)
+    try:
+        yield
+    except QuadlabError:
+        raise
+    except (Exception, SystemExit) as error:
+        if path is None:
+            raise
+        raise UserFileError(_line(path, error)) from error
+
+
+def _class_of(path: Path, source: str) -> tuple[type, ast.ClassDef]:
+    """The one class of the file that flies or evaluates, and where it stands."""
+    try:
+        tree = ast.parse(source, str(path))
+    except (SyntaxError, ValueError) as error:
+        line = getattr(error, "lineno", None) or 1
+        raise UsageError(f"{path.name} line {line}: {_words(error)}") from None
+    module = _module(path, source)
+    nodes = [
+        node for node in tree.body
+        if isinstance(node, ast.ClassDef) and _has_one(getattr(module, node.name, None), module)
+    ]  # fmt: skip
+    if not nodes:
+        raise UsageError(
+            f"{path.name} line 1: it has no experiment, which is a class with the methods "
+            f"{', '.join(METHODS)}; {WHERE}"
+        )
+    if len(nodes) > 1:
+        found = " and ".join(f"{node.name} (line {node.lineno})" for node in nodes)
+        raise UsageError(f"{path.name}: it has several experiments, {found}; one file holds one")
+    kind: type = getattr(module, nodes[0].name)
+    return kind, nodes[0]
+
+
+def _has_one(kind: object, module: ModuleType) -> bool:
+    own = isinstance(kind, type) and kind.__module__ == module.__name__
+    return own and (hasattr(kind, "fly") or hasattr(kind, "evaluate"))
+
+
+def _module(path: Path, source: str) -> ModuleType:
+    """The file, run once for each content, where pickles look for it."""
+    digest = hashlib.sha256(f"{path}\n{source}".encode()).hexdigest()[:12]
+    name = f"experiment_file_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    module = ModuleType(name)
+    module.__file__ = str(path)
+    vars(module).update(experiment_file=path, experiment_source=source)
+    sys.modules[name] = module
+    try:
+        code = compile(source, str(path), "exec")
+        _told(path, lambda: exec(code, vars(module)), UsageError)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    for kind in vars(module).values():
+        if _has_one(kind, module):
+            copyreg.pickle(kind, _reduced)
+    return module
+
+
+def _reduced(experiment: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
+    """For a pickle that another process can load, without this module."""
+    kind = type(experiment)
+    module: Any = sys.modules[kind.__module__]
+    state = pickle.dumps(object.__reduce_ex__(experiment, 2)[2])
+    return restored, (str(module.experiment_file), module.experiment_source, kind.__name__, state)
+
+
+def restored(path: str, source: str, name: str, state: bytes) -> object:
+    """What `_reduced` took apart."""
+    kind = getattr(_module(Path(path), source), name)
+    experiment = kind.__new__(kind)
+    values = pickle.loads(state)
+    for part in values if isinstance(values, tuple) else (values,):
+        for key, value in (part or {}).items():
+            object.__setattr__(experiment, key, value)
+    return experiment
+
+
+def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
+    """That it is one by its attributes and the signatures of its methods."""
+    lines = {one.name: one.lineno for one in node.body if isinstance(one, ast.FunctionDef)}
+
+    def refuse(attribute: str, what: str) -> UsageError:
+        line = lines.get(attribute, node.lineno)
+        return UsageError(f"{path.name} line {line}: {node.name} {what}; {WHERE}")
+
+    missing = _told(path, lambda: [n for n in ATTRIBUTES if not hasattr(experiment, n)], UsageError)
+    if missing:
+        raise refuse(missing[0], f"has no {missing[0]!r}")
+    for name, wanted in (METHODS | OPTIONAL).items():
+        method = getattr(experiment, name, None)
+        if method is None and name in OPTIONAL:
+            continue
+        if method is None:
+            raise refuse(name, f"has no method {name}: add `{wanted}`")
+        if not callable(method) or not _accepts(method, wanted.split(" ->")[0].count(":")):
+            raise refuse(name, f"cannot be called as it will be: write `{wanted}`")
+    if not isinstance(experiment.name, str) or not NAME.fullmatch(experiment.name):
+        raise refuse("name", f"has the name {experiment.name!r}, allowed are a to z, 0 to 9 and _")
+    options = experiment.parameters
+    if options is not None and not isinstance(options, Parameters):
+        raise refuse("parameters", "has `parameters` that are neither None nor Parameters")
+    if options is not None:
+        _told(path, lambda: ParameterStore(options), UsageError)
+    planned = _told(path, lambda: experiment.planned, UsageError)
+    number = isinstance(planned, int | float) and not isinstance(planned, bool)
+    if not number or not (math.isfinite(planned) and planned >= 0.0):
+        raise refuse("planned", f"has planned = {planned!r}, needed are the seconds it takes")
+
+
+def _accepts(method: Callable[..., object], count: int) -> bool:
+    try:
+        inspect.signature(method).bind(*range(count))
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _told(path: Path, what: Callable[[], T], error_type: type[QuadlabError]) -> T:
+    """`what()`, with every mistake of the file as one line."""
+    try:
+        return what()
+    except QuadlabError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise error_type(_line(path, error)) from None
+
+
+def _line(path: Path, error: BaseException) -> str:
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(path)]
+    return f"{path.name} line {lines[-1] if lines else 1}: {_words(error)}"
+
+
+def _words(error: BaseException) -> str:
+    text = error.msg if isinstance(error, SyntaxError) else str(error)
+    return f"{type(error).__name__}: {' '.join(text.split())}" if text else type(error).__name__

@@ -1,0 +1,98 @@
+"""An experiment flown with its preconditions and its abort rule, where it has them.
+
+Both are optional methods of an experiment: `preconditions(view)` is asked once the vehicle is
+ready and before anything is commanded, `abort(view)` at every look of every wait. Either says in
+words what is wrong; empty is well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol, cast, runtime_checkable
+
+from console.experiments.client import Client, Experiment, VehicleView
+from console.experiments.user_file import mistakes_told
+from quadrotor.errors import QuadlabError, RefusedError
+
+READY = 20.0
+"""s to wait for the vehicle before its preconditions are looked at."""
+BRAKING = 2.0
+LANDING = 30.0
+"""s."""
+
+
+class AbortedError(QuadlabError):
+    """The experiment's own rule ended it; the vehicle is down again."""
+
+
+@runtime_checkable
+class Conditional(Protocol):
+    """An experiment that wants something of the vehicle before it begins."""
+
+    def preconditions(self, view: VehicleView) -> str: ...
+
+
+@runtime_checkable
+class Abortable(Protocol):
+    """An experiment with a rule that ends it."""
+
+    def abort(self, view: VehicleView) -> str: ...
+
+
+def fly(experiment: Experiment, client: Client) -> None:
+    """Fly it.
+
+    Raises as `experiment.fly`; RefusedError when a precondition is not met; AbortedError with the
+    reason once the vehicle has braked and landed; UserFileError for a mistake in a user's file.
+    """
+    with mistakes_told(experiment):
+        if isinstance(experiment, Conditional):
+            client.wait_until(
+                lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=READY
+            )
+            missing = experiment.preconditions(client.view())
+            if missing:
+                raise RefusedError(f"not started: {missing}")
+        if not isinstance(experiment, Abortable):
+            experiment.fly(client)
+            return
+        watched = cast(Client, Watched(client, experiment.abort))
+        try:
+            experiment.fly(watched)
+        except AbortedError:
+            _come_down(client)
+            raise
+
+
+class Watched:
+    """A client whose waits look at the abort rule; everything else is the client's own."""
+
+    def __init__(self, client: Client, abort: Callable[[VehicleView], str]) -> None:
+        self._client, self._abort = client, abort
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._client, name)
+
+    def wait_until(
+        self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
+    ) -> None:
+        def looked(view: VehicleView) -> bool:
+            reason = self._abort(view)
+            if reason:
+                raise AbortedError(f"aborted: {reason}")
+            return condition(view)
+
+        self._client.wait_until(looked, what=what, timeout=timeout)
+
+    def wait(self, seconds: float) -> None:
+        end = self._client.view().time + seconds
+        self.wait_until(lambda v: v.time >= end, what="the time", timeout=seconds + 5.0)
+
+
+def _come_down(client: Client) -> None:
+    """Brake and land when it flies. Raises RefusedError when it will not."""
+    if client.view().airborne:
+        client.start("brake")
+        client.wait(BRAKING)
+        client.start("land")
+        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=LANDING)

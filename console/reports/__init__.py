@@ -1,0 +1,1 @@
+"""Reports: one self-contained page, and one PDF, of any log."""

@@ -1,0 +1,42 @@
+"""`python -m console.reports [--no-pdf] LOG [OUT]`: a run's report, at low priority.
+
+Without OUT it lies beside the run's result. Prints the share that is done, a line each; the last
+line of one that failed is the reason, and its status 1.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+
+from console.reports.report import write_report
+from console.run_reports import report_folder
+from quadrotor.errors import QuadlabError
+
+NICENESS = 15
+LONGEST = 600
+"""s; should whoever began it be gone."""
+
+
+def main(words: list[str]) -> int:
+    pdf = "--no-pdf" not in words
+    words = [word for word in words if word != "--no-pdf"]
+    if len(words) not in (1, 2):
+        print("python -m console.reports [--no-pdf] LOG [OUT]")
+        return 2
+    log = Path(words[0])
+    os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
+    signal.alarm(LONGEST)
+    try:
+        folder = Path(words[1]) if len(words) == 2 else report_folder(log)
+        write_report(log, folder, pdf=pdf, tell=lambda share: print(f"{share:.2f}", flush=True))
+    except QuadlabError as error:
+        print(" ".join(str(error).split()))
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,57 @@
+"""The steps of a motor bench as its log tells them: where the reference stood still, what came."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from console.reports.paper_figures import Bench
+from console.reports.run_log import RunLog
+from estimation.calibration.motor_bench import held_steps
+from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
+
+
+def bench_of(log: RunLog) -> tuple[Bench, str]:
+    """Signals, steps and fits; and what the fits came to, in words.
+
+    Raises MeasurementError when no reference was held.
+    """
+    actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
+    reference = np.nanmax(actuators.rows(REFERENCES), axis=1)
+    force, torque = sensor.rows(("force", "torque")).T
+    newest = np.clip(np.searchsorted(actuators.time, sensor.time, side="right") - 1, 0, None)
+    turning = (reference[newest] > 0.0) & np.isfinite(force) & np.isfinite(torque)
+    steps = held_steps(
+        sensor.time[turning], reference[newest][turning], force[turning], torque[turning]
+    )
+    inside = (steps.reference >= USABLE[0]) & (steps.reference <= USABLE[1])
+    fits: dict[str, tuple[Array, Array]] = {}
+    try:
+        law = identify_motor(steps)
+        said = _words(law)
+        curve: Array = np.linspace(0.0, float(steps.force.max()), 200)
+        alpha, beta = law.root.coefficients
+        fits["affine in √force"] = curve, alpha + beta * np.sqrt(curve)
+        a, b, c = law.quadratic.coefficients
+        fits["quadratic in force"] = curve, (a * curve + b) * curve + c
+    except MeasurementError as error:
+        said = f"No fit: {error}."
+    bench = Bench(
+        actuators.time, reference, sensor.time, force, torque,
+        steps.reference, steps.force, inside, fits, USABLE,
+    )  # fmt: skip
+    return bench, said
+
+
+def _words(law: MotorCalibration) -> str:
+    return (
+        f"f = ({law.slope:.6f} (ref + {law.offset:.2f}))² N misses by {law.root.worst:.2f} counts "
+        f"at worst, the quadratic of print by {law.quadratic.worst:.2f}; torque over force "
+        f"{law.torque_ratio:.4f} m; {law.thrust_min:.3f} to {law.thrust_max:.2f} N between "
+        f"{USABLE[0]:.0f} and {USABLE[1]:.0f} counts."
+    )

@@ -1,0 +1,161 @@
+"""Figures of the calibrations that the paper shows none of: gyroscope, accelerometer, inertia."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from console.experiments.inertia_log import read_inertia
+from console.reports.content import Picture
+from console.reports.flight import Flight
+from console.reports.judgement import Judgement
+from console.reports.plots import (
+    AXES,
+    COLORS,
+    QUIET,
+    REFERENCE,
+    finish,
+    grid,
+    line,
+    styled,
+    triple,
+)
+from console.reports.run_log import IMU, RunLog, Series, read_run
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.constants import GRAVITY
+from quadrotor.errors import LogFormatError
+
+Array = npt.NDArray[np.floating[Any]]
+
+FORCE = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
+RATE = tuple(f"angular_velocity.{axis}" for axis in "xyz")
+MOTION = {
+    "state": tuple(f"twist.twist.angular.{axis}" for axis in "xyz"),
+    "actuators": tuple(f"torque.{axis}" for axis in "xyz"),
+}
+
+
+def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """The rates while the drift was found, and afterwards."""
+    imu = _imu(log)
+    rates = np.degrees(imu.rows(RATE))
+    found = [one.time for one in log.lines if "gyroscope" in one.text]
+
+    def draw(figure: Any) -> None:
+        axes = grid(figure, 1)[:, 0]
+        triple(axes[0], imu.time, rates, linewidth=0.6)
+        for time in found:
+            axes[0].axvline(time, color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)))
+        axes[0].plot(
+            [], [], color=REFERENCE, linewidth=0.9, linestyle=(0, (4, 2)), label="drift found anew"
+        )
+        finish(axes[0], "angular velocity, less the drift in force", "deg/s")
+        axes[0].set_xlabel("s")
+
+    return [
+        Picture("Gyroscope", "What is left of a still gyroscope's readings.",
+                "Angular velocity about x, y and z over time.", 2.6, styled(draw))
+    ]  # fmt: skip
+
+
+def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """The accelerometer: specific force over time, and the residual of each pose."""
+    imu = _imu(log)
+    force = imu.rows(FORCE)
+
+    def draw(figure: Any) -> None:
+        axes = grid(figure, 2)[:, 0]
+        triple(axes[0], imu.time, force, linewidth=0.7)
+        finish(axes[0], "specific force, by the calibration in force", "m/s²")
+        line(axes[1], imu.time, np.linalg.norm(force, axis=1), color=COLORS[0], linewidth=0.7,
+             label="length")  # fmt: skip
+        axes[1].axhline(GRAVITY, color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)),
+                        label="gravity")  # fmt: skip
+        finish(axes[1], "its length", "m/s²")
+        axes[1].set_xlabel("s")
+
+    found = [
+        Picture("Accelerometer", "Each stretch held still is a pose.",
+                "Specific force in x, y and z, and its length beside gravity, over time.",
+                3.4, styled(draw))
+    ]  # fmt: skip
+    return found + residual_pictures(judged.proposal)
+
+
+def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    """What excited the three axes, and how the estimates converged."""
+    motion = read_run(log.path, MOTION)
+    if not motion.has("state", "actuators"):
+        raise LogFormatError("the log has no topic state or actuators")
+    state, actuators = motion.topics["state"], motion.topics["actuators"]
+    rates = np.degrees(state.rows(MOTION["state"]))
+    torque = 1e3 * actuators.rows(MOTION["actuators"])
+    found = read_inertia(log.path, log.vehicle)
+    start = found.time[0] - log.start_ns * 1e-9
+    time = found.time - found.time[0] + start
+
+    def draw(figure: Any) -> None:
+        axes = grid(figure, 3, height_ratios=(1.0, 1.0, 1.4))[:, 0]
+        triple(axes[0], state.time, rates, linewidth=0.8)
+        finish(axes[0], "angular velocity", "deg/s")
+        triple(axes[1], actuators.time, torque, linewidth=0.8)
+        finish(axes[1], "torque, commanded", "mN m")
+        triple(axes[2], time, found.inertia_b, ("xx", "yy", "zz"))
+        for k, truth in enumerate(found.truth_b):
+            if np.isfinite(truth):
+                style: Any = {"color": COLORS[k], "linewidth": 0.8, "linestyle": (0, (4, 2))}
+                axes[2].axhline(truth, **style)
+        if np.isfinite(found.truth_b).all():
+            axes[2].plot([], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)),
+                         label="true")  # fmt: skip
+        finish(axes[2], "estimated inertia", "kg m²")
+        axes[2].set_xlabel("s")
+        axes[2].set_xlim(time[0] - 2.0, time[-1] + 2.0)
+
+    return [
+        Picture("Excitation and convergence",
+                "What the inertia was found from, and how the estimates came to their values.",
+                "Angular velocity and commanded torque about x, y and z, and the three estimated "
+                "moments of inertia, over time.", 4.6, styled(draw)),
+        *residual_pictures(judged.proposal),
+    ]  # fmt: skip
+
+
+def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
+    """A bar for each residual of a calibration, one picture; nothing without any."""
+    if record is None or not record.residuals:
+        return []
+    names = [re.split(r",\s*", name)[0] for name, _ in record.residuals]
+    units = {re.split(r",\s*", name)[-1] for name, _ in record.residuals if "," in name}
+    values = np.array([value for _, value in record.residuals])
+    unit = units.pop() if len(units) == 1 else ""
+
+    def draw(figure: Any) -> None:
+        axis = grid(figure, 1)[0, 0]
+        axis.bar(range(len(values)), values, color=COLORS[0], width=0.7)
+        axis.axhline(0.0, color=QUIET, linewidth=0.8)
+        few = len(names) <= 24
+        axis.set_xticks(range(len(names)), names if few else [""] * len(names), rotation=60 * few,
+                        ha="right" if few else "center", rotation_mode="anchor")  # fmt: skip
+        axis.grid(False, axis="x")
+        finish(axis, "residuals", unit, legend=False)
+
+    return [
+        Picture("Residuals", f"Of each {_kind(names)}, from the calibration's own record.",
+                f"Bars: {len(values)} residuals in {unit or 'their units'}.", 2.6, styled(draw))
+    ]  # fmt: skip
+
+
+def _kind(names: list[str]) -> str:
+    return "axis" if set(names) <= set(AXES) else "pose, step or axis"
+
+
+def _imu(log: RunLog) -> Series:
+    """Read now: other reports do without."""
+    found = read_run(log.path, IMU)
+    if not found.has("imu"):
+        raise LogFormatError("the log has no topic imu")
+    return found.topics["imu"]

@@ -1,0 +1,186 @@
+"""The figures that belong to an experiment: those of the paper, and of calibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from console.reports.bench_steps import bench_of
+from console.reports.calibration_figures import gyroscope, inertia, residuals
+from console.reports.content import Picture
+from console.reports.flight import Flight, airborne
+from console.reports.judgement import Judgement
+from console.reports.paper_figures import (
+    mass_estimation,
+    motor_calibration,
+    state_estimation,
+    trajectory_tracking,
+)
+from console.reports.plots import styled
+from console.reports.run_log import RunLog, parameters_of
+from quadrotor.errors import LogFormatError, QuadlabError
+
+Array = npt.NDArray[np.floating[Any]]
+
+
+def experiment_pictures(
+    log: RunLog, flight: Flight, judged: Judgement
+) -> tuple[list[Picture], list[str]]:
+    """The pictures, and why one is not there."""
+    maker = MAKERS.get(judged.experiment)
+    if maker is None:
+        return [], []
+    try:
+        return maker(log, flight, judged), []
+    except QuadlabError as error:
+        return [], [f"No figures of {judged.experiment}: {error}"]
+
+
+def _need(log: RunLog, *topics: str) -> None:
+    absent = [topic for topic in topics if not log.has(topic)]
+    if absent:
+        raise LogFormatError(f"the log has no topic {', '.join(absent)}")
+
+
+def _motor_bench(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    _need(log, "bench_reading", "actuators")
+    bench, said = bench_of(log)
+    caption = "Motor calibration: (a) input and output signals, (b) fitted model."
+    return [
+        Picture(
+            "Fig. 2 of the paper", f"{caption} {said}",
+            "At the left motor reference, force and torque over time; at the right the reference "
+            "over the force with the measured steps and the fitted curves.",
+            3.9, styled(lambda figure: motor_calibration(figure, bench)),
+        )
+    ]  # fmt: skip
+
+
+def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    _need(log, "estimator")
+    shown = flight.shown
+    if shown is None:
+        raise LogFormatError("the log has neither state nor truth nor tracker_pose")
+    series = log.topics["estimator"]
+    mass, variance = series.rows(("mass", "mass_variance")).T
+    told = (series.time, mass, np.sqrt(np.maximum(variance, 0.0)))
+    estimate = flight.estimate or shown
+    simulated = parameters_of(log).get("simulator.mass")
+    true_mass = judged.metrics.get("truth_kg")
+    if true_mass is None and isinstance(simulated, int | float):
+        true_mass = float(simulated)
+
+    def draw(figure: Any) -> None:
+        mass_estimation(
+            figure, told, (shown.time, shown.position_w), (estimate.time, estimate.velocity_w),
+            true_mass, airborne(log),
+        )  # fmt: skip
+
+    return [
+        Picture(
+            "Fig. 3 of the paper",
+            "Mass estimation during a normal flight: (a) estimated mass, (b) position, "
+            "(c) velocity as it was estimated.",
+            "Three plots over time: estimated mass with its deviation, position, velocity.",
+            5.2, styled(draw),
+        )
+    ]  # fmt: skip
+
+
+def _figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    _need(log, "reference")
+    shown = flight.shown
+    if shown is None:
+        raise LogFormatError("the log has neither state nor truth nor tracker_pose")
+    rows = _around(shown.time, log, "follow_trajectory")
+    error, yaw_error = flight.tracking_error
+    wanted = flight.reference[rows]
+    yaw_wanted = wanted[:, 3]
+    yaw = yaw_wanted + yaw_error[rows]  # beside its reference, without jumps
+
+    def draw(figure: Any) -> None:
+        trajectory_tracking(
+            figure, shown.time[rows], shown.position_w[rows], wanted[:, :3], yaw, yaw_wanted,
+            error[rows], yaw_error[rows], judged.windows,
+        )  # fmt: skip
+
+    return [
+        Picture(
+            "Fig. 4 of the paper",
+            f"Tracking of an 8: (a) position ({shown.name}), (b) yaw, (c) position error, (d) yaw "
+            "error; what was less reference.",
+            "Four plots over time: position with its reference, yaw with its reference, position "
+            "error in x, y, z, yaw error.",
+            4.4, styled(draw),
+        )
+    ]  # fmt: skip
+
+
+def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
+    truth, estimate = flight.truth, flight.estimate
+    if truth is None or estimate is None:
+        raise LogFormatError("the log has no state, or neither truth nor tracker_pose")
+    if not judged.windows:
+        raise LogFormatError(
+            "it never flew on bearings: no change of estimation.source to bearings"
+        )
+    (start, end), *_ = judged.windows
+    rows = (truth.time >= start) & (truth.time <= end)
+    time, angles = truth.time[rows], truth.angles[rows]
+    estimated = angles - flight.estimation_error[2][rows]
+    position = truth.position_w[rows], estimate.position_w[rows]
+    error = flight.estimation_error[0][rows]
+    off = rotation_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
+
+    def draw(figure: Any) -> None:
+        state_estimation(
+            figure, time, position, (angles, estimated), error, off, (), truth.name,
+        )  # fmt: skip
+
+    return [
+        Picture(
+            "Fig. 6 of the paper",
+            f"State estimation on bearings alone, against {truth.name}: (a) position, (b) roll, "
+            "pitch, yaw, (c) position error, (d) orientation error as a rotation vector.",
+            "Four plots over time while bearings were flown on: true and estimated position, true "
+            "and estimated angles, position error, orientation error.",
+            4.6, styled(draw),
+        )
+    ]  # fmt: skip
+
+
+def rotation_between(estimated: Array, true: Array) -> Array:
+    """(N, 3) rad: rotation vector, world axes, from attitudes (N, 4) to attitudes (N, 4)."""
+    w, v = true[:, :1], true[:, 1:]
+    a, b = estimated[:, :1], estimated[:, 1:]
+    scalar = w * a + np.sum(v * b, axis=1, keepdims=True)
+    vector = v * a - w * b - np.cross(v, b)
+    length = np.linalg.norm(vector, axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(length, np.abs(scalar))
+    sign = np.where(scalar < 0.0, -1.0, 1.0)
+    turn: Array = vector * (sign * angle / np.maximum(length, 1e-12))
+    return turn
+
+
+def _around(time: Array, log: RunLog, behavior: str) -> npt.NDArray[np.bool_]:
+    """The stretch of that behaviour with a second at both ends; all, where there is none."""
+    spans = [one for one in log.spans("status", "behavior") if one[2] == behavior]
+    if not spans:
+        return np.ones(len(time), bool)
+    rows: npt.NDArray[np.bool_] = (time >= spans[0][0] - 1.0) & (time <= spans[-1][1] + 1.0)
+    return rows
+
+
+Maker = Callable[[RunLog, Flight, Judgement], list[Picture]]
+MAKERS: dict[str, Maker] = {
+    "motor_bench": _motor_bench,
+    "mass": _mass,
+    "figure_eight": _figure_eight,
+    "bearings": _bearings,
+    "inertia": inertia,
+    "accelerometer": residuals,
+    "gyroscope": gyroscope,
+}

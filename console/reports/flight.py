@@ -1,0 +1,175 @@
+"""A flight as its log has it, on common times: truth, estimate and reference, errors, windows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from console.reports.run_log import ODOMETRY, RunLog
+
+Array = npt.NDArray[np.floating[Any]]
+Flags = npt.NDArray[np.bool_]
+
+LARGEST_GAP = 0.1
+"""s between messages across which nothing is interpolated."""
+REFERENCE = ("position.x", "position.y", "position.z", "yaw")
+TRACKED = (
+    "pose.position.x", "pose.position.y", "pose.position.z", "pose.orientation.w",
+    "pose.orientation.x", "pose.orientation.y", "pose.orientation.z",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Track:
+    """Where something was: position_w (m), angles (rad), velocity_w (m/s, NaN when unknown)."""
+
+    name: str
+    time: Array  # (N,) s
+    position_w: Array  # (N, 3)
+    quaternion_wb: Array  # (N, 4)
+    velocity_w: Array  # (N, 3)
+
+    @cached_property
+    def angles(self) -> Array:
+        """(N, 3) roll, pitch, yaw."""
+        return roll_pitch_yaw(self.quaternion_wb)
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What of one log can be laid over each other; None where the log has none of it.
+
+    Attributes:
+        truth: the simulator's, else the tracker's.
+        estimate: what was flown on, at the times of the truth where there is one.
+        reference: (N, 4) position_w and yaw at the times of `shown`.
+    """
+
+    truth: Track | None
+    estimate: Track | None
+    reference: Array
+
+    @property
+    def shown(self) -> Track | None:
+        """The best there is of where the vehicle was."""
+        return self.truth or self.estimate
+
+    @cached_property
+    def tracking_error(self) -> tuple[Array, Array]:
+        """Position (N, 3) m and yaw (N,) rad, at the times of `shown`: what was less reference."""
+        shown = self.shown
+        if shown is None:
+            return np.zeros((0, 3)), np.zeros(0)
+        wanted = self.reference
+        return shown.position_w - wanted[:, :3], wrapped(shown.angles[:, 2] - wanted[:, 3])
+
+    @cached_property
+    def estimation_error(self) -> tuple[Array, Array, Array]:
+        """Position (m), velocity (m/s), angles (rad) (N, 3) each: truth less estimate."""
+        truth, known = self.truth, self.estimate
+        if truth is None or known is None:
+            nothing = np.zeros((0, 3))
+            return nothing, nothing, nothing
+        return (
+            truth.position_w - known.position_w,
+            truth.velocity_w - known.velocity_w,
+            wrapped(truth.angles - known.angles),
+        )
+
+
+def flight_of(log: RunLog) -> Flight:
+    """From the columns that the log has; those of state and reference are given up."""
+    truth = _odometry(log, "truth", "truth")
+    if truth is None and log.has("tracker_pose"):
+        series = log.topics["tracker_pose"]
+        rows = series.rows(TRACKED)
+        nowhere = np.full((len(rows), 3), np.nan)
+        truth = Track("tracker", series.time, rows[:, :3], rows[:, 3:], nowhere)
+    estimate = _odometry(log, "state", "estimate", None if truth is None else truth.time)
+    shown = truth or estimate
+    time = shown.time if shown is not None else np.zeros(0)
+    wanted = np.full((len(time), len(REFERENCE)), np.nan)
+    if log.has("reference"):
+        series = log.topics["reference"]
+        wanted = between(time, series.time, series.rows(REFERENCE))
+        series.numbers.clear()
+    return Flight(truth, estimate, wanted)
+
+
+def roll_pitch_yaw(quaternion_wb: Array) -> Array:
+    """(N, 3) rad of quaternions (N, 4); yaw without jumps."""
+    w, x, y, z = quaternion_wb.T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    known = np.isfinite(yaw)
+    yaw[known] = np.unwrap(yaw[known])
+    return np.stack([roll, pitch, yaw], axis=1)
+
+
+def wrapped(angle: Array) -> Array:
+    """To -pi…pi."""
+    out: Array = (angle + np.pi) % (2 * np.pi) - np.pi
+    return out
+
+
+def between(time: Array, given: Array, values: Array) -> Array:
+    """Columns of `values` (M, K) at `time` (N,), linearly; NaN outside and across long gaps."""
+    if not len(given):
+        return np.full((len(time), values.shape[1]), np.nan)
+    out = np.stack(
+        [np.interp(time, given, column, left=np.nan, right=np.nan) for column in values.T], axis=1
+    )
+    after = np.clip(np.searchsorted(given, time), 1, max(len(given) - 1, 1))
+    if len(given) > 1:
+        out[given[after] - given[after - 1] > LARGEST_GAP] = np.nan
+    return out
+
+
+def rms(values: Array) -> float:
+    """Of finite values; NaN of none."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
+
+
+def inside(time: Array, spans: list[tuple[float, float]]) -> Flags:
+    """Which times lie in any of the spans."""
+    found = np.zeros(len(time), bool)
+    for start, end in spans:
+        found |= (time >= start) & (time <= end)
+    return found
+
+
+def airborne(log: RunLog) -> list[tuple[float, float]]:
+    """When the vehicle flew, s; empty when the log does not tell."""
+    status = log.topics.get("status")
+    if status is None or "airborne" not in status.numbers:
+        return []
+    on = status.numbers["airborne"] > 0.5
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
+    ends = np.append(status.time, log.duration)
+    return [(float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _odometry(log: RunLog, topic: str, name: str, time: Array | None = None) -> Track | None:
+    """At `time`, else as it was logged."""
+    series = log.topics.get(topic)
+    if series is None or ODOMETRY[0] not in series.numbers:
+        return None
+    rows: Array = series.rows(ODOMETRY)
+    series.numbers.clear()
+    if time is not None:
+        quaternion = rows[:, 3:7]  # of one sign, to interpolate between
+        flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
+        if flips.any():
+            quaternion[np.concatenate([[0], np.cumsum(flips)]) % 2 == 1] *= -1.0
+        rows = between(time, series.time, rows)
+    w, axis, velocity_b = rows[:, 3:4], rows[:, 4:7], rows[:, 7:]
+    across = 2.0 * np.cross(axis, velocity_b)
+    velocity_w = velocity_b + w * across + np.cross(axis, across)
+    at = series.time if time is None else time
+    return Track(name, at, rows[:, :3], rows[:, 3:7], velocity_w)

@@ -1,0 +1,243 @@
+"""What the run is judged to be: by its own result.json, else by its experiment, else by none."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from console.experiments.catalogue import EXPERIMENTS, find
+from console.experiments.client import Calibrating, Experiment, Result
+from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
+from console.experiments.figure_eight import REST_TO_REST, STEADY
+from console.experiments.hover import Hover
+from console.reports.flight import Flight, airborne, inside, rms
+from console.reports.run_log import RunLog, parameters_of
+from console.run_reports import has_report, read_result
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import QuadlabError
+
+Spans = list[tuple[float, float]]
+
+WINDOWS = {
+    ("figure_eight", STEADY): ("follow_trajectory", 4.0, 4.0),
+    ("figure_eight", REST_TO_REST): ("follow_trajectory", 0.0, 0.0),
+    ("hover", ""): ("hover", 2.0, 0.0),
+}
+"""Experiment and its kind of laps → behaviour that is judged, s left out at its start and end."""
+LIMITS = {("hover", ""): Hover.limits, **{("figure_eight", k): v for k, v in EIGHT_LIMITS.items()}}
+"""Of those that judge themselves only in the process that flew them."""
+FLOWN = ("gyroscope", "accelerometer", "motor_bench")
+"""Judged only by the process that flew them: when which step was held is not in the log."""
+TOPICS = {
+    "bench_reading": "motor_bench",
+}
+"""A log whose metadata names no experiment is what its topics make of it."""
+DECIDED = ("passed", "failed")
+
+
+@dataclass
+class Judgement:
+    """Attributes:
+    verdict: passed, failed or empty; `source` says who judged, or why nobody did.
+    metrics, limits: by name, SI units and degrees.
+    flight: figures of any flight, by name, with units in the name.
+    windows: what is judged, s since the log's first message; empty when not known.
+    """
+
+    experiment: str
+    verdict: str = ""
+    source: str = ""
+    metrics: dict[str, float] = field(default_factory=dict)
+    limits: dict[str, float] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
+    flight: dict[str, float] = field(default_factory=dict)
+    windows: Spans = field(default_factory=list)
+    proposal: CalibrationRecord | None = None
+    decision: str = ""
+
+    @property
+    def kind(self) -> tuple[str, str]:
+        """The experiment, and for an 8 which laps."""
+        default = STEADY if self.experiment == "figure_eight" else ""
+        return self.experiment, str(self.options.get("laps", default))
+
+
+def experiment_of(log: RunLog) -> str:
+    """Its name; empty when the log is of no experiment."""
+    if name := log.run.get("experiment", ""):
+        return name
+    if has_report(log.path):
+        try:
+            if name := str(read_result(log.path).get("experiment", "")):
+                return name
+        except QuadlabError:
+            pass
+    if name := log.text_at_end("experiment_status", "name"):
+        return name
+    return next((kind for topic, kind in TOPICS.items() if log.has(topic)), "")
+
+
+def judge(
+    log: RunLog, flight: Flight, result: Result | None = None,
+    proposal: CalibrationRecord | None = None,
+) -> Judgement:  # fmt: skip
+    """`result` and `proposal` are of who flew it just now; never raises."""
+    out = Judgement(experiment_of(log))
+    out.options = {
+        name.removeprefix("experiment."): value
+        for name, value in parameters_of(log).items() if name.startswith("experiment.")
+    }  # fmt: skip
+    if has_report(log.path):
+        _stored(log, out)
+    out.windows = windows_of(log, out)
+    out.flight = flight_figures(log, flight, out.windows)
+    experiment = _made(log, out)
+    if result is not None:
+        out.verdict, out.metrics, out.limits = result.verdict, result.metrics, result.limits
+        out.source = "judged after the flight"
+    elif out.source:
+        pass
+    elif out.experiment in FLOWN:
+        out.source = (
+            "not judged: there is no result of the run beside its log; the process that flies it "
+            "judges it (quadlab fly --report, or the station)"
+        )
+    elif experiment is not None:
+        _evaluated(log, out, experiment)
+    elif out.experiment:
+        out.source = f"not judged: the experiment {out.experiment} is not one of quadlab's"
+    else:
+        out.source = "not judged: the log is of no experiment"
+    out.proposal = proposal or out.proposal
+    _proposed(log, out, experiment)
+    return out
+
+
+def windows_of(log: RunLog, judged: Judgement) -> Spans:
+    """What of the flight is judged, as the log alone tells it."""
+    if judged.experiment == "bearings":
+        told = log.topics.get("parameter_changes")
+        begins = [
+            (line.time, line.text.endswith("→ 'bearings'"))
+            for line in log.lines
+            if line.kind == "parameter" and line.text.startswith("estimation.source:")
+        ]
+        start = next((time for time, on in begins if on), None)
+        if told is None or start is None:
+            return []
+        end = next((t for t, on in begins if not on and t > start), log.duration)
+        return [(start, end)]
+    if judged.kind not in WINDOWS:
+        return []
+    behavior, before, after = WINDOWS[judged.kind]
+    spans = [
+        (start + before, end - after)
+        for start, end, name in log.spans("status", "behavior")
+        if name == behavior and end - start > before + after + 0.5
+    ]
+    return [max(spans, key=lambda span: span[1] - span[0])] if spans else []
+
+
+def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, float]:
+    """Figures of any flight, in the windows, else while it was airborne."""
+    spans = windows or airborne(log)
+    found: dict[str, float] = {}
+    if flight.shown is not None and spans:
+        error, yaw = flight.tracking_error
+        rows = inside(flight.shown.time, spans)
+        distance = np.linalg.norm(error[rows], axis=1)
+        found["position_rms_m"] = rms(distance)
+        found["position_max_m"] = float(np.nanmax(distance, initial=0.0))
+        found["yaw_rms_deg"] = float(np.degrees(rms(yaw[rows])))
+        position, velocity, _ = flight.estimation_error
+        if len(position):
+            found["estimate_position_rms_m"] = rms(np.linalg.norm(position[rows], axis=1))
+            found["estimate_velocity_rms_m_s"] = rms(np.linalg.norm(velocity[rows], axis=1))
+    if log.has("actuators") and spans:
+        series = log.topics["actuators"]
+        rows = inside(series.time, spans)
+        motors = series.rows(tuple(f"motor_references[{k}]" for k in range(4)))[rows]
+        scaling = series.rows(("scaling",))[rows]
+        if len(motors):
+            found["motor_mean_counts"] = float(np.nanmean(motors))
+            found["saturated_share"] = float(np.mean(scaling < 1.0))
+    if spans:
+        found["airborne_s"] = sum(end - start for start, end in airborne(log))
+    return {name: value for name, value in found.items() if np.isfinite(value)}
+
+
+def _made(log: RunLog, out: Judgement) -> Experiment | None:
+    """The experiment with the options that the log carries, None for an unknown one."""
+    if out.experiment not in EXPERIMENTS:
+        return None
+    experiment = find(out.experiment, log.vehicle or "quad1")
+    if experiment.parameters is not None:
+        for name, value in out.options.items():
+            if name in type(experiment.parameters).model_fields:
+                setattr(experiment.parameters, name, value)
+    return experiment
+
+
+def _stored(log: RunLog, out: Judgement) -> None:
+    try:
+        stored = read_result(log.path)
+        out.metrics, out.limits = _numbers(stored.get("metrics")), _numbers(stored.get("limits"))
+        verdict = str(stored.get("verdict", ""))
+        out.verdict = verdict if verdict in DECIDED else ""
+        out.decision = str(stored.get("decision", ""))
+        if isinstance(stored.get("proposal"), Mapping):
+            out.proposal = parse_record(json.dumps(stored["proposal"]))
+        options = stored.get("options")
+        out.options = dict(options) if isinstance(options, Mapping) else out.options
+        out.source = "judged after the flight (result.json)"
+    except QuadlabError as error:
+        out.source = f"not judged: {error}"
+
+
+def _evaluated(log: RunLog, out: Judgement, experiment: Experiment) -> None:
+    try:
+        result = experiment.evaluate(log.path)
+    except QuadlabError as error:
+        limits: dict[str, float] = LIMITS.get(out.kind, {})
+        if out.windows and limits and limits.keys() <= out.flight.keys():
+            out.metrics = {name: out.flight[name] for name in limits}
+            out.limits = dict(limits)
+            good = all(out.metrics[name] <= limit for name, limit in limits.items())
+            out.verdict = "passed" if good else "failed"
+            start, end = out.windows[0]
+            out.source = f"judged by this report from {start:.1f} to {end:.1f} s of the log"
+        else:
+            out.source = f"not judged: {error}"
+        return
+    out.verdict, out.metrics, out.limits = result.verdict, result.metrics, result.limits
+    out.source = "judged by this report from the log"
+
+
+def _proposed(log: RunLog, out: Judgement, experiment: Experiment | None) -> None:
+    """The calibration that the run proposed: as it was told, else found again."""
+    told = log.text_at_end("experiment_status", "proposal")
+    out.decision = out.decision or log.text_at_end("experiment_status", "decision")
+    try:
+        if out.proposal is None and told:
+            out.proposal = parse_record(told)
+        elif (
+            out.proposal is None
+            and isinstance(experiment, Calibrating)
+            and out.experiment not in FLOWN
+        ):
+            out.proposal = experiment.proposal(log.path)
+    except QuadlabError as error:
+        out.source = f"{out.source}; no calibration: {error}"
+
+
+def _numbers(values: Any) -> dict[str, float]:
+    if not isinstance(values, Mapping):
+        return {}
+    return {
+        str(name): float(value) for name, value in values.items()
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    }  # fmt: skip

@@ -1,0 +1,152 @@
+"""The tables of what a log holds: parameters, time line, recording, versions."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+from console.reports.content import Block, Heading, Table, Text
+from console.reports.defaults import Defaults
+from console.reports.judgement import Judgement
+from console.reports.run_log import ON_CHANGE, RunLog, parameters_of
+from console.reports.tables import NOT_RECORDED, shown
+
+MOST_GAPS = 60
+
+
+def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list[Block]:
+    """Those that differ from their defaults first, then all, folded."""
+    blocks: list[Block] = [Heading("Parameters")]
+    values = parameters_of(log)
+    if judged.options:
+        chosen = [(name, shown(value)) for name, value in judged.options.items()]
+        blocks.append(Table("Options of the experiment", ("option", "value"), chosen,
+                            frozenset({1}), widths=(0.5, 0.5)))  # fmt: skip
+    values = {k: v for k, v in values.items() if not k.startswith("experiment.")}
+    if not values:
+        return [*blocks, Text(f"{NOT_RECORDED.capitalize()} in this log.")]
+    attached = log.json_attachment("defaults.json")
+    if isinstance(attached, Mapping):
+        whose = "the defaults that the log carries"
+    else:
+        whose = "the defaults of the version that made this report"
+        attached = defaults()
+    known = {name: value for name, value in values.items() if name in attached}
+    differing = {
+        name: value
+        for name, value in known.items()
+        if value != attached[name] and not name.endswith(".seed")
+    }
+    if not known:
+        blocks.append(Text("What the defaults were is not known, so all parameters are listed."))
+    elif differing:
+        rows = [(n, shown(v), shown(attached[n])) for n, v in sorted(differing.items())]
+        blocks.append(Table(f"Differing from {whose}", ("parameter", "value", "default"), rows,
+                            frozenset({1, 2}), widths=(0.52, 0.24, 0.24)))  # fmt: skip
+        left = len(values) - len(known)
+        if left:
+            blocks.append(Text(f"Of {left} more the default is not known; all are listed below."))
+    else:
+        blocks.append(Text(f"None of the {len(known)} that can be compared differs from {whose}."))
+    rows = [
+        (name, shown(value), shown(log.changes[name]) if name in log.changes else "")
+        for name, value in sorted(values.items())
+    ]
+    head = ("parameter", "at the start", "at the end, if changed")
+    blocks.append(Table(f"All {len(rows)} parameters", head, rows, frozenset({1, 2}), True,
+                        (0.52, 0.24, 0.24)))  # fmt: skip
+    return blocks
+
+
+def timeline_blocks(log: RunLog) -> list[Block]:
+    """Events, warnings, marks, changes of parameters and behaviours in the order of time."""
+    rows = [
+        (
+            f"{line.time:.2f}",
+            "WARNING" if line.kind == "warning" else line.kind,
+            line.text,
+            line.who,
+        )
+        for line in log.lines
+    ]
+    blocks: list[Block] = [Heading("Time line")]
+    behaviors = [
+        (f"{start:.1f}", f"{end:.1f}", name.replace("_", " "))
+        for start, end, name in log.spans("status", "behavior")
+    ]
+    if behaviors:
+        head = ("from, s", "to, s", "behaviour")
+        blocks.append(Table("Behaviours", head, behaviors, frozenset({0, 1}),
+                            len(behaviors) > 20, (0.14, 0.14, 0.72)))  # fmt: skip
+    if not rows:
+        return [*blocks, Text("No event, mark or change of a parameter is in this log.")]
+    title = f"Events, marks and changes of parameters ({len(rows)})"
+    blocks.append(Table(title, ("s", "what", "text", "by"), rows, frozenset({0}),
+                        len(rows) > 60, (0.09, 0.13, 0.62, 0.16)))  # fmt: skip
+    return blocks
+
+
+def recording_blocks(log: RunLog) -> list[Block]:
+    """Topics with their rates and silences; what of the file is missing."""
+    rows, gaps = [], []
+    for name, series in sorted(log.topics.items()):
+        span = float(series.time[-1] - series.time[0])
+        count, silent = len(series.time), [] if name in ON_CHANGE else series.gaps
+        rate = f"{(count - 1) / span:.1f}" if span > 0.0 and name not in ON_CHANGE else ""
+        longest = f"{max(length for _, length in silent):.2f}" if silent else ""
+        rows.append((name, str(count), rate, str(len(silent) or ""), longest))
+        gaps += [(f"{start:.2f}", f"{length:.2f}", name) for start, length in silent]
+    head = ("topic", "messages", "Hz", "gaps", "longest, s")
+    blocks: list[Block] = [
+        Heading("Recording"),
+        Table("Topics", head, rows, frozenset({1, 2, 3, 4}), widths=(0.4, 0.15, 0.15, 0.15, 0.15)),
+    ]
+    if gaps:
+        gaps.sort(key=lambda row: float(row[0]))
+        more = f", the first {MOST_GAPS}" if len(gaps) > MOST_GAPS else ""
+        title = f"Gaps: silences of more than 4 usual periods and 50 ms ({len(gaps)}{more})"
+        blocks.append(Table(title, ("at, s", "for, s", "topic"), gaps[:MOST_GAPS],
+                            frozenset({0, 1}), True, (0.14, 0.14, 0.72)))  # fmt: skip
+    if link := _link_words(log):
+        blocks.append(Text(link))
+    return blocks
+
+
+def version_blocks(log: RunLog) -> list[Block]:
+    """Of what recorded the log."""
+    run = log.run
+    if not run:
+        return [Heading("Versions"), Text(f"{NOT_RECORDED.capitalize()}: no metadata in this log.")]
+    rows = []
+    if "git_revision" in run:
+        changed = {"true": ", with changes that were not committed", "false": ""}
+        rows.append(
+            ("quadlab", f"{run['git_revision']}{changed.get(run.get('git_dirty', ''), '')}")
+        )
+    try:
+        versions = json.loads(run.get("versions", "{}"))
+        rows += [(str(name), str(value)) for name, value in dict(versions).items()]
+    except (ValueError, TypeError):
+        rows.append(("versions", run["versions"]))
+    shown_above = {"git_revision", "git_dirty", "versions", "run_id", "vehicle", "experiment"}
+    rows += [(name, value) for name, value in run.items() if name not in shown_above]
+    return [Heading("Versions"), Table("", ("what", "which"), rows, widths=(0.25, 0.75))]
+
+
+def _link_words(log: RunLog) -> str:
+    said = []
+    if log.has("link_status"):
+        link = log.topics["link_status"].rows(("loss", "outages", "outage_total"))
+        if len(link):
+            said.append(
+                f"Telemetry that did not come, worst second: {100 * link[:, 0].max():.1f} %; "
+                f"outages of the link: {link[-1, 1]:.0f}, {link[-1, 2]:.1f} s in all."
+            )
+    if log.has("status"):
+        names = ("missed_frames", "damaged_frames", "overruns")
+        counts = log.topics["status"].rows(names)
+        if len(counts):
+            words = ("samples that never came", "damaged frames", "ticks longer than a period")
+            told = (f"{n:.0f} {word}" for n, word in zip(counts[-1], words, strict=True))
+            said.append(f"The vehicle counted {', '.join(told)}.")
+    return " ".join(said)

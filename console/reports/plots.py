@@ -1,0 +1,165 @@
+"""How all plots of reports look: colours that colour-blind eyes tell apart, calm axes, few points.
+
+matplotlib is imported where a figure is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import UsageError
+
+Array = npt.NDArray[np.floating[Any]]
+
+# Okabe and Ito's, dark enough for thin lines on white.
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#a3528b")
+REFERENCE = "#333333"
+QUIET = "#8c8c8c"
+GOOD = "#009e73"
+AXES = ("x", "y", "z")
+ANGLES = ("roll", "pitch", "yaw")
+POINTS = 1600
+"""Of a line, at most: two a bucket, its lowest and its highest value."""
+STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "sans-serif"],
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 8.5,
+    "axes.edgecolor": "#777777",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.2,
+    "lines.linewidth": 1.1,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "quadlab",
+    "pdf.fonttype": 42,
+}
+
+
+def require_matplotlib() -> None:
+    """Raises UsageError when it is not installed."""
+    try:
+        import matplotlib
+    except ImportError:
+        raise UsageError(
+            "a report needs matplotlib, which is not installed: pip install matplotlib"
+        ) from None
+    matplotlib.use("Agg")
+
+
+def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
+    """A line (N,) as at most about `points` points that keep every peak and every hole."""
+    count = len(time)
+    if count <= points:
+        return time, values
+    size = -(-count // (points // 2))
+    edges = np.arange(0, count, size)
+    hidden = ~np.isfinite(values)
+    low = np.where(hidden, np.inf, values)
+    high = np.where(hidden, -np.inf, values)
+    padding = -count % size
+    low = np.pad(low, (0, padding), constant_values=np.inf).reshape(len(edges), size)
+    high = np.pad(high, (0, padding), constant_values=-np.inf).reshape(len(edges), size)
+    first, second = low.argmin(axis=1) + edges, high.argmax(axis=1) + edges
+    chosen = np.stack([np.minimum(first, second), np.maximum(first, second)], axis=1).ravel()
+    # A bucket with a hole in it gives one of its points for the hole.
+    holes = np.add.reduceat(hidden, edges) > 0
+    nowhere = np.array([edges[k] + int(hidden[edges[k] : edges[k] + size].argmax())
+                        for k in np.flatnonzero(holes)], dtype=np.int64)  # fmt: skip
+    chosen = np.union1d(chosen, nowhere)
+    return time[chosen], values[chosen]
+
+
+def line(axis: Any, time: Array, values: npt.NDArray[np.floating], **style: Any) -> None:
+    """Thinned; where a source was silent for long the line is broken."""
+    axis.plot(*thinned(*broken(time, np.asarray(values, np.float64))), **style)
+
+
+def broken(time: Array, values: Array) -> tuple[Array, Array]:
+    """With a NaN in each silence of more than eight usual periods and 0.1 s."""
+    if len(time) < 3:
+        return time, values
+    steps = np.diff(time)
+    holes = np.flatnonzero(steps > max(0.1, 8.0 * float(np.median(steps)))) + 1
+    if not len(holes):
+        return time, values
+    return np.insert(time, holes, time[holes - 1]), np.insert(values, holes, np.nan)
+
+
+def triple(
+    axis: Any, time: Array, values: Array, names: Sequence[str] = AXES, **style: Any
+) -> None:
+    """Columns of (N, 3) as lines of three colours."""
+    for k, name in enumerate(names):
+        line(axis, time, values[:, k], color=COLORS[k], label=name, **style)
+
+
+def dashed(axis: Any, time: Array, values: Array, label: str) -> None:
+    """The columns of what is compared with, dark and dashed, one entry in the legend."""
+    for k in range(values.shape[1]):
+        line(axis, time, values[:, k], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)))
+    axis.plot([], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
+
+
+def band(axis: Any, time: Array, values: Array, label: str) -> None:
+    """The columns of what is aimed at as broad pale lines behind the others."""
+    style: Any = {"color": "#bdbdbd", "linewidth": 3.2, "solid_capstyle": "butt", "zorder": 1.5}
+    for k in range(values.shape[1]):
+        line(axis, time, values[:, k], **style)
+    axis.plot([], [], **style, label=label)
+
+
+def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: bool = False) -> None:
+    """Title at the left, legend beside it at the right; of narrow axes in a line below it."""
+    axis.set_title(title, pad=17.0 if narrow else None)
+    axis.set_ylabel(unit)
+    if legend and axis.get_legend_handles_labels()[0]:
+        place: Any = ("lower left", (-0.012, 1.0)) if narrow else ("lower right", (1.0, 1.0))
+        axis.legend(
+            loc=place[0], bbox_to_anchor=place[1], ncols=5, borderaxespad=0.1, borderpad=0.2
+        )
+
+
+def window(axis: Any, spans: Sequence[tuple[float, float]]) -> None:
+    """What is judged, shaded."""
+    for start, end in spans:
+        axis.axvspan(start, end, color="#eef3f7", linewidth=0, zorder=0)
+
+
+def grid(figure: Any, rows: int, columns: int = 1, **more: Any) -> Any:
+    """Axes of shape (rows, columns) that share the time axis."""
+    axes = figure.subplots(rows, columns, squeeze=False, **{"sharex": True, **more})
+    return axes
+
+
+def styled(draw: Callable[[Any], None]) -> Callable[[Any], None]:
+    """With the report's style in force."""
+
+    def inside(figure: Any) -> None:
+        import matplotlib
+
+        with matplotlib.rc_context(STYLE):
+            draw(figure)
+            for one in (figure, *figure.subfigs):
+                one.align_ylabels()
+
+    return inside

@@ -1,0 +1,190 @@
+"""A log's report put together and written: one HTML file and one PDF."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from console.experiments.client import Result
+from console.reports import html
+from console.reports.content import Block, Heading, Report, Text
+from console.reports.defaults import Defaults, known_defaults
+from console.reports.experiment_figures import experiment_pictures
+from console.reports.flight import flight_of
+from console.reports.flight_figures import flight_pictures
+from console.reports.judgement import Judgement, judge
+from console.reports.log_tables import (
+    parameter_blocks,
+    recording_blocks,
+    timeline_blocks,
+    version_blocks,
+)
+from console.reports.plots import require_matplotlib
+from console.reports.run_log import RunLog, parameters_of, read_run
+from console.reports.tables import calibration_blocks, day, metrics_blocks, proposal_blocks
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.errors import StorageError
+
+MARK = html.GENERATOR.encode()
+"""In every file written here, so that no other one is overwritten."""
+NAMES = {
+    "mass": "Mass estimation", "figure_eight": "Figure 8", "bearings": "Flight on bearings",
+    "hover": "Hover", "inertia": "Inertia", "accelerometer": "Accelerometer",
+    "motor_bench": "Motor bench", "gyroscope": "Gyroscope",
+}  # fmt: skip
+
+
+def write_report(
+    log: Path,
+    folder: Path,
+    *,
+    pdf: bool = True,
+    result: Result | None = None,
+    proposal: CalibrationRecord | None = None,
+    defaults: Defaults = known_defaults,
+    tell: Callable[[float], None] = lambda share: None,
+) -> list[Path]:
+    """`folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
+
+    Args:
+        result, proposal: of who flew it just now; else its result.json counts, else it is
+            judged here.
+        defaults: gives those of parameters, for logs that do not carry them.
+        tell: called with the share that is done, 0 to 1.
+
+    Raises:
+        UsageError: matplotlib is not installed.
+        StorageError: a file cannot be read or written, or another's stands there.
+        LogFormatError: it is no log, or there is nothing in it.
+    """
+    require_matplotlib()
+    targets = [folder / f"{log.stem}.{kind}" for kind in (("html", "pdf") if pdf else ("html",))]
+    for target in targets:
+        _check_ours(target)
+    run = read_run(log)
+    tell(0.3)
+    report = assemble(run, result, defaults, proposal)
+    tell(0.5)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _replace(targets[0], lambda path: _write_text(path, html.render(report)))
+        tell(0.7 if pdf else 1.0)
+        if pdf:
+            from console.reports.pdf import write_pdf
+
+            _replace(targets[1], lambda path: write_pdf(report, path))
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise StorageError(
+            f"the report cannot be written to {folder}: {why}; try another folder"
+        ) from error
+    tell(1.0)
+    return targets
+
+
+def assemble(
+    log: RunLog,
+    result: Result | None,
+    defaults: Defaults,
+    proposal: CalibrationRecord | None = None,
+) -> Report:
+    """What the report says; nothing is drawn yet."""
+    flight = flight_of(log)
+    judged = judge(log, flight, result, proposal)
+    name = judged.experiment
+    run_id = log.run.get("run_id") or log.path.stem
+    title = f"{NAMES.get(name, name.replace('_', ' ').capitalize()) or 'Flight'}: {run_id}"
+    found, missing = experiment_pictures(log, flight, judged)
+    blocks: list[Block] = [Text(problem, warning=True) for problem in log.problems]
+    if log.recovered:
+        lost = log.recovered.get("lost_bytes", "?")
+        blocks.append(Text(f"The file was torn and mended: {lost} bytes behind the tear are lost "
+                           f"({log.recovered.get('reason', '')}).", warning=True))  # fmt: skip
+    blocks += [Text(text, warning=True) for text in missing]
+    figures = metrics_blocks(judged)
+    blocks += [Heading("Result"), *figures] if figures else []
+    blocks += proposal_blocks(judged, parameters_of(log))
+    if found:
+        blocks += [Heading("Figures of the paper" if name in PAPERS else "Figures"), *found]
+    more = flight_pictures(log, flight, standing=name in STANDING)
+    if more:
+        blocks += [Heading("The flight" if name not in STANDING else "The vehicle"), *more]
+    if not found and not more:
+        blocks.append(
+            Text("Nothing can be drawn: the log has no state, truth, tracker_pose, actuators, "
+                 "estimator or battery topic.", warning=True)
+        )  # fmt: skip
+    blocks += calibration_blocks(log)
+    blocks += parameter_blocks(log, judged, defaults)
+    blocks += timeline_blocks(log)
+    blocks += recording_blocks(log)
+    blocks += version_blocks(log)
+    return Report(title, _subtitle(log), judged.verdict, judged.source, _facts(log, judged), blocks)
+
+
+PAPERS = ("motor_bench", "mass", "figure_eight", "bearings")
+STANDING = ("motor_bench", "accelerometer", "gyroscope")
+
+
+def _subtitle(log: RunLog) -> str:
+    when = _date(log) or f"file of {_written(log)}"
+    return f"{log.vehicle or 'unknown vehicle'} · {when} · {_duration(log.duration)}"
+
+
+def _facts(log: RunLog, judged: Judgement) -> list[tuple[str, str]]:
+    count = sum(len(one.time) for one in log.topics.values())
+    size = log.path.stat().st_size / 1e6
+    recorder = log.run.get("recorder", "not recorded")
+    facts = [
+        ("Experiment", judged.experiment or "none"),
+        ("Vehicle", log.vehicle or "not recorded"),
+        ("Date", _date(log) or f"not recorded; the file is of {_written(log)}"),
+        ("Duration", f"{log.duration:.1f} s"),
+        ("Recorded by", {"simulation": "quadlab fly, simulated time"}.get(recorder, recorder)),
+        ("Log", f"{log.path.name}, {size:.1f} MB, {count} messages"),
+    ]
+    for name in ("operator", "seed"):
+        if log.run.get(name):
+            facts.insert(4, (name.capitalize(), log.run[name]))
+    return facts
+
+
+def _date(log: RunLog) -> str:
+    """Of its first message; empty when its clock began at 0."""
+    return day(log.start_ns) or log.run.get("started", "")[:16].replace("T", " ")
+
+
+def _written(log: RunLog) -> str:
+    return day(log.path.stat().st_mtime_ns)
+
+
+def _duration(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole} s" if whole < 120 else f"{whole // 60} min {whole % 60} s"
+
+
+def _check_ours(path: Path) -> None:
+    """Raises StorageError when something else stands there."""
+    try:
+        if path.exists() and (not path.is_file() or MARK not in path.read_bytes()):
+            raise StorageError(
+                f"{path} exists and is no report of quadlab; move it away, or try --out FOLDER"
+            )
+    except OSError as error:
+        raise StorageError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _replace(path: Path, write: Callable[[Path], None]) -> None:
+    """The whole file, or the one before."""
+    aside = path.with_name(f"{path.name}.new")
+    try:
+        write(aside)
+        os.replace(aside, path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _write_text(path: Path, pieces: Iterable[str]) -> None:
+    with path.open("w", encoding="utf-8") as file:
+        file.writelines(pieces)

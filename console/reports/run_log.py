@@ -1,0 +1,244 @@
+"""What a report needs of a log, read once: columns of numbers, texts, events, what is missing."""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.log.column_spool import ColumnSpool, gather
+from vehicle_link.log.message_times import common_stamps, gaps
+from vehicle_link.log.topic_columns import ColumnReader, text_fields
+
+Array = npt.NDArray[np.float64]
+Floats = npt.NDArray[np.float32]
+
+
+def _axes(stem: str, axes: str = "xyz") -> tuple[str, ...]:
+    return tuple(f"{stem}.{axis}" for axis in axes)
+
+
+ODOMETRY = (
+    *_axes("pose.pose.position"), *_axes("pose.pose.orientation", "wxyz"),
+    *_axes("twist.twist.linear"),
+)  # fmt: skip
+WANTED: dict[str, tuple[str, ...]] = {
+    "state": ODOMETRY,
+    "truth": ODOMETRY,
+    "tracker_pose": (*_axes("pose.position"), *_axes("pose.orientation", "wxyz")),
+    "reference": (*_axes("position"), "yaw"),
+    "actuators": (
+        "thrust", *(f"motor_references[{k}]" for k in range(4)), "scaling",
+    ),
+    "estimator": ("mass", "mass_variance", "measurement_age", "estimator"),
+    "status": (
+        "mode", "behavior", "armed", "airborne", "tick_rate", "lateness_p99", "lateness_max",
+        "missed_share", "overruns", "missed_frames", "damaged_frames",
+    ),
+    "battery": ("voltage",),
+    "link_status": ("loss", "round_trip", "outages", "outage_total"),
+    "bench_reading": ("force", "torque", "speed"),
+    "experiment_status": ("name", "phase", "proposal", "decision", "requester"),
+}  # fmt: skip
+"""Numbers and texts by topic; of every other topic the times alone are read."""
+LINES = ("/events", "/marks", "/parameter_changes")
+"""Topics of which every message is a line of its own."""
+IMU = {"imu": (*_axes("linear_acceleration"), *_axes("angular_velocity"))}
+"""Read when the figures need it."""
+MOST_LINES = 2000
+ON_CHANGE = ("events", "marks", "parameter_changes", "parameter_events", "joy", "stick")
+"""Silent by nature: no gap of theirs is one."""
+WARNING = 30  # level of rcl_interfaces/Log
+
+
+class Line(NamedTuple):
+    """Something that happened: `kind` is event, warning, mark or parameter."""
+
+    time: float  # s since the first message
+    kind: str
+    text: str
+    who: str = ""
+
+
+@dataclass
+class Series:
+    """N messages of one topic in the order of their time.
+
+    `texts` tells from which time on a text was what.
+    """
+
+    type_name: str
+    time: Array  # (N,) s since the log's first message
+    numbers: dict[str, Floats] = field(default_factory=dict)  # (N,) each
+    texts: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
+
+    def rows(self, names: tuple[str, ...]) -> Floats:
+        """(N, len(names)); NaN where the log has no such number."""
+        nothing = np.full(len(self.time), np.nan, np.float32)
+        return np.stack([self.numbers.get(n, nothing) for n in names], axis=1)
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Start and length (s) of its silences."""
+        return [
+            (float(self.time[k]), float(self.time[k + 1] - self.time[k])) for k in gaps(self.time)
+        ]
+
+
+@dataclass
+class RunLog:
+    """One log. Times are s since its first message."""
+
+    path: Path
+    vehicle: str
+    run: dict[str, str]  # metadata `quadlab.run`
+    recovered: dict[str, str]  # metadata `quadlab.recovered`, empty for a log that never was torn
+    attachments: dict[str, bytes]
+    start_ns: int
+    duration: float  # s
+    topics: dict[str, Series]  # by name without the vehicle's
+    lines: list[Line]
+    problems: list[str]  # what of the file could not be read
+    changes: dict[str, ParameterValue]  # parameters as they were last changed
+
+    def has(self, *topics: str) -> bool:
+        return all(topic in self.topics for topic in topics)
+
+    def text_at_end(self, topic: str, path: str) -> str:
+        """The last one that was not empty."""
+        told = self.topics[topic].texts.get(path, []) if topic in self.topics else []
+        return next((text for _, text in reversed(told) if text), "")
+
+    def spans(self, topic: str, path: str) -> list[tuple[float, float, str]]:
+        """From, to (s) and text of its stretches."""
+        told = self.topics[topic].texts.get(path, []) if topic in self.topics else []
+        ends = [time for time, _ in told[1:]] + [self.duration]
+        return [(t, end, text) for (t, text), end in zip(told, ends, strict=False) if text]
+
+    def json_attachment(self, name: str) -> Any:
+        """None when there is none, or it is not JSON."""
+        try:
+            return json.loads(self.attachments[name])
+        except (KeyError, ValueError):
+            return None
+
+
+def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
+    """Raises StorageError or LogFormatError when there is nothing in it to report on."""
+    if not path.is_file():
+        what = "a folder" if path.is_dir() else "no file"
+        raise StorageError(f"{path} is {what}; give the path of an .mcap file")
+    reader = ColumnReader(path, LINES, wanted)
+    spools = gather(reader, MOST_LINES)
+    if not spools:
+        why = reader.log.tear or "it has no message"
+        raise LogFormatError(f"{path.name} has nothing to report on: {why}")
+    space = _namespace(spools)
+    stamps = {topic: common_stamps(one.log_ns, one.publish_ns) for topic, one in spools.items()}
+    start_ns = min(int(one.min()) for one in stamps.values())
+    topics: dict[str, Series] = {}
+    lines: list[Line] = []
+    changes: dict[str, ParameterValue] = {}
+    for topic in sorted(spools):
+        spool = spools.pop(topic)
+        time: Array = (stamps.pop(topic) - start_ns).astype(np.float64) * 1e-9
+        if topic.endswith(LINES):
+            lines += _lines(topic, spool, time, changes)
+        known = (one.time for one in topics.values() if np.array_equal(one.time, time))
+        name = topic.removeprefix(f"{space}/").lstrip("/")
+        topics[name] = _series(spool, next(known, time))
+    log = reader.log
+    problems = [f"{topic.lstrip('/')}: {why}" for topic, why in reader.problems.items()]
+    if log.tear:
+        problems.insert(0, f"the file is torn: it {log.tear}; what stands before is reported")
+    if log.damaged_chunks:
+        problems.insert(0, f"{log.damaged_chunks} damaged pieces of the file were passed over")
+    run = log.metadata.get("quadlab.run", {})
+    return RunLog(
+        path, space.strip("/") or run.get("vehicle", ""), run,
+        log.metadata.get("quadlab.recovered", {}), log.attachments, start_ns,
+        max(float(one.time[-1]) for one in topics.values()), topics,
+        sorted(lines, key=lambda line: line.time), problems, changes,
+    )  # fmt: skip
+
+
+def parameters_of(log: RunLog) -> dict[str, ParameterValue]:
+    """Name → value at the start; a station's own begin with `station.`. Empty: not recorded."""
+    read = log.json_attachment("parameters.json")
+    if not isinstance(read, Mapping):
+        return {}
+    if "vehicle" not in read and "station" not in read:
+        return _plain(read)
+    values = _plain(read["vehicle"]) if isinstance(read.get("vehicle"), Mapping) else {}
+    station = read.get("station")
+    for name, value in (_plain(station) if isinstance(station, Mapping) else {}).items():
+        values[name if name.startswith("station.") else f"station.{name}"] = value
+    return values
+
+
+def _plain(values: Mapping[str, Any]) -> dict[str, ParameterValue]:
+    return {str(k): v for k, v in values.items() if isinstance(v, bool | int | float | str)}
+
+
+def _namespace(spools: Mapping[str, ColumnSpool]) -> str:
+    """Of the vehicle whose log it is: where the state is, else most of the messages."""
+    counts: dict[str, int] = {}
+    for topic, one in spools.items():
+        space, _, name = topic.rpartition("/")
+        counts[space] = counts.get(space, 0) + len(one) + (10**12 if name == "state" else 0)
+    return max(counts, key=lambda space: counts[space])
+
+
+def _series(spool: ColumnSpool, time: Array) -> Series:
+    """In order of `time`, (N,) s."""
+    texts = {
+        name: sorted((float(time[index]), text) for index, text in told)
+        for name, told in spool.texts.items()
+    }
+    numbers = spool.numbers
+    if len(time) > 1 and not (np.diff(time) >= 0.0).all():
+        order = np.argsort(time, kind="stable")
+        time, numbers = time[order], {name: one[order] for name, one in numbers.items()}
+    return Series(spool.type_name, time, numbers, texts)
+
+
+def _lines(
+    topic: str, spool: ColumnSpool, time: Array, changes: dict[str, ParameterValue]
+) -> list[Line]:
+    found: list[Line] = []
+    marks: dict[str, Line] = {}  # of the messages of one id the newest text counts
+    for t, payload in zip(time.tolist(), spool.payloads, strict=False):
+        said = text_fields(payload, spool.type_name)
+        who = str(said.get("requester", ""))
+        if topic.endswith("/events"):
+            kind = "warning" if int(said.get("level", 0)) >= WARNING else "event"
+            found.append(Line(t, kind, str(said.get("msg", "")), who))
+        elif topic.endswith("/marks"):
+            number = str(said.get("id") or len(marks))
+            at = marks[number].time if number in marks else t
+            marks[number] = Line(at, "mark", str(said.get("text", "")), who)
+        else:
+            name, new = str(said.get("name", "")), said.get("new_value", "")
+            changes[name] = _value(str(new))
+            text = f"{name}: {said.get('old_value', '')} → {new}"
+            found.append(Line(t, "parameter", text, who))
+    left = len(time) - MOST_LINES
+    if left > 0:
+        found.append(Line(float(time[MOST_LINES]), "event", f"{left} more lines not listed"))
+    return [*found, *marks.values()]
+
+
+def _value(text: str) -> ParameterValue:
+    try:
+        value = ast.literal_eval(text)
+    except (ValueError, SyntaxError):
+        return text
+    return value if isinstance(value, bool | int | float | str) else text

@@ -1,0 +1,138 @@
+"""The lag of a motor beside the dead time of line and sensor, which a fit would take for lag.
+
+Reference and sensor have stamps and rates of their own. Between two changes of the reference the
+speed follows an exponential, known in closed form at any time: nothing is resampled. Lag and dead
+times are found together by the output error (see `time_constant`), one dead time for each step: a
+busy line carries no two of them equally fast.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from estimation.calibration.time_constant import (
+    BOUNDS,
+    FROM_FORCE,
+    TimeConstant,
+)
+from quadrotor.errors import MeasurementError
+
+Array = npt.NDArray[np.float64]
+
+DEAD_TIME = (-0.02, 0.1)
+"""s; below zero where the clocks of both are apart."""
+SAMPLES_MIN = 50
+BEFORE = 0.1
+"""s of the recording before the first step of the reference: the motor must have settled by then,
+however it was started."""
+AFTER = 0.6
+"""s after a step that tell of the lag."""
+STEP_MIN = 5.0
+"""Counts."""
+APART = 0.2
+"""s between steps, and as many steps, for a dead time of each."""
+STEPS_MAX = 100
+JITTER_MAX = 0.005
+"""s between the dead times of steps, more is told."""
+
+
+def lag_and_dead_time(
+    reference_time: Array, reference: Array, time: Array, signal: Array, *, is_force: bool = False
+) -> tuple[TimeConstant, float]:
+    """The time constant, and the dead time (s) it was found beside.
+
+    Args:
+        reference_time, reference: (M,) s and counts, each held until the next.
+        time, signal: (N,) s, and a speed in any unit, or a force in N whose root stands for it.
+
+    Raises MeasurementError for a recording that is too short, not finite or without a step, or
+    samples too slow for the lag.
+    """
+    changes = np.flatnonzero(np.diff(reference)) + 1
+    if len(changes) == 0 or np.ptp(reference) < STEP_MIN:
+        most = np.ptp(reference) if len(reference) else 0.0
+        raise MeasurementError(
+            f"the reference moves by {most:.0f} counts, needed is a step of {STEP_MIN:.0f} or more"
+        )
+    begins = reference_time[changes]
+    inside = (time >= begins[0] - BEFORE) & (time <= reference_time[-1])
+    apart = len(begins) <= STEPS_MAX and np.diff(begins).min(initial=math.inf) > APART
+    if apart:
+        since = time[:, None] - begins
+        inside &= ((since >= -BEFORE) & (since <= AFTER)).any(axis=1)
+    origin = begins[0]  # of an epoch's seconds, microseconds are lost
+    at, shown = time[inside] - origin, signal[inside]
+    if len(at) < SAMPLES_MIN:
+        raise MeasurementError(
+            f"{len(at)} samples since the first step of the reference, needed are {SAMPLES_MIN}"
+        )
+    if not np.isfinite(shown).all():
+        raise MeasurementError("the recording has values that are not finite; repair or repeat it")
+    speed = np.sqrt(np.maximum(shown, 0.0)) if is_force else shown
+    shape = speed - speed.mean()
+    begins = begins - origin
+    held = np.concatenate([reference[:1], reference[changes]])
+
+    from scipy.optimize import least_squares
+
+    def miss(unknowns: Array) -> Array:
+        course = _course(at, begins + unknowns[1:], held, math.exp(unknowns[0]))
+        course -= course.mean()  # the gain is whatever fits best, and so is the offset
+        left: Array = course * float(course @ shape / (course @ course)) - shape
+        return left
+
+    def fitted(start: Array) -> Any:
+        bounds = [[low, high], *([DEAD_TIME] * (len(start) - 1))]
+        scales = [0.1, *([0.001] * (len(start) - 1))]
+        return least_squares(
+            miss, start, bounds=tuple(zip(*bounds, strict=True)), x_scale=scales, diff_step=1e-4,
+            xtol=1e-9, ftol=1e-10,
+        )  # fmt: skip
+
+    low, high = (math.log(bound) for bound in BOUNDS)
+    guesses = [
+        np.array((lag, late))
+        for lag in np.linspace(low, high, 12)[1:-1]
+        for late in (0.002, 0.01, 0.03)
+    ]
+    found = fitted(min(guesses, key=lambda one: float(np.square(miss(one)).sum())))
+    if apart:
+        found = fitted(np.concatenate([found.x[:1], np.full(len(begins), found.x[1])]))
+    seconds, dead_times = float(math.exp(found.x[0])), found.x[1:]
+    period = float(np.median(np.diff(at)))
+    if not 1.001 * BOUNDS[0] < seconds < 0.999 * BOUNDS[1] or seconds < period:
+        raise MeasurementError(
+            f"time constant {seconds:.4f} s is at the edge of what {period * 1e3:.1f} ms samples "
+            f"can show ({max(BOUNDS[0], period):.3f} to {BOUNDS[1]} s); check that the reference "
+            "stands in the recording with its own time"
+        )
+    rms = float(np.sqrt(np.mean(np.square(found.fun))))
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    error = seconds * rms * math.sqrt(float(covariance[0, 0]))
+    warnings = [FROM_FORCE] if is_force else []
+    early, late = np.quantile(dead_times, (0.1, 0.9))
+    if late - early > JITTER_MAX:
+        warnings.append(
+            f"references reached the motor {1e3 * early:.0f} to {1e3 * late:.0f} ms late: the line "
+            "or the computers are busy"
+        )
+    return TimeConstant(seconds, error, rms, "; ".join(warnings)), float(np.median(dead_times))
+
+
+def _course(time: Array, begins: Array, held: Array, seconds: float) -> Array:
+    """The lagged reference at `time` (N,); references `held` (K + 1,), the first of them since
+    ever, the others from `begins` (K,) on."""
+    begins = np.concatenate([[-math.inf], begins])
+    at_begin = np.empty(len(held))
+    at_begin[0] = held[0]
+    for k in range(1, len(held)):
+        since = begins[k] - begins[k - 1]
+        at_begin[k] = held[k - 1] + (at_begin[k - 1] - held[k - 1]) * math.exp(-since / seconds)
+    part = np.searchsorted(begins, time, side="right") - 1
+    since_begin = np.where(part > 0, time - begins[part], 0.0)
+    out: Array = held[part] + (at_begin[part] - held[part]) * np.exp(-since_begin / seconds)
+    return out

@@ -1,0 +1,96 @@
+"""How far a vehicle overshoots a step to the side: an experiment of one's own.
+
+Fly it in simulated time with `quadlab fly examples/experiments/side_step.py`, options as
+`--set experiment.length=0.8`; or copy it to the folder `experiments` of the data folder, and the
+page lists it beside the built-in ones. One file holds one class like the one below.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from console.experiments.client import Client, Result, VehicleView
+from console.experiments.log_columns import read_columns
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, parameter
+
+SETTLE = 4.0  # s
+FAR = 2.0  # m
+
+
+class Options(Parameters):
+    """What can be chosen; units and bounds are those of the page and of `--set`."""
+
+    length: float = parameter(
+        0.5, unit="m", ge=0.1, le=1.0, step=0.1, description="of the step, to the left"
+    )
+    speed: float = parameter(
+        0.8, unit="m/s", ge=0.1, le=2.0, step=0.1, description="largest, on the way"
+    )
+
+
+class SideStep:
+    """Takes off, steps to the left, lands; judged on the overshoot."""
+
+    name = "side_step"
+    planned = 25.0  # s
+
+    def __init__(self, vehicle: str = "quad1") -> None:
+        self.parameters = Options()
+        self._vehicle = vehicle
+        self._window = (0.0, 0.0)  # s, vehicle clock
+        self._start = 0.0  # m
+
+    def check(self) -> None:
+        """Options that do not go together raise UsageError here; these always do."""
+
+    def preconditions(self, view: VehicleView) -> str:
+        """Why it may not begin, empty when it may; asked once the vehicle is ready."""
+        return "" if abs(view.position_w[1]) < 0.5 else "put the vehicle near y = 0 first"
+
+    def abort(self, view: VehicleView) -> str:
+        """Why it must end, empty while all is well; asked at every look of every wait."""
+        far = math.hypot(view.position_w[0], view.position_w[1])
+        return f"{far:.1f} m away from the middle, allowed {FAR:g}" if far > FAR else ""
+
+    def fly(self, client: Client) -> None:
+        """What the vehicle refuses is a RefusedError with its reason."""
+        client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.wait(0.5)
+        client.arm()
+        client.wait(1.0)
+        client.start("take_off", height=1.0)
+        client.wait_until(lambda v: v.behavior == "hover", what="hover after take-off", timeout=20)
+        client.wait(2.0)
+        self._start = float(client.view().position_w[1])
+        begin = client.view().time
+        target = self._start + self.parameters.length
+        client.start("fly_to", y=target, speed=self.parameters.speed)
+        end = begin + self.parameters.length / self.parameters.speed + SETTLE
+        client.wait_until(
+            lambda v: v.time >= end or client.finished,
+            what="the end of the step", timeout=SETTLE + 20.0,
+        )  # fmt: skip
+        self._window = (begin, client.view().time)
+        client.start("land")
+        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)
+        client.wait(0.5)
+
+    def evaluate(self, log: Path) -> Result:
+        """From the log alone, in another process: what `fly` kept in `self` comes along."""
+        if self._window == (0.0, 0.0):
+            raise RefusedError("the step was not flown")
+        path = "pose.pose.position.y"
+        truth = read_columns(log, self._vehicle, {"truth": (path,)})["truth"]
+        y = truth.table((path,), *self._window)[:, 0]
+        target = self._start + self.parameters.length
+        metrics = {
+            "overshoot_m": float(np.maximum(y - target, 0.0).max()),
+            "end_error_m": float(abs(y[-1] - target)),
+        }
+        limits = {"overshoot_m": 0.05, "end_error_m": 0.02}
+        passed = all(metrics[name] <= limit for name, limit in limits.items())
+        return Result("passed" if passed else "failed", metrics, limits)

@@ -1,0 +1,103 @@
+"""`quadlab calibrate [NAME]`: a guided calibration through the station that runs here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from quadlab.processes import Settings, check_name
+from quadrotor.errors import ParameterError, UsageError
+
+if TYPE_CHECKING:
+    from quadlab.station_client import StationClient
+
+
+@dataclass
+class Calibrate:
+    """Calibrate the vehicle of the running station, guided; without a name: what is in force."""
+
+    calibration: Annotated[str | None, tyro.conf.Positional, tyro.conf.arg(metavar="NAME")] = None
+    """gyroscope, accelerometer, motor_bench, mass, inertia, or one of a file of your own"""
+    set: Settings = ()
+    """an option of the calibration"""
+    yes: bool = False
+    """say yes to every question: propellers are off, the vehicle is fixed, …"""
+    accept: bool = False
+    """have the vehicle take over a result within its limits, without asking"""
+    reject: bool = False
+    """change nothing on the vehicle, without asking"""
+    loopback_port: int = 7447
+    """TCP port of the station's session on loopback; --link-port of `quadlab up`"""
+    name: str = "quad1"
+    """namespace of the vehicle's topics"""
+
+    def run(self) -> int:
+        from quadlab.calibration_dialogue import Dialogue, Wanted
+        from quadlab.calibration_screen import Screen
+        from quadlab.station_client import station
+
+        check_name(self.name)
+        if self.accept and self.reject:
+            raise UsageError("--accept and --reject: give one of them")
+        if self.calibration is None and (self.set or self.yes or self.accept or self.reject):
+            raise UsageError("calibrate needs a name for that: quadlab calibrate NAME …")
+        screen = Screen()
+        if self.calibration and not screen.is_terminal and not (self.accept or self.reject):
+            raise UsageError(
+                "there is no terminal to decide at: give --accept or --reject, and --yes when it "
+                "asks for a confirmation"
+            )
+        with station(self.loopback_port, self.name) as client:
+            told = client.ask("experiment", action="describe")
+            if self.calibration is None:
+                return _list(client, told)
+            wanted = Wanted(
+                self.calibration, self._options(told), self.yes, self.accept, self.reject
+            )
+            return Dialogue(client, screen, wanted).run()
+
+    def _options(self, told: Any) -> dict[str, Any]:
+        """Checked against what the station says. Raises UsageError."""
+        from quadrotor.parameters import parse_text
+        from vehicle_link.parameter_messages import from_descriptor
+
+        known = dict(zip(told.names, told.problems, strict=True))
+        name = self.calibration
+        if name not in known or not dict(zip(told.names, told.calibrations, strict=True))[name]:
+            if known.get(name):
+                raise UsageError(f"{name} cannot run: {known[name]}")
+            there = [n for n, record in zip(told.names, told.calibrations, strict=True) if record]
+            raise UsageError(f"no calibration {name!r:.60}; there are {', '.join(there)}")
+        options = {one.name: one for one in map(from_descriptor, told.descriptors)}
+        values = {}
+        for word in self.set:
+            option, equals, text = word.partition("=")
+            if not equals:
+                raise UsageError(f"--set {word}: write it as NAME=VALUE")
+            if f"{name}.{option}" not in options:
+                there = [o.split(".", 1)[1] for o in options if o.startswith(f"{name}.")]
+                raise UsageError(
+                    f"--set {word}: {name} has no option {option!r}; "
+                    + (f"there are {', '.join(there)}" if there else "it has none")
+                )
+            try:
+                values[option] = parse_text(options[f"{name}.{option}"], text)
+            except ParameterError as error:
+                raise UsageError(f"--set {word}: {error}") from None
+        return values
+
+
+def _list(client: StationClient, told: Any) -> int:
+    from quadlab.calibration_dialogue import in_force
+    from quadlab.calibration_words import listed
+
+    names = zip(told.names, told.calibrations, strict=True)
+    calibrations = {str(name): str(record) for name, record in names if record}
+    for line in listed(calibrations, in_force(client)):
+        print(line)
+    for name, problem in zip(told.names, told.problems, strict=True):
+        if problem:
+            print(f"{name} cannot run: {problem}")
+    return 0

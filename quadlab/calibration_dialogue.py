@@ -1,0 +1,226 @@
+"""A guided calibration at a terminal: followed, its questions answered, its outcome decided."""
+
+from __future__ import annotations
+
+import queue
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from quadlab.calibration_screen import Screen
+from quadlab.calibration_words import beside, table, told
+from quadlab.station_client import StationClient
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
+from vehicle_link.parameter_messages import to_parameters
+
+ENDED = ("passed", "failed", "stopped", "refused")
+SILENT = 5.0
+"""s without a status, after which the station is gone."""
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What the command line asked for."""
+
+    name: str
+    options: dict[str, Any]
+    yes: bool = False
+    accept: bool = False
+    reject: bool = False
+
+
+class _DeclinedError(Exception):
+    """No was said to a question."""
+
+
+def in_force(client: StationClient) -> dict[str, CalibrationRecord]:
+    """By the record's name. Raises RefusedError, LinkError or MeasurementError."""
+    answer = client.ask("calibrate", action="in_force")
+    return {one.name: one for one in map(parse_record, answer.records)}
+
+
+class Dialogue:
+    """One calibration, from its start to the decision, as often as it is repeated."""
+
+    def __init__(self, client: StationClient, screen: Screen, wanted: Wanted) -> None:
+        self._client, self._screen, self._wanted = client, screen, wanted
+        self._status: Any = None
+        self._runs = False
+
+    def run(self) -> int:
+        try:
+            while True:
+                code = self._once()
+                if code is not None:
+                    return code
+        except _DeclinedError:
+            self._stop()
+            print("not confirmed, so it was stopped; nothing was changed", flush=True)
+            return 1
+        except KeyboardInterrupt:
+            self._screen.rest()
+            if self._runs:
+                self._stop()
+                print("stopped; nothing was changed on the vehicle", flush=True)
+            else:
+                print("nothing was decided; the proposal stays open on the page", flush=True)
+            return INTERRUPTED
+        finally:
+            self._screen.rest()
+
+    def _once(self) -> int | None:
+        """The exit status; None to do it again."""
+        self._start()
+        while (status := self._status).phase not in ENDED:
+            self._screen.progress(status)
+            if status.question:
+                self._answer(str(status.question))
+            else:
+                self._next()
+        self._runs = False
+        self._screen.rest()
+        name = self._wanted.name
+        self._screen.say(f"{name}: {status.phase}{f': {status.reason}' if status.reason else ''}")
+        if status.proposal:
+            return self._decide(status)
+        if self._screen.is_terminal and not (self._wanted.accept or self._wanted.reject):
+            return None if self._chosen("repeat it?", "repeat, quit") == "repeat" else 1
+        return 1
+
+    # ------------------------------------------------------------------ while it runs
+    def _start(self) -> None:
+        """Until its first status is there."""
+        while not self._client.statuses.empty():
+            self._client.statuses.get()
+        self._status = None
+        options = to_parameters(self._wanted.options)
+        name = self._wanted.name
+        self._client.ask("experiment", action="start", name=name, options=options)
+        self._runs = True
+        begun = time.monotonic()
+        while (status := self._next()).phase in ENDED or status.name != name:
+            if time.monotonic() - begun > SILENT:
+                return  # it ended before its first status came
+
+    def _next(self) -> Any:
+        """The next status. Raises LinkError when the station is gone."""
+        try:
+            self._status = self._client.statuses.get(timeout=SILENT)
+        except queue.Empty:
+            raise LinkError(
+                f"the station has been silent for {SILENT:g} s; what became of the calibration "
+                "shows on the page when it is back"
+            ) from None
+        return self._status
+
+    def _answer(self, question: str) -> None:
+        """Yes, or the end of it."""
+        if self._wanted.yes:
+            self._screen.say(f"{question} yes")
+        elif not self._screen.is_terminal:
+            self._stop()
+            raise UsageError(
+                f"it asks: {question!r}; there is no terminal to answer at: give --yes when it "
+                "is so"
+            )
+        else:
+            typed = self._screen.ask(f"{question} [y/N]", lambda: self._is_asked(question))
+            if typed is None and not self._is_asked(question):
+                return  # answered elsewhere, or over
+            if typed not in ("y", "yes"):
+                raise _DeclinedError
+        self._confirm(question)
+        while self._is_asked(question):
+            self._next()
+
+    def _confirm(self, question: str) -> None:
+        options = to_parameters({"question": question})
+        try:
+            self._client.ask("experiment", action="confirm", options=options)
+        except RefusedError as error:
+            self._screen.say(f"not confirmed: {error}")
+            if self._is_asked(question) and self._wanted.yes:
+                self._stop()
+                raise
+
+    def _is_asked(self, question: str) -> bool:
+        while not self._client.statuses.empty():
+            self._status = self._client.statuses.get()
+        return bool(self._status.question == question)
+
+    def _stop(self) -> None:
+        """And wait until it has ended."""
+        self._runs = False
+        try:
+            self._client.ask("experiment", action="stop")
+            while self._next().phase not in ENDED:
+                pass
+        except (RefusedError, LinkError) as error:
+            print(f"quadlab: {error}", flush=True)
+
+    # ------------------------------------------------------------------ after it
+    def _decide(self, status: Any) -> int | None:
+        record = parse_record(str(status.proposal))
+        self._show(record)
+        if self._wanted.reject:
+            return self._reject()
+        if self._wanted.accept:
+            if status.phase == "passed" and record.good:
+                return self._accept()
+            self._screen.say("not accepted: it is beyond its limits")
+            self._reject()
+            return 1
+        while True:
+            chosen = self._chosen("accept it?", "accept, reject, repeat")
+            if chosen == "repeat":
+                self._reject()
+                return None
+            if chosen != "accept":
+                return self._reject()
+            if self._accept() == 0:
+                return 0
+
+    def _show(self, record: CalibrationRecord) -> None:
+        before, present = None, {}
+        try:
+            before = in_force(self._client).get(record.name)
+            present = self._client.parameters()
+        except (RefusedError, LinkError, MeasurementError) as error:
+            self._screen.say(f"what is in force is not known: {error}")
+        rows = beside(record, before, present)
+        for line in table([("", "now", "proposed", ""), *rows]):
+            self._screen.say(line)
+        for line in told(record):
+            self._screen.say(line)
+
+    def _chosen(self, question: str, words: str) -> str:
+        """One of the words, typed whole or by its beginning; the end of the input is the last."""
+        known = words.split(", ")
+        while True:
+            typed = self._screen.ask(f"{question} [{words}]", lambda: True)
+            if typed is None:
+                return "reject" if "reject" in known else known[-1]
+            fits = [word for word in known if typed and word.startswith(typed)]
+            if len(fits) == 1:
+                return fits[0]
+            self._screen.say(f"type one of {words}")
+
+    def _accept(self) -> int:
+        try:
+            self._client.ask("experiment", action="accept")
+        except RefusedError as error:
+            self._screen.say(f"not accepted: {error}")
+            return 1
+        self._screen.say("accepted: in force on the vehicle now, and after each start")
+        return 0
+
+    def _reject(self) -> int:
+        try:
+            self._client.ask("experiment", action="reject")
+        except RefusedError as error:
+            self._screen.say(f"not rejected: {error}")
+            return 1
+        self._screen.say("rejected: nothing was changed on the vehicle")
+        return 1

@@ -1,0 +1,109 @@
+"""Calibrations as lines of a terminal: what is in force, and a proposal beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
+from typing import Any
+
+from quadrotor.calibration_record import CalibrationRecord, Quality
+
+FIGURES = 3
+"""Key figures of a line of the list."""
+NONE = "–"
+
+
+def listed(
+    calibrations: Mapping[str, str], force: Mapping[str, CalibrationRecord]
+) -> Iterable[str]:
+    """A line for each calibration.
+
+    Args:
+        calibrations: name of each experiment and of the record it proposes.
+        force: records by their name.
+    """
+    known = {record: name for name, record in calibrations.items()}
+    names = {**calibrations, **{name: name for name in force if name not in known}}
+    width = max((len(name) for name in names), default=0)
+    for name, of_record in names.items():
+        record = force.get(of_record)
+        if record is None:
+            yield f"{name:{width}}  never calibrated"
+            continue
+        figures = [*record.quality, *record.figures][:FIGURES]
+        shown = ", ".join(f"{one.name} {quantity(one.value, one.unit)}" for one in figures)
+        yield f"{name:{width}}  {when(record)}  by {who(record)}  {shown}".rstrip()
+
+
+def when(record: CalibrationRecord) -> str:
+    if not record.stamp_ns:
+        return "at an unknown time"
+    return f"{datetime.fromtimestamp(record.stamp_ns * 1e-9):%Y-%m-%d %H:%M}"
+
+
+def who(record: CalibrationRecord) -> str:
+    return {"": "nobody known", "start": "the vehicle at its start"}.get(
+        record.requester, record.requester
+    )
+
+
+def beside(
+    record: CalibrationRecord, before: CalibrationRecord | None, present: Mapping[str, Any]
+) -> list[tuple[str, str, str, str]]:
+    """Rows of what, now, proposed, and a word about it.
+
+    Args:
+        before: the one in force.
+        present: the vehicle's values by name.
+    """
+    rows = []
+    for name, value in record.values.items():
+        rows.append((name, _value(present.get(name)), _value(value), ""))
+    for new, old in (
+        (record.figures, before.figures if before else ()),
+        (record.quality, before.quality if before else ()),
+    ):
+        earlier = {one.name: one for one in old}
+        for one in new:
+            was = earlier.get(one.name)
+            then = quantity(was.value, was.unit) if was else NONE
+            rows.append((one.name, then, quantity(one.value, one.unit), _judged(one)))
+    return rows
+
+
+def told(record: CalibrationRecord) -> Iterable[str]:
+    """What is to be known beside the figures."""
+    for text in record.warnings:
+        yield f"warning: {text}"
+    worst = max(record.residuals, key=lambda one: abs(one[1]), default=None)
+    if worst is not None:
+        yield f"largest residual: {worst[0]}: {worst[1]:.4g}"
+    if record.conditions:
+        yield "under: " + ", ".join(f"{name} {text}" for name, text in record.conditions.items())
+
+
+def table(rows: Sequence[tuple[str, ...]]) -> Iterable[str]:
+    """In columns."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        yield "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
+
+
+def quantity(value: float, unit: str) -> str:
+    if not math.isfinite(value):
+        return NONE
+    return f"{value:.4g} {unit}".rstrip()
+
+
+def _value(value: Any) -> str:
+    if value is None:
+        return NONE
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _judged(one: Quality) -> str:
+    if one.limit is None:
+        return ""
+    bound = quantity(one.limit, one.unit)
+    return f"good (at most {bound})" if one.good else f"BEYOND ITS LIMIT of {bound}"

@@ -1,0 +1,191 @@
+"""Guided procedures in simulated time: the hand that holds the vehicle, the bench, who says yes.
+
+A part of `quadlab.simulated_flight.SimulatedFlight`, which flies meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from bearing_sim.tracker import PoseMeasurement
+from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
+from quadlab.flight_log import FlightLog
+from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import TICK, Record
+from quadrotor.rotations import euler_from_quaternion
+from vehicle import mailbox
+from vehicle.gyroscope_record import gyroscope_record
+from vehicle.modes import Mode
+from vehicle.simulator.force_sensor import ForceReading
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.stack import FlightStack
+from vehicle_link.topics import encode_bench_reading
+
+REQUESTER = "experiment"
+TRACKED_NS = 100_000_000
+"""An older pose of the tracker is none."""
+BENCH_AGAIN_NS = 100_000_000
+KEPT = 60_000
+"""Ticks, or readings, that nobody looked at."""
+PATIENCE = 30.0
+"""s for the gyroscope's calibration, and for setting the vehicle down."""
+
+
+class Flown(Protocol):
+    """Parameters of a simulated flight."""
+
+    simulator: SimulatorParameters
+
+
+class SimulatedGuide:
+    """What a person, a tracker and a force/torque sensor would do.
+
+    Attributes:
+        told: the newest progress.
+        on_tell: called with each progress that is told.
+    """
+
+    simulated = True
+    stack: FlightStack
+
+    def __init__(self, parameters: Flown, simulated: SimulatedVehicle, log: FlightLog) -> None:
+        self.told: Progress | None = None
+        self.on_tell: Callable[[Progress], None] = lambda _: None
+        self._flown, self._simulated, self._log = parameters, simulated, log
+        self._ticks: deque[bytes] | None = None
+        self._readings: deque[ForceReading] = deque(maxlen=KEPT)
+        self._pose: PoseMeasurement | None = None
+        self._bench: tuple[int, int] | None = None
+        self._bench_due_ns = 0
+        self._found: dict[str, mailbox.GyroscopeFound] = {}
+        self._requests = 0
+
+    def wait(self, seconds: float) -> None:
+        raise NotImplementedError
+
+    # ------------------------------------------------------------------ the client API
+    def tell(self, progress: Progress) -> None:
+        self.told = progress
+        self.on_tell(progress)
+
+    def confirm(self, question: str) -> None:
+        """Yes, at once; the log has a line of it."""
+        self.stack.say(f"confirmed: {question}")
+
+    def turn(self, quaternion_wb: Sequence[float] | None) -> None:
+        """None has it set down level, and waits until it stands."""
+        if quaternion_wb is None:
+            self._simulate({"simulator.held": "free"})
+            end = self.stack.stamp_ns + round(PATIENCE * 1e9)
+            while self._simulated.held and self.stack.stamp_ns < end:
+                self.wait(0.1)
+            return
+        angles = np.degrees(euler_from_quaternion(np.array(quaternion_wb, dtype=np.float64)))
+        roll, pitch, yaw = angles.tolist()
+        self._simulate(
+            {
+                "simulator.held": "hand", "simulator.hand_roll": roll,
+                "simulator.hand_pitch": pitch, "simulator.hand_yaw": yaw,
+            }
+        )  # fmt: skip
+
+    def imu(self) -> ImuReadings:
+        """Ticks are kept from the first look on, which itself sees none."""
+        kept = self._ticks or ()
+        ticks = np.frombuffer(b"".join(kept), TICK)
+        self._ticks = deque(maxlen=KEPT)
+        imu, actuators = ticks["imu"], ticks["actuators"]
+        return ImuReadings(
+            imu["stamp_ns"] * 1e-9, imu["specific_force_b"], imu["angular_velocity_b"],
+            actuators["motor_references"], actuators["wrench"],
+        )  # fmt: skip
+
+    def tracked(self) -> TrackedAttitude | None:
+        pose = self._pose
+        if pose is None or self.stack.stamp_ns - pose.stamp_ns > TRACKED_NS:
+            return None
+        return TrackedAttitude(pose.stamp_ns * 1e-9, pose.quaternion_wb)
+
+    def calibrate_gyroscope(self) -> CalibrationRecord:
+        """Raises RefusedError with the vehicle's reason."""
+        request_id = self._request_id()
+        self._command(mailbox.CalibrateGyroscope(request_id, REQUESTER))
+        end = self.stack.stamp_ns + round(PATIENCE * 1e9)
+        while (found := self._found.get(request_id)) is None:
+            if self.stack.stamp_ns > end:
+                raise RefusedError(f"no drift of the gyroscope was found in {PATIENCE:g} s")
+            self.wait(0.01)
+        if found.reason:
+            raise RefusedError(found.reason)
+        return gyroscope_record(found)
+
+    def bench(self, motor: int, reference: int) -> None:
+        if motor:
+            self._simulate({"simulator.held": "bench"})
+        self._command(mailbox.Bench(self._request_id(), REQUESTER, motor, reference, secured=True))
+        self._bench = (motor, reference) if motor else None
+        self._bench_due_ns = self.stack.stamp_ns + BENCH_AGAIN_NS
+        if not motor:
+            self._simulate({"simulator.held": "free"})
+
+    def bench_readings(self) -> BenchReadings:
+        rows = [(r.stamp_ns * 1e-9, r.force, r.torque, r.speed) for r in self._readings]
+        self._readings.clear()
+        table = np.array(rows).reshape(-1, 4)
+        return BenchReadings(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+
+    # ------------------------------------------------------------------ while it flies
+    def _after_step(self) -> None:
+        """The sensor's reading, and the bench asked for again."""
+        reading = self._simulated.bench_reading()
+        if reading is not None:
+            self._readings.append(reading)
+            payload = encode_bench_reading(
+                reading.stamp_ns, reading.force, reading.torque, reading.speed
+            )
+            self._log.measurement("bench_reading", payload, reading.stamp_ns)
+        if self._bench is not None and self.stack.stamp_ns >= self._bench_due_ns:
+            if self.stack.mode is not Mode.BENCH:
+                self._bench = None
+                raise RefusedError(
+                    f"the vehicle has ended the bench; it is {self.stack.mode.name.lower()}"
+                )
+            self.bench(*self._bench)
+
+    def _after_tick(self, record: Record) -> None:
+        if self._ticks is not None:
+            self._ticks.append(record.tobytes())
+
+    def _gyroscope(self, found: mailbox.GyroscopeFound) -> None:
+        self._found[found.request_id] = found
+
+    def _simulate(self, values: dict[str, ParameterValue]) -> None:
+        """Change the simulator; the log has what changed."""
+        store, outbox = self.stack.store, self.stack.outbox
+        old = {name: store.get(name) for name in values}
+        for name, value in store.set(values).items():
+            if value != old[name]:
+                outbox.append(
+                    mailbox.ParameterChange(
+                        stamp_ns=self.stack.stamp_ns, name=name, old=old[name], new=value,
+                        requester=REQUESTER, revision=store.revision,
+                    )
+                )  # fmt: skip
+        if any(value != old[name] for name, value in values.items()):
+            self._simulated.configure(self._flown.simulator)
+
+    def _command(self, command: mailbox.Command) -> None:
+        reply = self.stack.handle(command)
+        if not reply.accepted:
+            raise RefusedError(reply.reason)
+
+    def _request_id(self) -> str:
+        self._requests += 1
+        return str(self._requests)

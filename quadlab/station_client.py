@@ -1,0 +1,100 @@
+"""A command's way to the running station of this machine: its services, its experiment's status."""
+
+from __future__ import annotations
+
+import getpass
+import queue
+import threading
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from quadrotor.errors import LinkError, RefusedError
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.node import Node, Received
+from vehicle_link.parameter_service import ParameterClient
+from vehicle_link.session import loopback_session
+from vehicle_link.topics import SERVICES, TOPICS
+
+REACH = 3.0
+"""s for a station to answer at all."""
+ANSWER = 6.0
+"""s for an answer, which may have been to the vehicle and back."""
+PRESENT = 1.0
+"""s between two signs that this person is still here, for the control lease."""
+
+
+class StationClient:
+    """Made by `station`; commands in the name of whoever runs this.
+
+    Attributes:
+        statuses: each ExperimentStatus as it comes.
+    """
+
+    def __init__(self, session: Any, vehicle: str) -> None:
+        self.requester = f"{getpass.getuser()} (terminal)"
+        self._node = Node(session, f"/{vehicle}", f"terminal_{uuid.uuid4().hex[:8]}")
+        self._parameters = ParameterClient(self._node, f"/{vehicle}/vehicle")
+        self._clients: dict[str, Any] = {}
+        self.statuses: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        status = TOPICS["experiment_status"]
+        self._node.subscribe(status.name, status.type_name, self._on_status, qos=status.qos)
+        self._presence = self._node.advertise(TOPICS["presence"])
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._stay, name="presence", daemon=True)
+        self._thread.start()
+
+    def ask(self, service: str, **fields: Any) -> Any:
+        """The station's accepted answer. Raises RefusedError with its reason, or LinkError."""
+        kind = SERVICES[service]
+        if service not in self._clients:
+            self._clients[service] = self._node.client(f"station/{service}", kind)
+        request = new(
+            f"{kind}_Request", request_id=uuid.uuid4().hex, requester=self.requester, **fields
+        )
+        response = self._clients[service].call(request, timeout=ANSWER)
+        if not response.accepted:
+            raise RefusedError(str(response.reason))
+        return response
+
+    def parameters(self) -> dict[str, Any]:
+        """The vehicle's present values. Raises LinkError."""
+        return self._parameters.values()
+
+    def close(self) -> None:
+        """Gives up control, should it be ours."""
+        self._closing.set()
+        self._thread.join(2.0)
+        with suppress(RefusedError, LinkError):
+            self.ask("control", action="release")
+        self._node.close()
+
+    def _on_status(self, received: Received) -> None:
+        self.statuses.put(decode(received.payload, TOPICS["experiment_status"].type_name))
+
+    def _stay(self) -> None:
+        message = encode(new(TOPICS["presence"].type_name, names=[self.requester]))
+        while True:
+            with suppress(LinkError):
+                self._presence.put(message)
+            if self._closing.wait(PRESENT):
+                return
+
+
+@contextmanager
+def station(loopback_port: int, vehicle: str) -> Iterator[StationClient]:
+    """Raises LinkError when none runs."""
+    try:
+        session = loopback_session(loopback_port, REACH)
+    except LinkError:
+        raise LinkError(
+            f"no station answers at 127.0.0.1:{loopback_port}; start `quadlab up`, or give its "
+            "--link-port here as --loopback-port"
+        ) from None
+    client = StationClient(session, vehicle)
+    try:
+        yield client
+    finally:
+        client.close()
+        session.close()

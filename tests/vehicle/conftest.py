@@ -1,0 +1,156 @@
+"""A vehicle on the ground in simulated time, for what is done there without flying."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.parameters import ParameterStore, ParameterValue
+from vehicle import mailbox
+from vehicle.calibration_store import FOLDER, HISTORY, CalibrationStore
+from vehicle.comms_calibrations import TYPE, Calibrations
+from vehicle.modes import Mode
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle_link.messages import Message, new
+
+NS = 1_780_000_000_000_000_000
+
+
+class Events:
+    """A log that keeps what is said, in place of a file."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.texts.append(event.text)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class GroundLab(SimulatedFlight):
+    """Ready after 0.1 s; `found` are the outcomes of calibrations of its gyroscope."""
+
+    def __init__(self, **settings: Any) -> None:
+        parameters = FlightParameters().model_copy(deep=True)
+        named = {name.replace("__", "."): value for name, value in settings.items()}
+        ParameterStore(parameters).preset({"safety.gyro_samples": 50} | named)
+        self.events = Events()
+        self.found: list[mailbox.GyroscopeFound] = []
+        self.robot = SimulatedVehicle(parameters.simulator)
+        super().__init__(parameters, self.robot, self.events)  # type: ignore[arg-type]
+
+    def ready(self) -> GroundLab:
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(0.2)  # a pose
+        return self
+
+    def ask(self, command: mailbox.Command) -> mailbox.Reply:
+        return self.stack.handle(command)
+
+    def turn_motor(
+        self, motor: int = 2, reference: int = 100, secured: bool = True
+    ) -> mailbox.Reply:
+        """Asked once, and not again by itself."""
+        return self.ask(mailbox.Bench("b", "anna", motor, reference, secured))
+
+    def keep_turning(self, seconds: float, motor: int = 2, reference: int = 100) -> None:
+        """On a bench that holds the vehicle."""
+        self._simulate({"simulator.held": "bench"})
+        for _ in range(round(seconds / 0.2)):
+            assert self.turn_motor(motor, reference).accepted
+            self.wait(0.2)
+
+    @property
+    def mode(self) -> Mode:
+        return self.stack.mode
+
+    @property
+    def said(self) -> str:
+        return "\n".join(self.events.texts)
+
+    def _gyroscope(self, found: mailbox.GyroscopeFound) -> None:
+        super()._gyroscope(found)
+        self.found.append(found)
+
+
+class Wired:
+    """The service between a folder and a vehicle in simulated time, which flies while it waits."""
+
+    def __init__(self, lab: Any, data: Path, refused: list[int] | None = None) -> None:
+        self.lab, self.data, self.said = lab, data, list[tuple[int, str]]()
+        self.history = data / FOLDER / HISTORY
+        self.is_silent = False
+        self.store = CalibrationStore(data, lambda line: self.said.append((30, line)))
+        self.now_ns = NS
+        self.service = Calibrations(
+            self,  # type: ignore[arg-type]
+            self.store,
+            lambda: self.now_ns,
+            lambda level, text: self.said.append((level, text)),
+            lambda: -4.99,  # as flight's outcome is there at once
+            refused or [],
+            since_ns=0,
+        )
+
+    def ask(self, make: Callable[[str], mailbox.Command]) -> mailbox.Reply:
+        """FlightMailbox's."""
+        if self.is_silent:
+            raise LinkError("the flight process did not answer within 1 s")
+        reply: mailbox.Reply = self.lab.ask(make(f"asked {self.now_ns}"))
+        self.lab.wait(0.3)
+        for found in self.lab.found:
+            self.service.found(found)
+        self.lab.found.clear()
+        return reply
+
+    def call(self, action: str, record: str = "", request_id: str = "") -> list[CalibrationRecord]:
+        answer = self.service.answer(self.request(action, record, request_id))
+        return [parse_record(text) for text in answer.records]
+
+    def request(self, action: str, record: str = "", request_id: str = "") -> Message:
+        kind = f"{TYPE}_Request"
+        return new(kind, request_id=request_id, requester="anna", action=action, record=record)
+
+    def parameters(self, *names: str) -> dict[str, ParameterValue]:
+        return {name: self.lab.parameter(name) for name in names}
+
+    def refused(self, action: str, record: str = "", error: type = QuadlabError) -> str:
+        """Its reason; nothing has changed then."""
+        before, stored = self.lab.stack.store.values(), self.store.newest_first()
+        with pytest.raises(error) as caught:
+            self.call(action, record)
+        assert self.lab.stack.store.values() == before
+        assert self.store.newest_first() == stored
+        return str(caught.value)
+
+
+@pytest.fixture
+def lab() -> GroundLab:
+    """One that is ready."""
+    return GroundLab().ready()
+
+
+@pytest.fixture
+def new_lab() -> type[GroundLab]:
+    """To make one with settings, `simulator__seed=3`."""
+    return GroundLab
+
+
+@pytest.fixture
+def wired(lab: Any, tmp_path: Path) -> Wired:
+    lab.found.clear()  # of its start
+    return Wired(lab, tmp_path)
+
+
+@pytest.fixture
+def wire() -> type[Wired]:
+    """To wire a vehicle by hand."""
+    return Wired

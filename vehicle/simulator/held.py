@@ -1,0 +1,105 @@
+"""The simulated vehicle while it does not fly by itself: in a hand, or fixed on a bench.
+
+Rotors turn and the battery empties as ever; what they push, the hand or the bench takes. The hand
+lifts it, turns it and stands still, so that the accelerometer feels gravity alone; let go, it sets
+the vehicle down level and takes itself away.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.compiled import compiled
+from quadrotor.records import Record
+from quadrotor.rigid_body import motor_share
+from quadrotor.rotations import (
+    quaternion_conjugate,
+    quaternion_exp,
+    quaternion_from_euler,
+    quaternion_log,
+    quaternion_multiply,
+    quaternion_normalize,
+    rotate_inverse,
+    yaw_of,
+)
+from quadrotor.vehicle_model import GRAVITY
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.plant import discharge, follow_battery
+
+FREE, HAND, BENCH, SET_DOWN = range(4)
+TURN_RATE = math.radians(60.0)
+"""rad/s, the fastest that a hand turns it."""
+LIFT_HEIGHT, LIFT_SPEED = 0.6, 0.3
+"""m, m/s."""
+
+HOLDER = np.dtype([("held", "i8"), ("quaternion_wb", "f8", 4)], align=True)
+
+
+def new_holder() -> Record:
+    """A HOLDER record, shape (1,), that holds nothing."""
+    holder = np.zeros(1, HOLDER)
+    holder["quaternion_wb"][:, 0] = 1.0
+    return holder
+
+
+def configure_holder(holder: Record, plant: Record, parameters: SimulatorParameters) -> None:
+    """Take hold of a PLANT (1,), turn it to another attitude, or let go of it."""
+    p, held = parameters, int(holder["held"][0])
+    if p.held == "hand":
+        angles = np.radians((p.hand_roll, p.hand_pitch, p.hand_yaw))
+        holder["held"], holder["quaternion_wb"] = HAND, quaternion_from_euler(*angles)
+    elif p.held == "bench":
+        if held != BENCH:
+            level = _level(plant)
+            holder["held"], holder["quaternion_wb"] = BENCH, level
+            plant["x"][0, 2:6], plant["x"][0, 6:10], plant["x"][0, 10:] = 0.0, level, 0.0
+    elif held == HAND:
+        holder["held"], holder["quaternion_wb"] = SET_DOWN, _level(plant)
+    elif held == BENCH:
+        holder["held"] = FREE
+
+
+def _level(plant: Record) -> npt.NDArray[np.float64]:
+    return quaternion_from_euler(0.0, 0.0, yaw_of(plant["x"][0, 6:10]))
+
+
+@compiled
+def hold(
+    plant: Record, holder: Record, references: tuple[int, int, int, int], duration: float
+) -> None:
+    """As `plant.advance`, for a vehicle that is held: a PLANT (1,) over `duration` (s)."""
+    p, h = plant[0], holder[0]
+    follow_battery(p)
+    share = motor_share(p.model.motor_time_constant, duration)
+    for i in range(4):
+        p.rotor_speeds[i] += share * (references[i] - p.rotor_speeds[i])
+    for i in range(3):
+        p.x[3 + i] = p.x[10 + i] = 0.0
+    q = p.x[6:10].copy()
+    if h.held != BENCH:
+        phi = quaternion_log(quaternion_multiply(quaternion_conjugate(q), h.quaternion_wb))
+        angle = math.sqrt(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
+        step = TURN_RATE * duration
+        if angle > step:
+            phi *= step / angle
+            q = quaternion_normalize(quaternion_multiply(q, quaternion_exp(phi)))
+            for i in range(3):
+                p.x[10 + i] = phi[i] / duration
+        else:
+            q = h.quaternion_wb.copy()
+        p.x[6:10] = q
+        up = (LIFT_HEIGHT if h.held == HAND else 0.0) - p.x[2]
+        if abs(up) > LIFT_SPEED * duration:
+            p.x[5] = math.copysign(LIFT_SPEED, up)
+            p.x[2] += p.x[5] * duration
+        else:
+            p.x[2] += up
+            if h.held == SET_DOWN and angle <= step:
+                h.held = FREE
+    gravity = np.zeros(3)
+    gravity[2] = GRAVITY
+    p.specific_force_b[:] = rotate_inverse(q, gravity)
+    discharge(plant, duration)

@@ -1,0 +1,59 @@
+"""Calibrations for the page: what the vehicle keeps of them, and what an experiment proposes.
+
+They are flown, confirmed and decided as every experiment (`web/experiments.py`).
+"""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI
+
+from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.errors import LinkError, MeasurementError, RefusedError
+from web.live import Live
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+
+def add_calibration(app: FastAPI, parts: Parts) -> None:
+    """The route /api/calibrations."""
+    station = parts.station
+
+    @app.get("/api/calibrations")
+    async def calibrations() -> dict[str, Any]:
+        """All that the vehicle keeps, newest first; the first of each name is in force.
+
+        `history` is null, with the `problem`, while the vehicle does not tell it.
+        """
+        try:
+            answer = await station.answer("calibrate", "page", action="history")
+            history = [fields_of(parse_record(text)) for text in answer.records]
+        except (LinkError, RefusedError, MeasurementError) as error:
+            return {"history": None, "problem": " ".join(str(error).split())}
+        return {"history": history, "problem": ""}
+
+
+def proposal_summary(live: Live) -> dict[str, Any] | None:
+    """What the station's experiment proposes; None for nothing, `problem` if it makes no sense."""
+    status = live.newest("experiment_status")
+    return None if status is None or not status.proposal else _proposal(str(status.proposal))
+
+
+@lru_cache(maxsize=4)
+def _proposal(text: str) -> dict[str, Any]:
+    try:
+        return fields_of(parse_record(text))
+    except MeasurementError as error:
+        return {"problem": " ".join(str(error).split())}
+
+
+def fields_of(record: CalibrationRecord) -> dict[str, Any]:
+    """As JSON has them, with whether each figure, and all, are within their limits."""
+    fields: dict[str, Any] = json.loads(record.model_dump_json())
+    for shown, figure in zip(fields["quality"], record.quality, strict=True):
+        shown["good"] = figure.good
+    return {**fields, "good": record.good}

@@ -1,0 +1,71 @@
+"""Reports of runs: what an experiment found, their files, and one made on request."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fastapi import FastAPI
+from fastapi.responses import FileResponse
+
+from console.run_reports import read_result, report_file
+from web.asking import Operator
+
+if TYPE_CHECKING:
+    from web.parts import Parts
+
+STATIC = Path(__file__).parent / "static"
+SHOWN = {
+    ".html": "text/html; charset=utf-8",
+    ".png": "image/png",
+    ".md": "text/plain; charset=utf-8",
+    ".csv": "text/plain; charset=utf-8",
+    ".json": "application/json",
+    ".pdf": "application/pdf",
+}
+"""What a browser may show; anything else of a report is downloaded."""
+DOCUMENT = (
+    "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'; font-src data:; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+)
+"""Content policy of an HTML report: it stands for itself, runs nothing, fetches nothing, and is of
+no origin, so that nothing in it has the rights of whoever opens it."""
+
+
+def add_reports(app: FastAPI, parts: Parts) -> None:
+    """The routes below /api/runs/{run_id}/report, and the page /report/{run_id}."""
+    catalogue, reports = parts.catalogue, parts.reports
+
+    @app.get("/api/runs/{run_id}/report")
+    def report(run_id: str) -> dict[str, Any]:
+        """Verdict, figures, options and files of the experiment judged on this run."""
+        return read_result(catalogue.resolve(run_id))
+
+    @app.post("/api/runs/{run_id}/report")
+    def make(run_id: str, _: Operator) -> dict[str, Any]:
+        """Begins to make the report with figures, anew if there is one; how it stands."""
+        log = catalogue.resolve(run_id)
+        return reports.ask(run_id, log).as_json(log)
+
+    @app.get("/api/runs/{run_id}/report_making")
+    def making(run_id: str) -> dict[str, Any]:
+        """How the report asked for last stands: none, waiting, working, ready or failed, with
+        progress 0 to 1 or the reason; and the files there are."""
+        return reports.state(run_id).as_json(catalogue.resolve(run_id))
+
+    @app.get("/api/runs/{run_id}/report/{name}")
+    def file(run_id: str, name: str) -> FileResponse:
+        """A document, plot or text of the report."""
+        path = report_file(catalogue.resolve(run_id), name)
+        kind = SHOWN.get(path.suffix)
+        return FileResponse(
+            path,
+            filename=path.name,
+            media_type=kind or "application/octet-stream",
+            content_disposition_type="inline" if kind else "attachment",
+            headers={"content-security-policy": DOCUMENT} if path.suffix == ".html" else None,
+        )
+
+    @app.get("/report/{run_id}", include_in_schema=False)
+    def report_page(run_id: str) -> FileResponse:
+        return FileResponse(STATIC / "report.html")

@@ -1,0 +1,69 @@
+// Calibrations in words, and their figures as people read them.
+
+import { fixed, NONE, words } from "./format.js";
+import { moment } from "./runs_words.js";
+
+// What each is for and what it needs, beside what the station says of it.
+export const CALIBRATIONS = {
+  gyroscope: { label: "Gyroscope", gives: "its drift at rest; found at each start of the vehicle, too", needs: "on the ground and still, motors off" },
+  accelerometer: { label: "Accelerometer", gives: "its scale, axes and bias", needs: "the vehicle in your hands, motors off; with the tracker any poses, without it its six faces" },
+  motor_bench: { label: "Motor bench", gives: "the law of motor and propeller, torque ratio, time constant", needs: "the vehicle fixed on a force/torque sensor; one motor turns, up to full speed" },
+  mass: { label: "Mass", gives: "the mass, from a flight", needs: "free room to fly, as for hover" },
+  inertia: { label: "Inertia", gives: "the inertia about three axes, from a flight", needs: "free room to fly; it shakes about each axis" },
+};
+const EXPERIMENT_OF = { motor: "motor_bench" };
+
+export const isCalibration = (name) => Object.hasOwn(CALIBRATIONS, name);
+export const labelOf = (name) => CALIBRATIONS[EXPERIMENT_OF[name] ?? name]?.label ?? capital(words(name));
+export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+
+export const RUNNING = ["flying", "finishing", "evaluating"];
+export const GOOD = ["✓", "within"], BEYOND = ["!", "beyond"];
+
+// Four digits that count: 1.308, 0.01540, 12.30, 48231.
+export function figure(value) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return NONE;
+  if (Number.isInteger(value)) return fixed(value, 0);
+  const size = Math.abs(value);
+  if (size < 1e-12) return "0";
+  const text = size >= 1e4 ? String(Math.round(value)) : size < 1e-4 ? value.toExponential(2) : value.toPrecision(4);
+  return text.replaceAll("-", "−");
+}
+
+// Two values side by side, with as many decimals as their difference needs to be seen.
+export function pair(before, after) {
+  if (typeof before !== "number" || typeof after !== "number") return [shown(before), shown(after)];
+  const difference = Math.abs(after - before), size = Math.max(Math.abs(before), Math.abs(after));
+  const places = (value) => Math.ceil(-Math.log10(value) - 1e-9);
+  const digits = Math.min(7, Math.max(0, size ? places(size) + 2 : 0, difference > 1e-9 * size ? places(difference) + 1 : 0));
+  return [before, after].map((value) => fixed(value, digits));
+}
+
+const shown = (value) => (typeof value === "number" ? figure(value) : value === undefined || value === null ? NONE : String(value));
+
+// before → after with its sign: in % of what it was, or as it is where that says little.
+export function change(before, after) {
+  if (before === undefined || before === null) return NONE;
+  if (typeof before !== "number" || typeof after !== "number") return before === after ? "none" : "changed";
+  const difference = after - before, share = Math.abs(difference / before);
+  if (Math.abs(difference) <= 1e-9 * Math.max(Math.abs(before), Math.abs(after))) return "none";
+  const sign = difference > 0 ? "+" : "−";
+  return share < 0.3 ? `${sign}${(100 * share).toFixed(share < 0.1 ? 2 : 1)} %` : `${sign}${figure(Math.abs(difference))}`;
+}
+
+// "2026-11-21 12:03", by "anna"; the vehicle itself at its start.
+export const when = ({ stamp_ns: stamp }) => (stamp ? moment(new Date(stamp / 1e6)).slice(0, 16) : NONE);
+
+// "today 12:03", or "2026-11-20".
+export function day(record) {
+  const [date, time] = when(record).split(" ");
+  return date === moment(new Date()).slice(0, 10) ? `today ${time}` : date;
+}
+
+export const who = ({ requester }) => (requester === "start" ? "at its start" : requester || NONE);
+
+// "pose 3, m/s²" → ["pose 3", "m/s²"]
+export function labelAndUnit(name) {
+  const at = name.lastIndexOf(",");
+  return at < 0 ? [name, ""] : [name.slice(0, at), name.slice(at + 1).trim()];
+}
