@@ -15,6 +15,7 @@ from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageErr
 from vehicle_link.parameter_messages import to_parameters
 
 ENDED = ("passed", "failed", "stopped", "refused")
+RUNNING = ("flying", "finishing", "evaluating")
 SILENT = 5.0
 """s without a status, after which the station is gone."""
 INTERRUPTED = 130
@@ -57,13 +58,13 @@ class Dialogue:
                     return code
         except _DeclinedError:
             self._stop()
-            print("not confirmed, so it was stopped; nothing was changed", flush=True)
+            print("not confirmed, so it was stopped; nothing was stored", flush=True)
             return 1
         except KeyboardInterrupt:
             self._screen.rest()
             if self._runs:
                 self._stop()
-                print("stopped; nothing was changed on the vehicle", flush=True)
+                print("stopped; nothing was stored on the vehicle", flush=True)
             else:
                 print("nothing was decided; the proposal stays open on the page", flush=True)
             return INTERRUPTED
@@ -73,7 +74,12 @@ class Dialogue:
     def _once(self) -> int | None:
         """The exit status; None to do it again."""
         self._start()
-        while (status := self._status).phase not in ENDED:
+        while (status := self._status).phase not in ENDED or not self._is_ours(status):
+            if not self._is_ours(status):
+                raise LinkError(
+                    "the station has started anew or runs another experiment; this calibration is "
+                    "over and nothing was stored on the vehicle"
+                )
             self._screen.progress(status)
             if status.question:
                 self._answer(str(status.question))
@@ -100,9 +106,12 @@ class Dialogue:
         self._client.ask("experiment", action="start", name=name, options=options)
         self._runs = True
         begun = time.monotonic()
-        while (status := self._next()).phase in ENDED or status.name != name:
+        while (status := self._next()).phase not in RUNNING or not self._is_ours(status):
             if time.monotonic() - begun > SILENT:
                 return  # it ended before its first status came
+
+    def _is_ours(self, status: Any) -> bool:
+        return (status.name, status.requester) == (self._wanted.name, self._client.requester)
 
     def _next(self) -> Any:
         """The next status. Raises LinkError when the station is gone."""
@@ -155,7 +164,7 @@ class Dialogue:
         self._runs = False
         try:
             self._client.ask("experiment", action="stop")
-            while self._next().phase not in ENDED:
+            while self._next().phase in RUNNING:
                 pass
         except (RefusedError, LinkError) as error:
             print(f"quadlab: {error}", flush=True)
@@ -222,5 +231,5 @@ class Dialogue:
         except RefusedError as error:
             self._screen.say(f"not rejected: {error}")
             return 1
-        self._screen.say("rejected: nothing was changed on the vehicle")
+        self._screen.say("rejected: nothing was stored on the vehicle")
         return 1

@@ -47,8 +47,11 @@ class FlightLog:
         metadata = {"vehicle": vehicle, "recorder": "simulation", **run, **provenance()}
         # Simulated time is not lost with a killed process: it is flown again. So whole chunks.
         defaults = {one.name: one.default for one in store.descriptions()}
+        # Nothing was ever accepted by this vehicle: its parameters are all there is.
+        in_force = {"in_force": {}, "problem": ""}
         attachments = {
-            "parameters.json": values, "defaults.json": json.dumps(defaults, indent=1).encode()
+            "parameters.json": values, "defaults.json": json.dumps(defaults, indent=1).encode(),
+            "calibrations.json": json.dumps(in_force).encode(),
         }  # fmt: skip
         self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
         # What came since the last batch was written. Records are kept as their bytes: copying a

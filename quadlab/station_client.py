@@ -33,7 +33,7 @@ class StationClient:
     """
 
     def __init__(self, session: Any, vehicle: str) -> None:
-        self.requester = f"{getpass.getuser()} (terminal)"
+        self.requester = f"{_user()} (terminal)"
         self._node = Node(session, f"/{vehicle}", f"terminal_{uuid.uuid4().hex[:8]}")
         self._parameters = ParameterClient(self._node, f"/{vehicle}/vehicle")
         self._clients: dict[str, Any] = {}
@@ -82,11 +82,18 @@ class StationClient:
                 return
 
 
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a container without this user's name
+        return "somebody"
+
+
 @contextmanager
 def station(loopback_port: int, vehicle: str) -> Iterator[StationClient]:
     """Raises LinkError when none runs."""
     try:
-        session = loopback_session(loopback_port, REACH)
+        session: Any = loopback_session(loopback_port, REACH)
     except LinkError:
         raise LinkError(
             f"no station answers at 127.0.0.1:{loopback_port}; start `quadlab up`, or give its "

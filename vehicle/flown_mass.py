@@ -27,7 +27,7 @@ class FlownMassParameters(MassParameters):
     initial: float = parameter(
         0.0, unit="kg", ge=0.0, le=2.4, step=0.001,
         description="what a flight on the estimate begins with, from the next arming on; "
-        "0: model.mass",
+        "0: model.mass; too large, it jumps off the ground",
     )  # fmt: skip
 
     def check_together(self) -> None:

@@ -7,6 +7,7 @@ the poses determine the result. Its attitude is the tracker's, or the face it st
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -40,7 +41,7 @@ from estimation.calibration.accelerometer import (
 )
 from estimation.calibration.still_poses import StillPose, StillPoses
 from quadrotor.calibration_record import CalibrationRecord
-from quadrotor.errors import MeasurementError, RefusedError
+from quadrotor.errors import MeasurementError, QuadlabError, RefusedError
 from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.02
@@ -139,7 +140,8 @@ class Accelerometer:
             self._collect(client, state)
             client.tell(Progress("Set the vehicle down, level", self._count, self._count, 1.0))
         finally:
-            client.turn(None)
+            with suppress(QuadlabError):  # why it ended is what counts
+                client.turn(None)
 
     def _collect(self, client: Client, state: _Progress) -> None:
         client.turn(attitude_of(state.target))

@@ -146,7 +146,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     del state
     wanted_w, known_too = between(stamps, *_rows(spools, "reference", begin_ns, end_ns))
     rows = known & known_too
-    time = stamps[rows] * 1e-9
+    time = stamps[rows].astype(np.float64) * 1e-9
     if not ((time >= window[0]) & (time <= window[1])).any():
         raise LogFormatError(
             f"{log.name} has no truth, state and reference at common times between "
@@ -155,7 +155,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     _, scaling = _rows(spools, "actuators", round(window[0] * 1e9), round(window[1] * 1e9))
     return BearingsFlight(
         time,
-        _state(truth[rows].astype(np.float64)),
+        _state(np.asarray(truth[rows], np.float64)),
         _state(estimate[rows]),
         wanted_w[rows],
         float((scaling < 1.0).mean()) if len(scaling) else 0.0,
@@ -197,7 +197,7 @@ def _rows(
 ) -> tuple[Stamps, Floats]:
     """Stamps (N,), rising, and the numbers wanted of the topic, (N, K). The spool is given up."""
     spool = spools.pop(topic)
-    stamps, rows = spool.publish_ns, spool.rows(WANTED[topic])
+    stamps, rows = spool.publish_ns, spool.take(WANTED[topic])
     del spool
     if not (np.diff(stamps) >= 0).all():
         order = np.argsort(stamps, kind="stable")

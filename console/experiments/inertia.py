@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from console.experiments.calibration_flight import CLEAR, come_down, missing_place
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.inertia_log import read_inertia
 from console.experiments.readings import Progress
@@ -75,9 +76,7 @@ class InertiaExperiment:
 
     def preconditions(self, view: VehicleView) -> str:
         """What is missing before it may start, in words."""
-        if not np.isfinite(view.position_w).all():
-            return "the vehicle does not know where it is; check the tracker"
-        return ""
+        return missing_place(view)
 
     def abort(self, view: VehicleView) -> str:
         """Why it is to be ended, in words."""
@@ -117,6 +116,7 @@ class InertiaExperiment:
         """Raises RefusedError with the vehicle's reason when it will not, or ended by itself."""
         self._place = None
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.confirm(CLEAR)
         client.wait(0.5)
         steps = self.excitations()
         client.tell(Progress("Keep clear: it takes off by itself", 1, len(steps) + 2))
@@ -176,12 +176,7 @@ class InertiaExperiment:
 
     def _land(self, client: Client) -> None:
         self._place = None
-        view = client.view()
-        if view.mode == "armed" and view.behavior not in ("ground", "land"):
-            client.start("land")
-        if view.armed and view.behavior != "ground":
-            client.wait_until(lambda v: not v.armed, what="touch-down", timeout=30)
-        client.wait(0.5)
+        come_down(client)
 
     # ------------------------------------------------------------------ judgement
     def evaluate(self, log: Path) -> Result:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from console.experiments.calibration_flight import CLEAR, come_down, missing_place
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.mass_log import DEVIATION_MAX, read_mass
 from console.experiments.readings import Progress
@@ -37,8 +38,9 @@ class MassOptions(Parameters):
     """How it is flown."""
 
     initial: float = parameter(
-        1.0, unit="kg", ge=0.5, le=2.4, step=0.05, description="what the estimate begins with"
-    )
+        1.0, unit="kg", ge=0.5, le=2.4, step=0.05,
+        description="what the estimate begins with; above the true mass it jumps off the ground",
+    )  # fmt: skip
     height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1, description="of take-off")
     climb: float = parameter(
         0.1, unit="m/s", ge=0.05, le=0.5, step=0.05, description="speed of the take-off"
@@ -69,32 +71,31 @@ class MassExperiment:
 
     def preconditions(self, view: VehicleView) -> str:
         """What is missing before it may start, in words."""
-        if not np.isfinite(view.position_w).all():
-            return "the vehicle does not know where it is; check the tracker"
-        return ""
+        return missing_place(view)
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
         """Raises RefusedError with the vehicle's reason when it will not.
 
-        What the law flies on is put back after landing, also when the flight failed; not when a
-        person took over, for then nothing more may be sent.
+        What the law flies on is put back after landing, also when the flight failed. When a person
+        took over nothing more may be sent: the law stays on the estimate, begun as it was set.
         """
         p = self.parameters
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
+        client.confirm(CLEAR)
         found = {name: client.parameter(name) for name in (USED_BY, INITIAL)}
         client.change({USED_BY: "estimate", INITIAL: p.initial})
         try:
             try:
-                self._fly(client)
+                self._fly(client, found)
             except RefusedError:
-                self._land(client)
+                come_down(client)
                 raise
-            self._land(client)
+            come_down(client)
         finally:
             self._put_back(client, found)
 
-    def _fly(self, client: Client) -> None:
+    def _fly(self, client: Client, found: dict[str, ParameterValue]) -> None:
         p = self.parameters
         client.wait(0.5)
         client.arm()
@@ -112,6 +113,8 @@ class MassExperiment:
                 f"{error}. With {p.initial:g} kg to begin with and {p.height:g} m to climb it "
                 "pulls only so much: try a larger initial mass or height"
             ) from error
+        # For the next arming: should somebody take over, it must not begin too light again.
+        client.change({INITIAL: found[INITIAL]})
         self._until(client, lambda v: v.behavior == "hover", "It climbs and learns", 2, patience,
                     "hover after take-off")  # fmt: skip
         start = client.view().time
@@ -166,14 +169,6 @@ class MassExperiment:
             return condition(view) or client.finished
 
         client.wait_until(looked, what=what, timeout=timeout)
-
-    def _land(self, client: Client) -> None:
-        view = client.view()
-        if view.mode == "armed" and view.behavior not in ("ground", "land"):
-            client.start("land")
-        if view.armed and view.behavior != "ground":
-            client.wait_until(lambda v: not v.armed, what="touch-down", timeout=30)
-        client.wait(0.5)
 
     def _put_back(self, client: Client, found: dict[str, ParameterValue]) -> None:
         with suppress(RefusedError):  # not on the ground: left as it is

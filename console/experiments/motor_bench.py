@@ -26,7 +26,7 @@ from console.experiments.motor_bench_log import (
 from console.experiments.readings import BenchReadings, Progress
 from estimation.calibration.motor_bench import SETTLING, BenchSchedule
 from quadrotor.calibration_record import CalibrationRecord
-from quadrotor.errors import MeasurementError, RefusedError, UsageError
+from quadrotor.errors import MeasurementError, QuadlabError, RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.1
@@ -123,7 +123,7 @@ class MotorBench:
         try:
             self._run(client)
         finally:
-            with suppress(RefusedError):
+            with suppress(QuadlabError):  # why it ended is what counts
                 client.bench(0, 0)
         client.wait(0.5)
 

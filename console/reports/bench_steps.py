@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from console.reports.paper_figures import Bench
 from console.reports.run_log import RunLog
-from estimation.calibration.motor_bench import held_steps
+from estimation.calibration.motor_bench import BenchSteps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
 from quadrotor.errors import MeasurementError
 
@@ -22,13 +22,7 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
     Raises MeasurementError when no reference was held.
     """
     actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
-    reference = np.nanmax(actuators.rows(REFERENCES), axis=1)
-    force, torque = sensor.rows(("force", "torque")).T
-    newest = np.clip(np.searchsorted(actuators.time, sensor.time, side="right") - 1, 0, None)
-    turning = (reference[newest] > 0.0) & np.isfinite(force) & np.isfinite(torque)
-    steps = held_steps(
-        sensor.time[turning], reference[newest][turning], force[turning], torque[turning]
-    )
+    reference, force, torque, steps = _signals(log)
     inside = (steps.reference >= USABLE[0]) & (steps.reference <= USABLE[1])
     fits: dict[str, tuple[Array, Array]] = {}
     try:
@@ -46,6 +40,29 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
         steps.reference, steps.force, inside, fits, USABLE,
     )  # fmt: skip
     return bench, said
+
+
+def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
+    """Reference at the ticks, force and torque at the sensor's times, and the steps."""
+    actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
+    reference = np.nanmax(actuators.rows(REFERENCES), axis=1).astype(np.float64)
+    force, torque = sensor.rows(("force", "torque")).astype(np.float64).T
+    newest = np.clip(np.searchsorted(actuators.time, sensor.time, side="right") - 1, 0, None)
+    turning = (reference[newest] > 0.0) & np.isfinite(force) & np.isfinite(torque)
+    steps = held_steps(
+        sensor.time[turning], reference[newest][turning], force[turning], torque[turning]
+    )
+    return reference, force, torque, steps
+
+
+def law_figures(log: RunLog) -> dict[str, float]:
+    """The fits in figures. Raises MeasurementError."""
+    law = identify_motor(_signals(log)[-1])
+    return {
+        "root_law_worst_count": law.root.worst, "quadratic_worst_count": law.quadratic.worst,
+        "torque_ratio_m": law.torque_ratio,
+        "thrust_min_N": law.thrust_min, "thrust_max_N": law.thrust_max,
+    }  # fmt: skip
 
 
 def _words(law: MotorCalibration) -> str:

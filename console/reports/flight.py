@@ -95,8 +95,7 @@ def flight_of(log: RunLog) -> Flight:
     wanted = np.full((len(time), len(REFERENCE)), np.nan)
     if log.has("reference"):
         series = log.topics["reference"]
-        wanted = between(time, series.time, series.rows(REFERENCE))
-        series.numbers.clear()
+        wanted = between(time, series.time, series.take(REFERENCE))
     return Flight(truth, estimate, wanted)
 
 
@@ -160,8 +159,7 @@ def _odometry(log: RunLog, topic: str, name: str, time: Array | None = None) -> 
     series = log.topics.get(topic)
     if series is None or ODOMETRY[0] not in series.numbers:
         return None
-    rows: Array = series.rows(ODOMETRY)
-    series.numbers.clear()
+    rows: Array = series.take(ODOMETRY)
     if time is not None:
         quaternion = rows[:, 3:7]  # of one sign, to interpolate between
         flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0

@@ -41,7 +41,8 @@ def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> l
         found.append(_attitude(log, flight))
     if log.has("actuators"):
         found.append(_motors(log))
-    rows = [name for name in ("estimator", "battery", "status") if _shown(log, name)]
+    told = ("battery", "status") if standing else ("estimator", "battery", "status")
+    rows = [name for name in told if _shown(log, name)]
     if rows:
         found.append(_health(log, rows))
     return found
@@ -153,7 +154,7 @@ def _health(log: RunLog, rows: list[str]) -> Picture:
     words = {"estimator": "estimated mass", "battery": "battery", "status": "lateness of the loop"}
     said = ", ".join(words[name] for name in rows)
     return Picture(
-        "Mass, battery, loop", f"Over the run: {said}.", f"Plots over time: {said}.",
+        said[0].upper() + said[1:], "Over the whole run.", f"Plots over time: {said}.",
         0.5 + 1.15 * len(rows), styled(draw),
     )  # fmt: skip
 

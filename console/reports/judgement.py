@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +15,7 @@ from console.experiments.client import Calibrating, Experiment, Result
 from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
 from console.experiments.figure_eight import REST_TO_REST, STEADY
 from console.experiments.hover import Hover
+from console.reports.bench_steps import law_figures
 from console.reports.flight import Flight, airborne, inside, rms
 from console.reports.run_log import RunLog, parameters_of
 from console.run_reports import has_report, read_result
@@ -95,6 +97,9 @@ def judge(
         _stored(log, out)
     out.windows = windows_of(log, out)
     out.flight = flight_figures(log, flight, out.windows)
+    if out.experiment == "motor_bench" and log.has("bench_reading", "actuators"):
+        with suppress(QuadlabError):  # the figure says why there is no fit
+            out.flight = law_figures(log)
     experiment = _made(log, out)
     if result is not None:
         out.verdict, out.metrics, out.limits = result.verdict, result.metrics, result.limits
@@ -217,7 +222,7 @@ def _evaluated(log: RunLog, out: Judgement, experiment: Experiment) -> None:
     out.source = "judged by this report from the log"
 
 
-def _proposed(log: RunLog, out: Judgement, experiment: Experiment | None) -> None:
+def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:
     """The calibration that the run proposed: as it was told, else found again."""
     told = log.text_at_end("experiment_status", "proposal")
     out.decision = out.decision or log.text_at_end("experiment_status", "decision")

@@ -59,9 +59,9 @@ def motor_calibration(figure: Any, bench: Bench) -> None:
     line(axes[0], bench.time, bench.reference, color=GOOD, label="reference")
     finish(axes[0], "(a) reference", "counts", legend=False)
     line(axes[1], bench.sensor_time, bench.force, color=COLORS[0])
-    finish(axes[1], "      force", "N", legend=False)
+    finish(axes[1], "force", "N", legend=False)
     line(axes[2], bench.sensor_time, 1e3 * bench.torque, color=COLORS[1])
-    finish(axes[2], "      torque", "mN m", legend=False)
+    finish(axes[2], "torque", "mN m", legend=False)
     axes[2].set_xlabel("s")
     axis = grid(right, 1)[0, 0]
     axis.plot(

@@ -85,9 +85,7 @@ class Pages:
         self._at += 0.18
 
     def picture(self, picture: Picture, number: int) -> None:
-        caption = f"{number}. {picture.title}. {picture.caption}"
-        lines = wrapped(caption, WIDTH / LETTER)
-        self._room(picture.height + LINE * len(lines) + 0.1)
+        self._room(_height(picture))
         below = PAGE[1] - self._at - picture.height
         slots = self._figure.add_gridspec(
             3, 3, height_ratios=(self._at, picture.height, below),
@@ -95,7 +93,7 @@ class Pages:
         )  # fmt: skip
         picture.draw(self._figure.add_subfigure(slots[1, 1]))
         self._at += picture.height + 0.05
-        self.text(caption, color="#444444", after=0.2)
+        self.text(f"{number}. {picture.title}. {picture.caption}", color="#444444", after=0.2)
 
     # ------------------------------------------------------------------ inside
     def _room(self, height: float) -> None:
@@ -156,7 +154,7 @@ def write_pdf(report: Report, path: Path) -> None:
         number = 0
         for block, following in zip(report.blocks, [*report.blocks[1:], None], strict=True):
             if isinstance(block, Heading):
-                needed = following.height + 0.4 if isinstance(following, Picture) else 0.6
+                needed = _height(following) if isinstance(following, Picture) else 0.6
                 pages.heading(block.text, needed)
             elif isinstance(block, Text):
                 sign = "! " if block.warning else ""
@@ -167,6 +165,12 @@ def write_pdf(report: Report, path: Path) -> None:
                 number += 1
                 pages.picture(block, number)
         pages.close()
+
+
+def _height(picture: Picture) -> float:
+    """in, with its caption."""
+    lines = wrapped(f"00. {picture.title}. {picture.caption}", WIDTH / LETTER)
+    return picture.height + LINE * len(lines) + 0.1
 
 
 def wrapped(text: str, letters: float) -> list[str]:

@@ -37,6 +37,7 @@ class ReferenceFigure:
         return bool(self.metric) and all(str(options.get(k)) == value for k, value in self.when)
 
 
+LAPS = ("laps", "steady")
 HOVER, EIGHT = ("manoeuvre", "hover"), ("manoeuvre", "figure_eight")
 FILTER = ("estimator", "complementary")
 AUTO, PRINTED = ("gains", "auto"), ("gains", "paper")
@@ -47,12 +48,14 @@ FIGURES: dict[str, tuple[ReferenceFigure, ...]] = {
     ),
     "figure_eight": (
         ReferenceFigure("position rms, true state", "1.1 mm", SIMULATION),
-        ReferenceFigure("position rms, full sensors", "3.0 mm", SIMULATION, "position_rms_m"),
-        ReferenceFigure("largest, full sensors", "5.6 mm", SIMULATION, "position_max_m"),
-        ReferenceFigure("yaw rms, full sensors", "0.23°", SIMULATION, "yaw_rms_deg"),
+        ReferenceFigure("position rms, full sensors", "3.0 mm", SIMULATION, "position_rms_m",
+                        (LAPS,)),
+        ReferenceFigure("largest, full sensors", "5.6 mm", SIMULATION, "position_max_m", (LAPS,)),
+        ReferenceFigure("yaw rms, full sensors", "0.23°", SIMULATION, "yaw_rms_deg", (LAPS,)),
         ReferenceFigure("position rms without feed-forward", "42 mm", SIMULATION),
         ReferenceFigure("position rms, mass wrong by 0.3 kg", "158 mm", SIMULATION),
-        ReferenceFigure("rest to rest in one lap, yaw ± 0.2 rad", "17 mm rms", SIMULATION),
+        ReferenceFigure("rest to rest in one lap, yaw ± 0.2 rad", "17 mm rms", SIMULATION,
+                        "position_rms_m", (("laps", "rest_to_rest"), ("yaw_amplitude", "0.2"))),
         ReferenceFigure("tilt, rest to rest in one lap", "37°", SIMULATION),
     ),
     "bearings": (

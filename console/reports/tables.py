@@ -87,14 +87,17 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
         proposed = judged.proposal.values if judged.proposal is not None else {}
         numbers = {k: float(v) for k, v in proposed.items() if isinstance(v, int | float)}
         own = {**numbers, **judged.flight, **judged.metrics}
+        if "torque_ratio_m" in own:
+            own.setdefault("model.torque_ratio", own["torque_ratio_m"])
+        options = {"laps": judged.kind[1], **judged.options}
         lines = [
             (one.what, one.value, figure(one.metric, own[one.metric])[1]
-             if one.metric in own and one.fits(judged.options) else "", one.source)
+             if one.metric in own and one.fits(options) else "", one.source)
             for one in compared
         ]  # fmt: skip
         head = ("reference figure", "value", "this run", "whose")
         blocks.append(Table("Beside reference figures", head, lines, frozenset({1, 2}),
-                            widths=(0.4, 0.24, 0.14, 0.22)))  # fmt: skip
+                            widths=(0.36, 0.23, 0.19, 0.22)))  # fmt: skip
     return blocks
 
 
@@ -164,8 +167,13 @@ def _record_tables(record: CalibrationRecord, *, folded: bool) -> list[Block]:
             for one in judged
         ]  # fmt: skip
         head = ("quality", "value", "at most", "limit")
-        blocks.append(Table(title.replace("alues", "alues' quality") if folded else "Quality", head,
+        blocks.append(Table(f"{record.name}: quality" if folded else "Quality", head,
                             rows_, frozenset({1, 2}), folded, (0.46, 0.2, 0.2, 0.14)))  # fmt: skip
+    if record.residuals:
+        each = [(name, number(value)) for name, value in record.residuals]
+        blocks.append(Table(f"{record.name}: residuals" if folded else "Residuals",
+                            ("of", "residual"), each, frozenset({1}), folded or len(each) > 12,
+                            (0.7, 0.3)))  # fmt: skip
     if record.conditions and not folded:
         blocks.append(Table("Made under", ("condition", "value"), list(record.conditions.items()),
                             widths=(0.3, 0.7)))  # fmt: skip

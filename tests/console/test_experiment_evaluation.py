@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,17 @@ def test_a_run_is_judged_and_its_report_lies_beside_it(log: Path) -> None:
     assert result["options"]["duration"] == 5.0
     assert result["metrics"] == done.result.metrics
     assert json.loads((report_folder(log) / "result.json").read_text()) == result
+
+
+def test_the_page_of_the_whole_run_follows_the_verdict(log: Path) -> None:
+    page, end = report_folder(log) / f"{log.stem}.html", time.monotonic() + 60.0
+    while not page.exists() and time.monotonic() < end:
+        threading.Event().wait(0.05)
+    written = page.read_text()
+    rms = 1e3 * read_result(log)["metrics"]["position_rms_m"]
+    assert f'<td class="n">{rms:.4g} mm</td>' in written
+    assert "judged after the flight (result.json)" in written
+    assert "Fig. 6 of the paper" in written
 
 
 def test_what_cannot_be_judged_says_why(log: Path) -> None:

@@ -17,8 +17,9 @@ from console.catalogue import Catalogue
 from console.experiment_running import judging
 from console.experiment_running.evaluation import Job, Judgement, evaluate, judge
 from console.experiment_running.runner import ExperimentRunner
-from console.experiments.client import Client, Result
+from console.experiments.client import Client, Result, VehicleView
 from console.experiments.readings import Progress
+from console.experiments.user_file import load
 from console.parameter_store import StationStore
 from console.run_keeper import RunKeeper
 from console.run_reports import read_result
@@ -607,6 +608,49 @@ class Mine:
 '''
 
 
+def test_the_exception_of_a_file_of_ones_own_is_told_with_its_line(
+    lab: Lab, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text(OWN.replace("self.found = 1.25", "self.found = 1 / 0"))
+    lab.runner.start(load(path), "ada")
+    done = lab.ended()
+    assert (done.phase, done.reason) == (
+        "refused", "mine.py line 18: ZeroDivisionError: division by zero",
+    )  # fmt: skip
+    assert lab.fly(lambda client: client.tell(Progress("go"))).phase == "passed", "the next one"
+
+
+class Ruled(Scripted):
+    """With rules of its own."""
+
+    missing, why = "", ""
+
+    def preconditions(self, view: VehicleView) -> str:
+        return self.missing
+
+    def abort(self, view: VehicleView) -> str:
+        return self.why
+
+
+@pytest.mark.parametrize(
+    ("rule", "phase", "reason"),
+    [("missing", "refused", "not started: too far"), ("why", "failed", "aborted: too far")],
+)
+def test_the_rules_of_an_experiment_hold_at_the_station_too(
+    lab: Lab, rule: str, phase: str, reason: str
+) -> None:
+    def script(client: Client) -> None:
+        client.tell(Progress("go"))
+        client.wait(BOUND)
+
+    experiment = Ruled(script)
+    setattr(experiment, rule, "too far")
+    lab.runner.start(experiment, "ada")
+    done = lab.ended()
+    assert (done.phase, done.reason) == (phase, reason)
+
+
 @pytest.fixture
 def own(tmp_path: Path) -> Iterator[Lab]:
     """Files of people's own, looked at and judged in their processes."""
@@ -626,7 +670,12 @@ def own(tmp_path: Path) -> Iterator[Lab]:
 def test_a_file_of_ones_own_is_listed_flown_judged_and_accepted_and_broken_ones_say_why(
     own: Lab,
 ) -> None:
-    assert own.until(lambda: all("looked at" not in p for p in own.described()[2]))
+    def looked_at() -> bool:
+        names, _, problems = own.described()
+        known = {"mine", "broken.py", "leaves.py"} <= set(names)
+        return known and not any("being looked at" in problem for problem in problems)
+
+    assert own.until(looked_at)
     names, calibrations, problems = own.described()
     listed = dict(zip(names, zip(calibrations, problems, strict=True), strict=True))
     assert listed["mine"] == ("mine", "")

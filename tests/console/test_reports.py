@@ -152,7 +152,6 @@ def test_versions_and_events_are_told(log: Path, page: str) -> None:
     told = {row[2] for row in words.rows if len(row) == 4}
     for line in run.lines:
         assert line.text in told
-    assert "Not recorded in this log" in page  # of calibrations
 
 
 def test_a_judged_run_is_shown_as_it_was_judged(log: Path, tmp_path: Path) -> None:
@@ -187,6 +186,7 @@ def test_what_people_wrote_is_never_markup(tmp_path: Path) -> None:
     assert evil in unescape(page)
     assert "WARNING" in page
     assert "Nothing can be drawn" in page
+    assert "<h2>Calibrations in force</h2>\n<p>Not recorded in this log.</p>" in page
     assert paper.stat().st_size > 1000
 
 
@@ -252,6 +252,26 @@ def test_bad_logs_and_folders_get_one_line(tmp_path: Path, log: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="cannot be written"):
         write_report(log, tmp_path / "file")
+
+
+def test_the_command_writes_what_was_asked_for_and_refuses_the_rest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    kind = "rcl_interfaces/Log"
+    path = str(write_log(tmp_path / "a.mcap", [("events", kind, {"msg": "hello"})]))
+    out = tmp_path / "new" / "folder"
+    assert main(["log", "report", path, "--out", str(out), "--no-pdf"]) == 0
+    assert capsys.readouterr().out.split() == [str(out / "a.html")]
+    assert [one.name for one in out.iterdir()] == ["a.html"]
+    assert main(["log", "report", path, "--out", str(out)]) == 0  # its own is replaced
+    assert {one.name for one in out.iterdir()} == {"a.html", "a.pdf"}
+    capsys.readouterr()
+    assert main(["log", "report", str(tmp_path / "none.mcap")]) == 1
+    assert main(["log", "info", path, "--no-pdf"]) == 2
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 2
+    assert "none.mcap is no file" in said[0]
+    assert "of `log report`" in said[1]
 
 
 def test_an_experiment_without_its_topics_says_which(tmp_path: Path) -> None:

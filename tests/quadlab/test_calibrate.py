@@ -55,7 +55,8 @@ class ScriptedStation:
         self._left: list[dict[str, Any]] = []
 
     def status(self, **fields: Any) -> None:
-        fields = {"name": "motor_bench", "phase": "flying", **fields}
+        ours = {"name": "motor_bench", "phase": "flying", "requester": self.requester}
+        fields = {**ours, **fields}
         self.statuses.put(new("quadlab_msgs/ExperimentStatus", **fields))
 
     def ask(self, service: str, *, action: str, **fields: Any) -> Any:
@@ -244,7 +245,7 @@ def test_control_c_stops_it_on_the_station_too(
     typed(KeyboardInterrupt(), KeyboardInterrupt())
     assert main(["calibrate", "motor_bench"]) == 130
     assert scripted.actions() == ["start", "stop"]
-    assert "stopped; nothing was changed" in capsys.readouterr().out
+    assert "stopped; nothing was stored" in capsys.readouterr().out
     assert main(["calibrate", "motor_bench"]) == 130
     assert scripted.actions() == ["start", "stop", "start"]
     assert "the proposal stays open" in capsys.readouterr().out
@@ -256,6 +257,18 @@ def test_a_station_that_falls_silent_ends_it(
     scripted.flights = [[{"instruction": "Rest"}]]
     assert main(["calibrate", "motor_bench", "--accept"]) == 1
     assert "the station has been silent" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "later", [{"name": "", "phase": "idle", "requester": ""}, {"requester": "grace"}]
+)
+def test_a_station_that_started_anew_ends_it(
+    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str], later: dict[str, str]
+) -> None:
+    scripted.flights = [[PASSES[0], later, *PASSES[1:]]]
+    assert main(["calibrate", "motor_bench", "--accept"]) == 1
+    assert "the station has started anew or runs another" in capsys.readouterr().err
+    assert scripted.actions() == ["start"]
 
 
 @pytest.mark.parametrize(

@@ -74,9 +74,10 @@ class StepVehicle:
         now_ns = self.now_ns()
         if self.behavior == "excite" and now_ns >= self._end_ns and not self.lasts:
             self.behavior = self.ends_with
+        flies = {"mode": "armed", "armed": True, "behavior": self.behavior}
         return new(
-            "quadlab_msgs/VehicleStatus", header=header(now_ns), mode="armed", armed=True,
-            behavior=self.behavior, airborne=self.airborne, control_mode="direct",
+            "quadlab_msgs/VehicleStatus", header=header(now_ns), control_mode="direct",
+            **{**flies, "airborne": self.airborne, **self._station.said},
             parameter_revision=self._station.store.revision, tick_rate=500.0, nominal_rate=500.0,
             lateness_p50=4.2e-5, lateness_p99=1.4e-4, lateness_max=6e-4,
             lateness_histogram=(912345, 8123, 712, 60, 5, 0, 0, 0),

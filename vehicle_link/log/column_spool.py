@@ -20,27 +20,30 @@ class ColumnSpool:
 
     Args:
         most_payloads: how many payloads of a topic wanted whole are kept.
+        received: whether the stamps of reception are kept too.
 
     Attributes:
         texts: of each the places (index, text) where it changes.
     """
 
-    def __init__(self, type_name: str, most_payloads: int) -> None:
+    def __init__(self, type_name: str, most_payloads: int, *, received: bool = True) -> None:
         self.type_name = type_name
         self.payloads: list[bytes] = []
         self.texts: dict[str, list[tuple[int, str]]] = {}
         self._most_payloads = most_payloads
-        self._stamps = array("q"), array("q")  # of the log, of the source
+        self._received = received
+        self._log_ns, self._publish_ns = array("q"), array("q")
         self._numbers: dict[str, array[float]] = {}
 
     def __len__(self) -> int:
-        return len(self._stamps[0])
+        return len(self._publish_ns)
 
     def extend(self, columns: Columns) -> None:
         begin, count = len(self), len(columns.log_ns)
         self.payloads += columns.payloads[: self._most_payloads - len(self.payloads)]
-        for one, stamps in zip(self._stamps, (columns.log_ns, columns.publish_ns), strict=True):
-            one.frombytes(stamps.tobytes())
+        self._publish_ns.frombytes(columns.publish_ns.tobytes())
+        if self._received:
+            self._log_ns.frombytes(columns.log_ns.tobytes())
         for name in columns.numbers.keys() - self._numbers.keys():
             self._numbers[name] = array("f", np.full(begin, np.nan, np.float32).tobytes())
         for name, column in self._numbers.items():
@@ -53,35 +56,39 @@ class ColumnSpool:
 
     @property
     def log_ns(self) -> Stamps:
-        """(N,) reception at the writer."""
-        return np.frombuffer(self._stamps[0], np.int64)
+        """(N,) reception at the writer; empty when it is not kept."""
+        return np.frombuffer(self._log_ns, np.int64)
 
     @property
     def publish_ns(self) -> Stamps:
         """(N,) the source's stamp."""
-        return np.frombuffer(self._stamps[1], np.int64)
+        return np.frombuffer(self._publish_ns, np.int64)
 
     @property
     def numbers(self) -> dict[str, Floats]:
         """(N,) each, NaN where there is none; to be taken when all is read."""
         return {name: np.frombuffer(one, np.float32) for name, one in self._numbers.items()}
 
-    def rows(self, names: Collection[str]) -> Floats:
-        """(N, len(names)); NaN for a number that the topic has not."""
+    def take(self, names: Collection[str]) -> Floats:
+        """(N, len(names)), NaN for a number that the topic has not; the columns are given up."""
         out = np.full((len(self), len(names)), np.nan, np.float32)
         for k, name in enumerate(names):
             if name in self._numbers:
-                out[:, k] = np.frombuffer(self._numbers[name], np.float32)
+                out[:, k] = np.frombuffer(self._numbers.pop(name), np.float32)
         return out
 
 
-def gather(reader: ColumnReader, most_payloads: int = 1_000_000) -> dict[str, ColumnSpool]:
+def gather(
+    reader: ColumnReader, most_payloads: int = 1_000_000, *, received: bool = True
+) -> dict[str, ColumnSpool]:
     """Everything that `reader` gives, by topic. Raises as it does."""
     spools: dict[str, ColumnSpool] = {}
     for batch in reader:
         for columns in batch.columns:
             if columns.topic not in spools:
-                spools[columns.topic] = ColumnSpool(columns.type_name, most_payloads)
+                spools[columns.topic] = ColumnSpool(
+                    columns.type_name, most_payloads, received=received
+                )
             spools[columns.topic].extend(columns)
     return spools
 
@@ -97,6 +104,6 @@ def read_spools(
 
     Raises LogFormatError or StorageError.
     """
-    found = gather(ColumnReader(log, whole, wanted))
+    found = gather(ColumnReader(log, whole, wanted), received=False)
     names = {*wanted, *(one.lstrip("/") for one in whole)}
     return {name: found.get(f"/{vehicle}/{name}") or ColumnSpool("", 0) for name in names}

@@ -53,7 +53,8 @@ export class Calibrate {
   look() {
     const now = performance.now();
     if (now - this.asked > (this.known.length ? AGAIN : RETRY)) { this.asked = now; this.loadKnown(); }
-    if (now - this.read > (this.history ? AGAIN : RETRY)) { this.read = now; this.loadHistory(); }
+    const isKept = this.status?.decision !== "accepted" || this.history?.some(({ run_id: run }) => run === this.status.run_id);
+    if (now - this.read > (this.history && isKept ? AGAIN : RETRY)) { this.read = now; this.loadHistory(); }
   }
 
   // Files of one's own come, go and are mended.

@@ -22,7 +22,7 @@ export class CalibrationHistory {
     this.title.textContent = `${label}: history`;
     if (!records) this.list.replaceChildren(element("li", { className: "empty" }, problem));
     else if (!records.length) this.list.replaceChildren(element("li", { className: "empty" }, "None yet: the values are the vehicle's defaults, or were set by hand."));
-    else this.list.replaceChildren(...records.map((record, i) => element("li", {}, this.line(record, i ? "" : isHandMade ? "changed by hand since" : "in force", records[i + 1]))));
+    else this.list.replaceChildren(...records.map((record, i) => element("li", {}, this.line(record, i ? "" : isHandMade ? "changed since" : "in force", records[i + 1]))));
   }
 
   line(record, state, before) {

@@ -2,8 +2,8 @@
 
 import { motorFit } from "./calibrate_fit.js";
 import { residualBars } from "./calibrate_residuals.js";
-import { BEYOND, change, figure, GOOD, pair } from "./calibrate_words.js";
-import { element, exact, words } from "./format.js";
+import { BEYOND, compared, figure, GOOD } from "./calibrate_words.js";
+import { digitsOf, element, exact, words } from "./format.js";
 
 // record: of the API. gains: what is in use now; before: the record of the same name before this one;
 // isKept: by the vehicle, not only proposed.
@@ -15,7 +15,10 @@ export function recordView(record, { gains, before, isKept }) {
 
 function values(record, gains, before, isKept) {
   const rows = [
-    ...Object.entries(record.values).map(([name, value]) => ({ name, label: words(name.split(".").slice(1).join(" ") || name), before: isKept ? record.previous[name] : gains.value(name), value, unit: gains.rows.get(name)?.description.unit ?? "" })),
+    ...Object.entries(record.values).map(([name, value]) => {
+      const { unit = "", step } = gains.rows.get(name)?.description ?? {}, label = words(name.split(".").slice(1).join(" ") || name);
+      return { name, label: label.startsWith(`${record.name} `) ? label.slice(record.name.length + 1) : label, before: isKept ? record.previous[name] : gains.value(name), value, unit, most: step ? digitsOf(step) + 1 : undefined };
+    }),
     ...record.figures.map(({ name, value, unit }) => ({ name, label: name, before: before?.figures.find((one) => one.name === name)?.value, value, unit })),
   ];
   if (!rows.length) return null;
@@ -23,7 +26,7 @@ function values(record, gains, before, isKept) {
     element("caption", {}, isKept ? "What it was and became" : "What it would become"),
     element("thead", {}, element("tr", {}, ...["", "before", "new", "change", ""].map((text) => element("th", { scope: "col" }, text)))),
     element("tbody", {}, ...rows.map((row) => element("tr", {}, element("th", { scope: "row", title: row.name }, row.label),
-      ...[...pair(row.before, row.value), change(row.before, row.value)].map((text) => element("td", {}, text)), element("td", { className: "unit" }, row.unit)))));
+      ...compared(row.before, row.value, row.most).map((text) => element("td", {}, text)), element("td", { className: "unit" }, row.unit)))));
 }
 
 function quality(figures) {

@@ -13,6 +13,7 @@ const STEADY = 2; // m/s² from gravity, beyond which it does not say where up i
 export class CalibrationRun {
   constructor({ telemetry, isOperator, ask }) {
     this.telemetry = telemetry;
+    this.poses = { done: new Map(), next: null };
     this.isOperator = isOperator;
     this.title = element("b");
     this.time = element("span", { className: "time" });
@@ -34,6 +35,7 @@ export class CalibrationRun {
     const runs = Boolean(status) && RUNNING.includes(status.phase);
     if (!runs || status.name !== this.name || status.elapsed < this.elapsed) {
       this.plots.clear();
+      this.poses = { done: new Map(), next: null };
       this.name = runs ? status.name : "";
     }
     this.elapsed = runs ? status.elapsed : 0;
@@ -59,13 +61,16 @@ export class CalibrationRun {
     set(this.title, labelOf(status.name));
     set(this.time, status.phase === "evaluating" ? "being judged" : status.phase === "finishing" ? `finishing · ${time}` : time);
     this.guide.draw(status, isOld);
-    set(this.step, status.instruction ? "" : status.step); // an instruction says more
+    set(this.step, status.instruction || status.question ? "" : status.step); // an instruction says more
     this.finish.disabled = !this.isOperator || status.phase !== "flying" || isOld;
     this.stop.disabled = !this.isOperator || isOld;
     this.plots.place.hidden = UNPLOTTED.includes(status.name);
     if (!this.plots.place.hidden) this.plots.draw();
     this.sphere.place.hidden = status.name !== "accelerometer";
-    if (status.name === "accelerometer") this.sphere.show(posesOf(status.live), this.up());
+    if (status.name !== "accelerometer") return;
+    const poses = posesOf(status.live);
+    if (poses.done.size || poses.next) this.poses = poses; // those held stay while they are judged
+    this.sphere.show(this.poses, this.up());
   }
 
   // Where up is in body axes by the accelerometer, while nothing else pulls at it.

@@ -30,26 +30,19 @@ export function figure(value) {
   return text.replaceAll("-", "−");
 }
 
-// Two values side by side, with as many decimals as their difference needs to be seen.
-export function pair(before, after) {
-  if (typeof before !== "number" || typeof after !== "number") return [shown(before), shown(after)];
-  const difference = Math.abs(after - before), size = Math.max(Math.abs(before), Math.abs(after));
-  const places = (value) => Math.ceil(-Math.log10(value) - 1e-9);
-  const digits = Math.min(7, Math.max(0, size ? places(size) + 2 : 0, difference > 1e-9 * size ? places(difference) + 1 : 0));
-  return [before, after].map((value) => fixed(value, digits));
+// [before, after, change] of a value: with as many decimals as the difference needs to be seen; the
+// change in % of what it was, or as it is where that says little. most: decimals, at most.
+export function compared(before, after, most = 7) {
+  if (typeof before !== "number" || typeof after !== "number") return [shown(before), shown(after), before === undefined || before === null ? NONE : before === after ? "none" : "changed"];
+  const difference = after - before, size = Math.max(Math.abs(before), Math.abs(after)), isSame = Math.abs(difference) <= 1e-9 * size;
+  const places = (value) => Math.ceil(-Math.log10(Math.abs(value)) - 1e-9);
+  const digits = Math.min(most, Math.max(0, size ? places(size) + 2 : 0, isSame ? 0 : places(difference) + 1));
+  const sign = difference > 0 ? "+" : "−", share = Math.abs(difference / before);
+  const change = share < 0.3 ? `${(100 * share).toFixed(share < 0.1 ? 2 : 1)} %` : fixed(Math.abs(difference), digits);
+  return [fixed(before, digits), fixed(after, digits), isSame ? "none" : `${sign}${change}`];
 }
 
 const shown = (value) => (typeof value === "number" ? figure(value) : value === undefined || value === null ? NONE : String(value));
-
-// before → after with its sign: in % of what it was, or as it is where that says little.
-export function change(before, after) {
-  if (before === undefined || before === null) return NONE;
-  if (typeof before !== "number" || typeof after !== "number") return before === after ? "none" : "changed";
-  const difference = after - before, share = Math.abs(difference / before);
-  if (Math.abs(difference) <= 1e-9 * Math.max(Math.abs(before), Math.abs(after))) return "none";
-  const sign = difference > 0 ? "+" : "−";
-  return share < 0.3 ? `${sign}${(100 * share).toFixed(share < 0.1 ? 2 : 1)} %` : `${sign}${figure(Math.abs(difference))}`;
-}
 
 // "2026-11-21 12:03", by "anna"; the vehicle itself at its start.
 export const when = ({ stamp_ns: stamp }) => (stamp ? moment(new Date(stamp / 1e6)).slice(0, 16) : NONE);

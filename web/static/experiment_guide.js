@@ -6,6 +6,7 @@ import { element } from "./format.js";
 import { onHold } from "./hold.js";
 import { isPose } from "./calibrate_sphere.js";
 
+const JUDGED = "Nothing to do now: the recording is being judged.";
 const SPREAD = " deviation";
 
 export class Guide {
@@ -33,7 +34,7 @@ export class Guide {
     if (this.place.hidden) { this.asked = ""; return; }
     this.place.classList.toggle("old", isOld);
     set(this.number, count ? `Step ${number} of ${count}` : "");
-    set(this.instruction, instruction);
+    set(this.instruction, status.phase === "evaluating" ? JUDGED : instruction);
     this.progress.hidden = !count;
     const all = count ? Math.min(1, Math.max(0, (number - 1 + share) / count)) : 0;
     this.bar.style.width = `${(100 * all).toFixed(1)}%`;

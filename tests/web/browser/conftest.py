@@ -175,13 +175,15 @@ def blank_scene() -> Callable[[Any], None]:
 
 
 @pytest.fixture(scope="session")
-def keep_picture() -> Callable[[Any, Path], None]:
-    """`keep_picture(page, path)`: a PNG of at most 256 colours, the rare ones true."""
+def keep_picture() -> Callable[..., None]:
+    """`keep_picture(page, path, of)`: a PNG of at most 256 colours, the rare ones true; of the
+    whole page or of one element."""
 
-    def keep(page: Any, path: Path) -> None:
+    def keep(page: Any, path: Path, of: str = "") -> None:
         from PIL import Image
 
-        shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        taken = page.locator(of).screenshot() if of else page.screenshot()
+        shot = Image.open(io.BytesIO(taken)).convert("RGB")
         most, plain = Image.Quantize.MAXCOVERAGE, Image.Dither.NONE
         shot.quantize(256, method=most, kmeans=3, dither=plain).save(path, optimize=True)
 

@@ -158,14 +158,14 @@ def test_a_result_stands_beside_what_was_and_is_in_force_once_accepted(
 ) -> None:
     bench.status = calibrating.ended("accelerometer", calibrating.accelerometer())
     see.text(".outcome .head b", "^Accelerometer: passed$")
-    see.text(f"{FOUND} >> nth=0", r"^accelerometer xx1\.00001\.0042\+0\.42 %$")
+    see.text(f"{FOUND} >> nth=0", r"^xx1\.00001\.0042\+0\.42 %$")
     see.text(".outcome .quality tbody tr >> nth=0", r"^residual, rms0\.018000\.05m/s²✓within$")
     assert tab.locator(".outcome .residuals li").count() == 12
     see.has_class("#open-calibrate", "waits")
     tab.click(".outcome button:text-is('Accept')")
     see.text(".outcome .said", "^✓ Accepted. It is in force")
     see.text(".outcome caption >> nth=0", "^What it was and became$")
-    see.text(f"{FOUND} >> nth=0", r"^accelerometer xx1\.00001\.0042\+0\.42 %$")
+    see.text(f"{FOUND} >> nth=0", r"^xx1\.00001\.0042\+0\.42 %$")
     see.text(f"{ROWS} >> nth=1", "^Accelerometertoday .*within$")
     assert bench.station.store.get("imu.accelerometer_xx") == 1.0042
     bench.status = calibrating.ended("motor_bench", calibrating.motor(), elapsed=300.0)

@@ -1,0 +1,31 @@
+"""What the calibrations that fly by themselves share: asked first, and brought down at the end."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from console.experiments.client import Client, VehicleView
+
+CLEAR = (
+    "The motors start and the vehicle takes off by itself. Is everybody clear of it, with 2 m of "
+    "room to each side?"
+)
+LANDING = 30.0
+"""s."""
+
+
+def missing_place(view: VehicleView) -> str:
+    """Why it may not begin, in words; empty when it may."""
+    if not np.isfinite(view.position_w).all():
+        return "the vehicle does not know where it is; check the tracker"
+    return ""
+
+
+def come_down(client: Client) -> None:
+    """Land when it flies, and wait until the motors are off. Raises RefusedError."""
+    view = client.view()
+    if view.mode == "armed" and view.behavior not in ("ground", "land"):
+        client.start("land")
+    if view.armed and view.behavior != "ground":
+        client.wait_until(lambda v: not v.armed, what="touch-down", timeout=LANDING)
+    client.wait(0.5)
