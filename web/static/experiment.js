@@ -126,7 +126,7 @@ export class ExperimentSection {
   }
 }
 
-const UNITS = [["_m_s", "m/s"], ["_deg", "°"], ["_m", "m"], ["_s", "s"]];
+const UNITS = [["_m_s2", "m/s²"], ["_deg_s", "°/s"], ["_m_s", "m/s"], ["_deg", "°"], ["_count", "counts"], ["_kg", "kg"], ["_N", "N"], ["_m", "m"], ["_s", "s"]];
 
 // A table of metrics [{name, value, limit}], those above their limit marked; units end their names.
 export function figures(metrics) {

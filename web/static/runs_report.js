@@ -4,7 +4,7 @@ import { get, request } from "./api.js";
 import { element } from "./format.js";
 
 const POLL = 700; // ms
-const KINDS = [[".html", "Open report"], [".pdf", "PDF"]];
+const KINDS = [[".html", "Full report"], [".pdf", "PDF"]];
 
 export class RunReport {
   constructor(isOperator) {
