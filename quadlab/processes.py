@@ -54,7 +54,7 @@ class Vehicle:
     """revision of its firmware; motors start with no other"""
     data: Folder = None
     """data folder"""
-    rate: Rate | None = None
+    rate: Annotated[int | None, tyro.conf.arg(metavar="HZ")] = None
     """IMU samples and ticks a second, 60 to 1000; one port carries 338, two carry 677 (default:
     500, with one port 300)"""
     in_process: bool = False
