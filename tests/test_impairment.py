@@ -1,4 +1,4 @@
-"""The impaired link of the benchmarks does to packets what it says, by its own clock and for real."""
+"""The benchmarks' impaired link does to packets what it says: by its own clock, and for real."""
 
 from __future__ import annotations
 
