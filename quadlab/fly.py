@@ -235,7 +235,7 @@ def write_report(
     """The page, the PDF and what the experiment itself writes, beside the log."""
     from console.experiments.client import Reporting
     from console.reports.report import write_report as write_pages
-    from quadlab.log import new_defaults
+    from quadlab.log_commands.report import new_defaults
 
     files = write_pages(log, log.parent, result=result, proposal=proposal, defaults=new_defaults)
     if isinstance(experiment, Reporting):

@@ -15,7 +15,6 @@ from quadlab.data_folder import open_data_folder
 from quadlab.page_options import PageOptions, say_authority
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
-from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
 
 Settings = Annotated[
@@ -55,8 +54,9 @@ class Vehicle:
     """revision of its firmware; motors start with no other"""
     data: Folder = None
     """data folder"""
-    rate: Rate = DEFAULT_RATE
-    """IMU samples and ticks a second, 60 to 1000; one port carries 338, two carry 677"""
+    rate: Annotated[int | None, tyro.conf.arg(metavar="HZ")] = None
+    """IMU samples and ticks a second, 60 to 1000; one port carries 338, two carry 677 (default:
+    500, with one port 300)"""
     in_process: bool = False
     """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447
@@ -76,7 +76,7 @@ class Vehicle:
             return serial_ports.find(self.serial, identity)
         if self.check:
             return serial_ports.check(self.serial, identity)
-        ports = serial_ports.ports_at_rate(
+        ports, rate = serial_ports.ports_at_rate(
             self.serial, self.rate, in_process=self.in_process, identity=identity
         )
         from vehicle.process import run_vehicle
@@ -92,7 +92,7 @@ class Vehicle:
             link_port=self.link_port,
             name=self.name,
             settings=settings,
-            rate=self.rate,
+            rate=rate,
             identity=identity,
         )
 

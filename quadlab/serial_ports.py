@@ -8,7 +8,12 @@ import sys
 from collections.abc import Sequence
 
 from quadrotor.errors import LinkError, UsageError
-from vehicle_link.serial.capacity import check_rate, rate_below, samples_a_second
+from vehicle_link.serial.capacity import (
+    DEFAULT_RATE,
+    check_rate,
+    default_rate,
+    samples_a_second,
+)
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
 
@@ -52,30 +57,35 @@ def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str
 
 
 def ports_at_rate(
-    words: Sequence[str], rate: int, *, in_process: bool, identity: Identity = THE_ONE
-) -> list[str]:
-    """The ports to fly with at `rate` (Hz), none when the vehicle is simulated in process.
+    words: Sequence[str], rate: int | None, *, in_process: bool, identity: Identity = THE_ONE
+) -> tuple[list[str], int]:
+    """The ports to fly with, none when the vehicle is simulated in process; and Hz.
+
+    Args: `rate` in Hz, None for what the ports carry.
 
     Raises UsageError when they do not carry it, LinkError when one is a file or a folder, and as
     `flight_ports`.
     """
-    check_rate(rate, None)
+    if rate is not None:
+        check_rate(rate, None)
     if in_process:
         if words:
             raise UsageError(
                 f"--in-process flies a simulated vehicle without ports, and --serial has "
                 f"{','.join(words)}; leave one of the two out"
             )
-        return []
-    if rate > samples_a_second(MOST):  # whatever the ports will be: they need not be looked for
-        check_rate(rate, MOST)
+        return [], DEFAULT_RATE if rate is None else rate
+    if rate is not None and rate > samples_a_second(MOST):
+        check_rate(rate, MOST)  # whatever the ports will be: they need not be looked for
     ports = flight_ports(words, identity)
     for port in ports:
         if os.path.exists(port) and not stat.S_ISCHR(os.stat(port).st_mode):
             # At once: opening it is the flight process's, seconds later.
             raise LinkError(f"serial port {port} cannot be opened: {NO_DEVICE}")
+    if rate is None:
+        return ports, default_rate(len(ports))
     check_rate(rate, len(ports))
-    return ports
+    return ports, rate
 
 
 def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
@@ -100,8 +110,7 @@ def find(words: Sequence[str], identity: Identity = THE_ONE) -> int:
         if len(group) > 1:
             _print(f"ports of one microcontroller: {', '.join(device.path for device in group)}")
     ports = choose_ports(devices, identity.robot_id, identity.firmware)
-    slower = f" --rate {rate_below(1)}" if len(ports) == 1 else ""
-    _print(f"fly with: --serial {','.join(ports)}{slower}{_other_words(identity)}")
+    _print(f"fly with: --serial {','.join(ports)}{_other_words(identity)}")
     return 0
 
 

@@ -1,7 +1,7 @@
 """What a connection to the microcontroller is worth, measured for a second (`--check`).
 
-Nothing is switched on: the microcontroller is asked who it is, told to mirror the IMU, and asked
-for its battery again and again.
+Nothing is switched on: the microcontroller is asked who it is, told to mirror the IMU, asked for
+its motors' controllers, and for its battery again and again.
 """
 
 from __future__ import annotations
@@ -16,11 +16,18 @@ import numpy as np
 
 from quadrotor.errors import LinkError
 from vehicle.imu_calibration import ImuCalibration
+from vehicle.motor_bus import REFERENCES, MotorBus
 from vehicle.realtime import RealTime, become_real_time
 from vehicle_link.serial.commands import decode_data, encode_request
 from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding
-from vehicle_link.serial.exchange import MIRROR_KEY, Exchange, decode_reply, mirror
+from vehicle_link.serial.exchange import (
+    Answer,
+    Exchange,
+    ask,
+    decode_reply,
+    mirror,
+)
 from vehicle_link.serial.frames import Frame, FrameDecoder
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.ids import MIRROR, Id
@@ -28,7 +35,7 @@ from vehicle_link.serial.port import SerialPort
 from vehicle_link.serial.values import to_si
 
 MEASURED_S = 1.0
-MIRROR_LIMIT_S = 1.0
+ANSWERS_LIMIT_S = 1.0
 QUESTION_PERIOD_S = 0.02
 """On each port; what the answers take of the line is little beside the samples."""
 ANSWER_LIMIT_S = 0.1
@@ -76,11 +83,11 @@ def check_connection(
     if not problems:
         real_time = ask_for_real_time()
         try:
-            measured = _measure(paths)
+            lines, motors = _measure(paths)
         except LinkError as error:
             problems = [str(error)]
         else:
-            problems = _report(measured, say)
+            problems = _report(lines, say) + _report_motors(*motors, say)
         say(real_time.refusal or "real time: SCHED_FIFO granted, memory locked")
     for problem in problems:
         say(f"not good: {problem}")
@@ -141,13 +148,17 @@ class _Line:
                 self.asked_s = None
 
 
-def _measure(paths: Sequence[str]) -> list[_Line]:
-    """Raises LinkError when a port is gone or the mirror is not confirmed."""
+def _measure(paths: Sequence[str]) -> tuple[list[_Line], tuple[int, str]]:
+    """The lines, and what `_look_at_motors` gives.
+
+    Raises LinkError when a port is gone or the mirror is not confirmed.
+    """
     lines: list[_Line] = []
     try:
         for path in paths:
             lines.append(_Line(SerialPort(path)))
         _choose_mirror(lines)
+        motors = _look_at_motors(lines)
         for line in lines:  # what came before does not count
             line.frames = line.decoder.damaged = 0
         deadline_s = time.monotonic() + MEASURED_S
@@ -159,21 +170,35 @@ def _measure(paths: Sequence[str]) -> list[_Line]:
     finally:
         for line in lines:
             line.port.close()
-    return lines
+    return lines, motors
 
 
 def _choose_mirror(lines: Sequence[_Line]) -> None:
     exchange = Exchange([mirror(MIRROR)])
-    deadline_s = time.monotonic() + MIRROR_LIMIT_S
-    while exchange.open:
-        now_s = time.monotonic()
-        if now_s > deadline_s:
-            raise LinkError("it did not confirm what to mirror; check its firmware")
+    _until_answered(lines, exchange, lambda key, answer: None)
+    if exchange.open:
+        raise LinkError("it did not confirm what to mirror; check its firmware")
+
+
+def _look_at_motors(lines: Sequence[_Line]) -> tuple[int, str]:
+    """How many motors were told about, and what is wrong with their controllers."""
+    bus, exchange = MotorBus(), Exchange([ask(id) for id in REFERENCES])
+    _until_answered(lines, exchange, bus.take)
+    return len(REFERENCES) - len(exchange.open), bus.why
+
+
+def _until_answered(
+    lines: Sequence[_Line], exchange: Exchange, take: Callable[[int, Answer], object]
+) -> None:
+    """Ask on the first port, at most for ANSWERS_LIMIT_S."""
+    deadline_s = time.monotonic() + ANSWERS_LIMIT_S
+    while exchange.open and (now_s := time.monotonic()) < deadline_s:
         for frame in exchange.service(now_s, _STOPPED):
             lines[0].port.write(frame)
         for _, received in _receive(lines):
             reply = decode_reply(received)
-            if reply is not None and reply[0] == MIRROR_KEY:
+            if reply is not None:
+                take(*reply)
                 exchange.settle(*reply)
 
 
@@ -214,6 +239,15 @@ def _report(lines: Sequence[_Line], say: Say) -> list[str]:
     problems += _report_round_trips(lines, say)
     _report_gyroscope(lines, say)
     return problems
+
+
+def _report_motors(told: int, why: str, say: Say) -> list[str]:
+    if why:
+        return [why]
+    if told < len(REFERENCES):
+        return [f"the microcontroller tells of {told} of {len(REFERENCES)} motors; try again"]
+    say("motors' controllers: all four answer")
+    return []
 
 
 def _report_round_trips(lines: Sequence[_Line], say: Say) -> list[str]:

@@ -28,6 +28,9 @@ _RETRY = {
     "exit_on_failure": False,
     "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
 }
+_VEHICLES = "vehicle"
+"""Region of the vehicles. A router passes nothing on within one region, where peers see each other
+by themselves; ROS 2 nodes are peers, too, and could not reach a vehicle otherwise."""
 _QUEUES = {
     "control": 2,
     "real_time": 4,
@@ -49,6 +52,7 @@ def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Se
     check_certificate(tls, "vehicle")
     config = _link_config("peer", tls, "vehicle")
     config["listen"] = {"endpoints": [_quic(host, port)]}
+    config["region_name"] = _VEHICLES
     return _open(config, f"UDP port {port} of {host}")
 
 
@@ -74,6 +78,12 @@ def station_session(
     config = _link_config("router", tls, "station")
     config["connect"] = {"endpoints": [_quic(host, port)], **_RETRY}
     config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
+    config["gateway"] = {
+        "south": [
+            {"filters": [{"region_names": [_VEHICLES]}]},
+            {"filters": [{"modes": ["client", "peer"]}]},
+        ]
+    }
     return _open(config, f"TCP port {loopback_port} of {loopback_host}")
 
 

@@ -11,7 +11,6 @@ from typing import Any
 from fastapi import FastAPI, HTTPException, Request, WebSocket
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, Response
-from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException as StarletteHTTPException
 
 from quadrotor.errors import (
@@ -39,6 +38,7 @@ from web.reports import add_reports
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
+from web.static_files import KeptFiles
 from web.summary import Summary
 from web.tuning.routes import add_tuning
 
@@ -62,6 +62,7 @@ def create_app(
         docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
     )  # fmt: skip
     _add_error_handlers(app)
+    app.mount("/static", KeptFiles(STATIC))  # the first to be looked at: most requests are these
     _add_reading(app, parts)
     _add_commands(app, parts)
     _add_view(app, parts)
@@ -77,7 +78,6 @@ def create_app(
     add_reports(app, parts)
     add_beacons(app, parts)
     add_tuning(app, parts)
-    app.mount("/static", StaticFiles(directory=STATIC))
     return app
 
 

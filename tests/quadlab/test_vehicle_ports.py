@@ -87,8 +87,14 @@ def test_a_rate_that_cannot_be_flown_is_refused_before_anything_starts(
 
 
 def test_in_process_there_are_no_ports() -> None:
-    assert ports_at_rate([], 1000, in_process=True) == []
-    assert ports_at_rate(["/dev/a"], 300, in_process=False) == ["/dev/a"]
+    assert ports_at_rate([], 1000, in_process=True) == ([], 1000)
+    assert ports_at_rate(["/dev/a"], 250, in_process=False) == (["/dev/a"], 250)
+
+
+def test_without_a_rate_the_ports_decide() -> None:
+    assert ports_at_rate(["/dev/a"], None, in_process=False) == (["/dev/a"], 300)
+    assert ports_at_rate(["/dev/a", "/dev/b"], None, in_process=False)[1] == 500
+    assert ports_at_rate([], None, in_process=True) == ([], 500)
 
 
 @pytest.fixture
@@ -116,7 +122,7 @@ def robot_7() -> Iterator[str]:
 @pytest.mark.parametrize(
     ("options", "status", "told"),
     [
-        (["--robot-id", "7", "--firmware", "3"], 0, "--rate 300 --robot-id 7 --firmware 3"),
+        (["--robot-id", "7", "--firmware", "3"], 0, "--robot-id 7 --firmware 3"),
         (["--firmware", "3"], 1, "looked for is robot 1: give its ports, or fly this one with "),
         (["--robot-id=7"], 1, "looked for is firmware 1: install that one, or fly with --firmware"),
     ],

@@ -27,14 +27,15 @@ REFUSED = RealTime(False, False, "not real time: SCHED_FIFO 50 refused")
 class Simulator(threading.Thread):
     """`quadlab simulator` in a thread."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, parameters: SimulatorParameters | None = None) -> None:
         super().__init__(daemon=True)
+        self._parameters = parameters or SimulatorParameters()
         self.paths = [str(folder / "mcu0"), str(folder / "mcu1")]
         self._folder = folder
         self._stop_asked = threading.Event()
 
     def run(self) -> None:
-        run(SimulatorParameters(), self._folder, None, stop=self._stop_asked)
+        run(self._parameters, self._folder, None, stop=self._stop_asked)
 
     def end(self) -> None:
         self._stop_asked.set()
@@ -70,6 +71,7 @@ def test_a_good_connection_is_measured_and_told(simulator: Simulator) -> None:
     assert rates is not None
     assert min(map(int, rates.groups())) > 0
     assert "damaged frames: 0 of " in text
+    assert "motors' controllers: all four answer" in text
     assert re.search(r"round trip of a question: [\d.]+ ms p50, [\d.]+ ms at most; \d+ of", text)
     gyroscope = re.search(r"mean (.+), (.+), (.+) deg/s, deviation (.+) deg/s$", text, re.MULTILINE)
     assert gyroscope is not None
@@ -77,6 +79,16 @@ def test_a_good_connection_is_measured_and_told(simulator: Simulator) -> None:
     assert (x, y, z) == pytest.approx((0.9, -0.7, 0.5), abs=0.2)  # the simulated drift
     assert 0.2 < deviation < 0.6
     assert text.endswith(f"{REFUSED.refusal}\ngood")
+
+
+def test_a_motor_whose_controller_is_silent_is_named(tmp_path: Path) -> None:
+    simulator = Simulator(tmp_path, SimulatorParameters(missing_motor=3))
+    simulator.start()
+    good, said = check(simulator.paths)
+    simulator.end()
+    assert not good
+    line = "not good: no answer from the controller of motor rear on the motors' bus; check plug"
+    assert any(one.startswith(line) for one in said), said
 
 
 def test_a_port_that_stops_meanwhile_is_one_line(simulator: Simulator) -> None:

@@ -17,6 +17,8 @@ from urllib.parse import parse_qs, urlsplit
 import httpx
 import pytest
 import uvicorn
+from starlette.responses import HTMLResponse
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bearing_sim.emulator import BearingParameters
 from console.catalogue import Catalogue, RunEntry
@@ -360,6 +362,10 @@ def tune_site(
 class serving:  # noqa: N801 - used as `with serving(...)`
     """Runs the whole process in a thread; `stop` and start again keep the data folder."""
 
+    view: str | None = None
+    """The document served in place of viser's; None for viser. The browser could put it there
+    itself, but then asks its driver about each of a page's hundred files."""
+
     def __init__(
         self,
         data: Path,
@@ -389,7 +395,7 @@ class serving:  # noqa: N801 - used as `with serving(...)`
             data=data, base_url=base, vehicle="quad1", token=token, connect=connect,
             catalogue=catalogue, show_link=show, view_server=view_server,
         )  # fmt: skip
-        self._server: uvicorn.Server = server(app, tls)
+        self._server: uvicorn.Server = server(_with_view(app), tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
         )
@@ -405,6 +411,19 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         self._thread.join(timeout=15.0)
         self._listener.close()
         assert not self._thread.is_alive()
+
+
+def _with_view(app: ASGIApp) -> ASGIApp:
+    async def serve(scope: Scope, receive: Receive, send: Send) -> None:
+        blank = serving.view is not None and scope["type"] == "http"
+        answer = HTMLResponse(serving.view) if blank and _is_view(scope) else app
+        await answer(scope, receive, send)
+
+    return serve
+
+
+def _is_view(scope: Scope) -> bool:
+    return str(scope["path"]).startswith("/viser/")
 
 
 def wait_until(condition: Callable[[], bool], bound: float = 20.0) -> None:

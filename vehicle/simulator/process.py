@@ -66,13 +66,14 @@ def run(
     terminals: list[PseudoTerminal] = []
     lines: list[Uart] = []
     publisher = None
+    # Before there are devices: who finds one may take it that the microcontroller is switched on.
+    SimulatedVehicle(parameters).warm_up()
     try:
         for index in (0, 1):
             terminals.append(PseudoTerminal(folder / f"mcu{index}"))
             lines.append(Uart(terminals[-1]))
         simulated = SimulatedVehicle(parameters, lines)
         live = LiveParameters(parameters)
-        simulated.warm_up()
         if loopback_port is not None:
             connect = connect_to_station(loopback_port, vehicle, live)
             publisher = TruthPublisher(connect, vehicle)

@@ -63,6 +63,29 @@ class SchemaLayouts:
         except (TypesysError, UnicodeDecodeError, ValueError) as error:
             raise LogFormatError(f"the description of {schema.name} cannot be read") from error
         self._types: Mapping[str, Any] = {**typestore().fielddefs, **found}
+        self._found = found
+
+    @property
+    def foreign(self) -> list[str]:
+        """Message types in it that have other fields than ours of the same name."""
+        ours = typestore().fielddefs
+        return [name for name, (_, fields) in self._found.items()
+                if name in ours and list(fields) != list(ours[name][1])]  # fmt: skip
+
+    @property
+    def grows(self) -> bool:
+        """Whether a message may have more numbers than another one."""
+        return self._grows(self._name)
+
+    def _grows(self, name: str) -> bool:
+        return any(
+            (kind == Nodetype.SEQUENCE and details[0] != (Nodetype.BASE, ("string", 0)))
+            or (kind == Nodetype.NAME and self._grows(str(details)))
+            or (kind == Nodetype.ARRAY and details[0][0] == Nodetype.NAME
+                and self._grows(str(details[0][1])))
+            for key, (kind, details) in self._types[name][1]
+            if key not in _NAMELESS
+        )  # fmt: skip
 
     def of(self, payload: bytes) -> PayloadLayout:
         """Raises LogFormatError when the bytes are no such message."""

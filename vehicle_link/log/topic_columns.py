@@ -22,7 +22,7 @@ from vehicle_link.messages import decode
 MOST_LAYOUTS = 200
 """Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
 
-Floats = npt.NDArray[np.float32]
+Floats = npt.NDArray[np.floating[Any]]
 Stamps = npt.NDArray[np.int64]
 
 
@@ -37,6 +37,7 @@ class Columns:
     numbers: dict[str, Floats] = field(default_factory=dict)  # (N,) each, NaN where there is none
     texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from there
     payloads: list[bytes] = field(default_factory=list)  # of topics wanted whole
+    grows: bool = False  # a later block may have numbers more
 
 
 class Batch(NamedTuple):
@@ -53,9 +54,12 @@ class ColumnReader:
         whole: ends of topic names (`/events`) whose payloads are wanted too.
         wanted: paths of the numbers and texts to be read by last part of the topic's name; of
             other topics only the times. None for all there are.
+        topics: only these; None for all.
+        dtype: of the numbers; float64 keeps them as they are, whole ones beyond 2^53 apart.
 
     Attributes:
         problems: one line for each topic that could not be read.
+        foreign: message types that have other fields here than in this version.
 
     Raises LogFormatError or StorageError.
     """
@@ -65,11 +69,14 @@ class ColumnReader:
         path: Path,
         whole: tuple[str, ...] = (),
         wanted: Mapping[str, Collection[str]] | None = None,
+        topics: Collection[str] | None = None,
+        dtype: npt.DTypeLike = np.float32,
     ) -> None:
         self.log = BlockReader(path)
         self._wanted = wanted
         self.problems: dict[str, str] = {}
-        self._whole = whole
+        self.foreign: set[str] = set()
+        self._whole, self._chosen, self._dtype = whole, topics, np.dtype(dtype)
         self._topics: dict[int, _TopicReader | None] = {}
 
     def __iter__(self) -> Iterator[Batch]:
@@ -89,17 +96,20 @@ class ColumnReader:
         reader: _TopicReader | None = None
         channel = self.log.channels.get(channel_id)
         schema = self.log.schemas.get(channel.schema_id) if channel else None
-        if channel is not None and schema is not None:
+        chosen = channel is not None and (self._chosen is None or channel.topic in self._chosen)
+        if channel is not None and schema is not None and chosen:
             try:
                 if channel.message_encoding != "cdr":
                     raise LogFormatError(f"messages in {channel.message_encoding!r}; only cdr")
                 layouts = SchemaLayouts(schema)
+                self.foreign.update(layouts.foreign)
                 paths = None
                 if self._wanted is not None:
                     paths = frozenset(self._wanted.get(channel.topic.rsplit("/", 1)[-1], ()))
                 reader = _TopicReader(
-                    channel.topic, schema.name, layouts, channel.topic.endswith(self._whole), paths
-                )
+                    channel.topic, schema.name, layouts, channel.topic.endswith(self._whole),
+                    paths, self._dtype,
+                )  # fmt: skip
             except LogFormatError as error:
                 self.problems[channel.topic] = str(error)
         self._topics[channel_id] = reader
@@ -114,12 +124,15 @@ class _TopicReader:
         layouts: SchemaLayouts,
         whole: bool,
         paths: frozenset[str] | None,
+        dtype: np.dtype[Any],
     ) -> None:
+        self._dtype = dtype
         self._topic = topic
         self._type_name = type_name
         self._layouts = layouts
         self._whole = whole
         self._paths = paths  # of the numbers and texts wanted, None for all
+        self._grows = layouts.grows
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
         self._last: dict[str, str] = {}
         self.problem = ""  # the first message that could not be read
@@ -132,6 +145,7 @@ class _TopicReader:
         out = Columns(
             self._topic, self._type_name,
             field_at(data, places, 15, "<i8"), field_at(data, places, 23, "<i8"),
+            grows=self._grows,
         )  # fmt: skip
         texts: dict[str, npt.NDArray[Any]] = {}
         for size in np.unique(sizes).tolist() if self._paths != frozenset() else ():
@@ -171,7 +185,7 @@ class _TopicReader:
             here = left & layout.fits(rows)
             if here.any():
                 whole = bool(here.all())
-                _fill(rows if whole else rows[here], chosen[here], layout, out, texts)
+                _fill(rows if whole else rows[here], chosen[here], layout, out, texts, self._dtype)
             left &= ~here
 
     def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:
@@ -204,6 +218,7 @@ def _fill(
     layout: PayloadLayout,
     out: Columns,
     texts: dict[str, npt.NDArray[Any]],
+    dtype: np.dtype[Any],
 ) -> None:
     count = len(out.log_ns)
     if layout.numbers:
@@ -219,7 +234,7 @@ def _fill(
         for path in layout.numbers:
             column = out.numbers.get(path)
             if column is None:
-                column = out.numbers[path] = np.full(count, np.nan, np.float32)
+                column = out.numbers[path] = np.full(count, np.nan, dtype)
             with np.errstate(over="ignore", invalid="ignore"):
                 column[chosen] = read[path]
     for path, pieces in layout.texts.items():

@@ -11,6 +11,7 @@ DATA_FRAME = 34
 """Bytes of a `D` frame. The commands the other way take 14, so the samples are the bound."""
 RATE_MIN, RATE_MAX = 60, 1000
 DEFAULT_RATE = 500
+"""Of two ports."""
 
 
 def samples_a_second(ports: int) -> int:
@@ -31,7 +32,7 @@ def check_rate(rate: int, ports: int | None) -> None:
     if not RATE_MIN <= rate <= RATE_MAX:
         raise UsageError(
             f"--rate {rate} is not allowed; allowed are {RATE_MIN} to {RATE_MAX} Hz, "
-            f"{DEFAULT_RATE} is the default"
+            f"{DEFAULT_RATE} is the default, {default_rate(1)} with one port"
         )
     if ports is None or rate <= samples_a_second(ports):
         return
@@ -42,6 +43,11 @@ def check_rate(rate: int, ports: int | None) -> None:
         f"({DATA_FRAME} bytes each); {ways}try --rate {rate_below(ports)}, or fly a simulated "
         "vehicle without ports: quadlab vehicle --in-process"
     )
+
+
+def default_rate(ports: int) -> int:
+    """Hz, when nobody chose."""
+    return min(DEFAULT_RATE, rate_below(ports))
 
 
 def rate_below(ports: int) -> int:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from vehicle_link.messages.numbers import Path, number_at, numbers
+from vehicle_link.messages.units import unit_of
 from vehicle_link.topics.table import TOPICS
 from web.signals.signal import Signal, Source
-from web.signals.units import unit_of
 
 MEMBERS = 8
 """Of an array without a fixed length: beacons, axes of sticks, cells of a battery."""

@@ -61,6 +61,15 @@ def chromium(request: pytest.FixtureRequest, chromium_path: str) -> Iterator[Any
         browser.close()
 
 
+@pytest.fixture(scope="module", autouse=True)
+def blank_view(request: pytest.FixtureRequest, serve: Any) -> Iterator[None]:
+    """An empty document in place of the 3D view."""
+    if not getattr(request.module, "NEEDS_WEBGL", False):
+        serve.view = SCENE
+    yield
+    serve.view = None
+
+
 @pytest.fixture
 def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
     """A vehicle that publishes at 50 Hz; call with False to silence it."""
@@ -97,7 +106,6 @@ def open_page(context: Any) -> Iterator[Callable[[Any], Any]]:
     def open_at(site: Any) -> Any:
         page = context.new_page()
         page.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
-        page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
         page.goto(f"{site.base}/?token={site.token}")
         page.wait_for_selector("#behaviors button")
         return page
@@ -162,16 +170,6 @@ def axe() -> Callable[[Any], list[str]]:
         ]
 
     return violations
-
-
-@pytest.fixture(scope="session")
-def blank_scene() -> Callable[[Any], None]:
-    """`blank_scene(page)`: an empty document in place of the 3D view."""
-
-    def blank(page: Any) -> None:
-        page.route("**/viser/**", lambda route: route.fulfill(body=SCENE, content_type="text/html"))
-
-    return blank
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ OPEN = "[role=tab][aria-selected=true]"
 
 
 @pytest.fixture(scope="module")
-def phone(chromium: Any, flying_lab: Any, blank_scene: Any) -> Iterator[Any]:
+def phone(chromium: Any, flying_lab: Any) -> Iterator[Any]:
     """A page of a viewer's; a script's error fails the module."""
     problems: list[str] = []
     with flying_lab.sign_in() as admin, flying_lab.invited(admin, "viewer") as viewer:
@@ -27,7 +27,6 @@ def phone(chromium: Any, flying_lab: Any, blank_scene: Any) -> Iterator[Any]:
     context.add_cookies(cookies)
     page = context.new_page()
     page.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
-    blank_scene(page)
     page.goto(f"{flying_lab.base}/")
     page.wait_for_selector("#who:not(:empty)")
     page.keyboard.press("Escape")  # the help of the first visit

@@ -26,16 +26,13 @@ PARTS = {"calibrating": "#side", "calibrate": "#side"}
 
 
 @pytest.fixture(scope="module")
-def room(
-    flying_lab: Any, chromium: Any, helper: Any, lab_of_pages: Any, blank_scene: Any
-) -> Iterator[Any]:
+def room(flying_lab: Any, chromium: Any, helper: Any, lab_of_pages: Any) -> Iterator[Any]:
     problems: list[str] = []
     width, height = SIZES[0]
     context = chromium.new_context(viewport={"width": width, "height": height})
     context.set_default_timeout(20_000)
     page = context.new_page()
     page.on("pageerror", lambda error: problems.append(f"{error}\n{error.stack}"))
-    blank_scene(page)
     runs = (lab_of_pages.RUN, lab_of_pages.LATER)
     made = helper("browser/page_states").Room(page, flying_lab, runs)
     made.enter(lab_of_pages.NAME, lab_of_pages.PASSWORD)
@@ -66,14 +63,13 @@ def test_a_state_is_accessible_and_nothing_is_crooked(
 
 
 def test_tab_goes_through_everything_in_order_and_the_focus_is_seen(
-    chromium: Any, flying_lab: Any, blank_scene: Any
+    chromium: Any, flying_lab: Any
 ) -> None:
     with flying_lab.sign_in() as admin:
         cookies = flying_lab.cookies_of(admin)
     context = chromium.new_context(viewport={"width": 1440, "height": 900})
     context.add_cookies(cookies)
     page = context.new_page()
-    blank_scene(page)
     page.goto(f"{flying_lab.base}/")
     page.wait_for_selector("#behaviors button")
     page.wait_for_selector("#arm:enabled")

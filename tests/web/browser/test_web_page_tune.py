@@ -136,7 +136,6 @@ def test_a_viewer_sees_tests_and_flies_none(
         url = admin.post("/api/invitations", json={"role": "viewer"}).json()["url"]
     context.clear_cookies()
     page = context.new_page()
-    page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
     page.goto(url)
     page.wait_for_selector("#behaviors button")
     page.click("[data-tab=tune]")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
+
+from vehicle_link.messages.numbers import numbers
 
 _UNITS: dict[str, dict[str, str]] = {
     "geometry_msgs/msg/Pose": {"position": "m"},
@@ -13,11 +16,17 @@ _UNITS: dict[str, dict[str, str]] = {
         "voltage": "V", "temperature": "°C", "current": "A", "charge": "Ah", "capacity": "Ah",
         "design_capacity": "Ah", "cell_voltage": "V", "cell_temperature": "°C",
     },
+    "quadlab_msgs/msg/Actuators": {
+        "thrust": "N", "torque": "N m", "thrusts": "N", "motor_references": "count",
+    },
+    "quadlab_msgs/msg/Mark": {"time": "s"},
     "quadlab_msgs/msg/Reference": {
         "jerk": "m/s³", "snap": "m/s⁴", "yaw_rate": "rad/s", "yaw_acceleration": "rad/s²",
     },
     "quadlab_msgs/msg/EstimatorStatus": {
-        "mass_variance": "kg²", "position_innovation": "m", "attitude_innovation": "rad",
+        "mass": "kg", "mass_variance": "kg²", "accelerometer_bias": "m/s²",
+        "gyroscope_bias": "rad/s", "measurement_age": "s",
+        "position_innovation": "m", "attitude_innovation": "rad",
     },
     "quadlab_msgs/msg/EstimatorComparison": {"duration": "s", "sigma": "rad"},
     "quadlab_msgs/msg/EstimatorResult": {
@@ -41,6 +50,19 @@ _UNITS: dict[str, dict[str, str]] = {
     },
     "quadlab_msgs/msg/ExperimentStatus": {"elapsed": "s", "planned": "s"},
 }  # fmt: skip
+
+
+def unit_of_path(type_name: str, path: str) -> str:
+    """Of one of `numbers`' fields by its path without places in arrays (`pose.pose.position.x`)."""
+    return _units_of(type_name).get(path, "")
+
+
+@cache
+def _units_of(type_name: str) -> dict[str, str]:
+    return {
+        ".".join(step for step in path if isinstance(step, str)): unit_of(fields)
+        for path, fields in numbers(type_name, 1)
+    }
 
 
 def unit_of(fields: Sequence[tuple[str, str]]) -> str:

@@ -1,0 +1,1 @@
+"""Logs as tables for other programs: CSV, Parquet, MATLAB."""

@@ -1,0 +1,72 @@
+"""Write a log's tables as files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from console.log_export.formats import ColumnFiles, Format, MatFile
+from console.log_export.tables import Tables
+from quadrotor.errors import StorageError, UsageError
+
+FORMATS = ("csv", "parquet", "mat")
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """What was written; `problems` has a line for each topic that could not be read."""
+
+    files: tuple[Path, ...]
+    rows: int
+    problems: tuple[str, ...]
+
+
+def export(
+    log: Path,
+    folder: Path,
+    kind: str,
+    topics: Sequence[str] = (),
+    begin: float = 0.0,
+    end: float = np.inf,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Exported:
+    """Args as `console.log_export.tables.Tables`; `progress` is told the share done, 0…1.
+
+    Raises UsageError, LogFormatError, or StorageError; then no file has been made.
+    """
+    if kind not in FORMATS:
+        raise UsageError(f"unknown format {kind!r}; there are {', '.join(FORMATS)}")
+    tables = Tables(log, topics, begin, end)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise UsageError(
+                f"{folder} is not empty; export into a new folder, nothing is overwritten"
+            )
+    except OSError as error:
+        raise StorageError(f"cannot write into {folder}: {error.strerror}") from error
+    files: Format = (
+        MatFile(folder, log.stem, tables.run)
+        if kind == "mat"
+        else ColumnFiles(folder, kind, tables.run)
+    )
+    rows = 0
+    try:
+        for piece in tables:
+            files.write(piece)
+            rows += piece.rows
+            progress(piece.share)
+        written = files.finish()
+    except OSError as error:
+        files.discard()
+        why = error.strerror or str(error)
+        raise StorageError(f"cannot write into {folder}: {why}; nothing was exported") from error
+    except BaseException:
+        files.discard()
+        raise
+    return Exported(
+        tuple(written), rows, tuple(f"{topic}: {line}" for topic, line in tables.problems.items())
+    )

@@ -1,0 +1,175 @@
+"""Where tables go: one file a topic for CSV and Parquet, one of all for MATLAB.
+
+Files are written aside and take their names when all is done, so that what has the name is whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from console.log_export.tables import Array, Piece
+from quadrotor.errors import StorageError
+
+ROWS = 10_000
+"""Written at once."""
+MAT_NAME = 63
+"""Characters MATLAB allows for a name."""
+MAT_BYTES = 2**31
+"""Of one variable in the file's version 5."""
+
+
+class Format(Protocol):
+    def write(self, piece: Piece) -> None: ...
+
+    def finish(self) -> list[Path]:
+        """The files, under their names."""
+
+    def discard(self) -> None:
+        """Remove all that was written."""
+
+
+class ColumnFiles:
+    """CSV or Parquet by pyarrow.
+
+    Units stand behind the names in CSV (`pose.pose.position.x [m]`) and in the fields' metadata
+    in Parquet, whose schema's metadata has the run's.
+    """
+
+    def __init__(self, folder: Path, kind: str, run: Mapping[str, str]) -> None:
+        self._folder, self._kind, self._run = folder, kind, run
+        self._writers: dict[str, Any] = {}
+        self._waiting: dict[str, list[Piece]] = {}
+        self._files: list[Path] = []
+
+    def write(self, piece: Piece) -> None:
+        waiting = self._waiting.setdefault(piece.topic, [])
+        waiting.append(piece)
+        if sum(one.rows for one in waiting) >= ROWS:
+            self._flush(piece.topic)
+
+    def finish(self) -> list[Path]:
+        for topic in list(self._waiting):
+            self._flush(topic)
+        for topic, writer in self._writers.items():
+            writer.close()
+            self._aside(topic).replace(self._path(topic))
+            self._files.append(self._path(topic))
+        return self._files
+
+    def discard(self) -> None:
+        for topic, writer in self._writers.items():
+            with contextlib.suppress(OSError):  # the disk that is full, once more
+                writer.close()
+            self._aside(topic).unlink(missing_ok=True)
+        for path in self._files:
+            path.unlink(missing_ok=True)
+
+    def _path(self, topic: str) -> Path:
+        return self._folder / f"{topic}.{self._kind}"
+
+    def _aside(self, topic: str) -> Path:
+        return self._folder / f".{topic}.{self._kind}.new"
+
+    def _flush(self, topic: str) -> None:
+        import pyarrow as pa
+
+        pieces, self._waiting[topic] = self._waiting[topic], []
+        if not pieces:
+            return
+        first = pieces[0]
+        schema = self._schema(first)
+        columns = [_concatenated(pieces, name) for name in first.columns]
+        table = pa.Table.from_arrays([pa.array(column) for column in columns], schema=schema)
+        if topic not in self._writers:
+            self._writers[topic] = self._open(topic, schema)
+        self._writers[topic].write_table(table)
+
+    def _schema(self, piece: Piece) -> Any:
+        import pyarrow as pa
+
+        fields = []
+        for name, values in piece.columns.items():
+            unit = piece.units.get(name, "")
+            shown = f"{name} [{unit}]" if unit and self._kind == "csv" else name
+            kind = pa.string() if values.dtype.kind == "O" else pa.from_numpy_dtype(values.dtype)
+            fields.append(pa.field(shown, kind, metadata={"unit": unit} if unit else None))
+        run = {"quadlab.run": json.dumps(dict(self._run)), "quadlab.type": piece.type_name}
+        return pa.schema(fields, metadata=run)
+
+    def _open(self, topic: str, schema: Any) -> Any:
+        if self._kind == "parquet":
+            from pyarrow.parquet import ParquetWriter
+
+            return ParquetWriter(self._aside(topic), schema, compression="zstd")
+        from pyarrow.csv import CSVWriter
+
+        return CSVWriter(self._aside(topic), schema)
+
+
+class MatFile:
+    """One .mat of version 5: a struct a topic, with a struct `units` in it, and `run`."""
+
+    def __init__(self, folder: Path, stem: str, run: Mapping[str, str]) -> None:
+        self._path = folder / f"{stem}.mat"
+        self._aside = folder / f".{stem}.mat.new"
+        self._run = run
+        self._pieces: dict[str, list[Piece]] = {}
+
+    def write(self, piece: Piece) -> None:
+        self._pieces.setdefault(piece.topic, []).append(piece)
+
+    def finish(self) -> list[Path]:
+        """Raises StorageError when a topic is too large for this format."""
+        from scipy.io import savemat
+
+        content: dict[str, Any] = {"run": {_mat_name(k): v for k, v in self._run.items()}}
+        for topic, pieces in self._pieces.items():
+            names = _mat_names(pieces[0].columns)
+            table: dict[str, Any] = {}
+            for name, short in names.items():
+                column = _concatenated(pieces, name)
+                if column.nbytes >= MAT_BYTES:
+                    raise StorageError(
+                        f"{topic} has more rows than a .mat file holds; export less at once with "
+                        "--from and --to, or to parquet"
+                    )
+                table[short] = column
+            units = pieces[0].units
+            table["units"] = {short: units.get(name, "") for name, short in names.items()}
+            content[_mat_name(topic)] = table
+        savemat(self._aside, content, do_compression=True, long_field_names=True, oned_as="column")
+        self._aside.replace(self._path)
+        return [self._path]
+
+    def discard(self) -> None:
+        self._aside.unlink(missing_ok=True)
+
+
+def _concatenated(pieces: list[Piece], name: str) -> Array:
+    if len(pieces) == 1:
+        return pieces[0].columns[name]
+    return np.concatenate([piece.columns[name] for piece in pieces])
+
+
+def _mat_names(columns: Mapping[str, Array]) -> dict[str, str]:
+    """Names that MATLAB allows, all different."""
+    names: dict[str, str] = {}
+    for name in columns:
+        short, number = _mat_name(name), 2
+        while short in names.values():
+            short, number = f"{_mat_name(name)[: MAT_NAME - 4]}_{number}", number + 1
+        names[name] = short
+    return names
+
+
+def _mat_name(name: str) -> str:
+    """`bearings[2].x` → `bearings_2_x`; the whole way of a field is kept from its end."""
+    plain = re.sub(r"\W+", "_", name).strip("_")
+    return plain[-MAT_NAME:].lstrip("_0123456789") or "x"

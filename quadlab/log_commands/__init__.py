@@ -1,0 +1,1 @@
+"""What `quadlab log` does, one file an action or two."""

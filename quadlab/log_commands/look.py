@@ -1,0 +1,58 @@
+"""`quadlab log info LOG` and `quadlab log check LOG`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from quadlab.log_commands.log_file import LogFile, check_log_file
+from quadlab.log_commands.progress import progress_of
+
+
+@dataclass
+class Info:
+    """What a log holds: topics, counts, rates, and what it was recorded with."""
+
+    file: LogFile
+    """the MCAP file"""
+
+    def run(self) -> int:
+        from vehicle_link.log.summary import summarize
+
+        check_log_file(self.file)
+        found = summarize(self.file)
+        print(
+            f"{self.file}: {found.message_count} messages in {found.duration:.1f} s, "
+            f"{found.bytes / 1e6:.1f} MB{', torn once and mended' if found.recovered else ''}"
+        )
+        if found.tear:
+            print(f"  it is torn: it {found.tear}; mend it with: quadlab log recover {self.file}")
+        for topic, one in sorted(found.topics.items()):
+            rate = one.count / found.duration if found.duration > 0 else 0.0
+            print(f"  {topic:32} {one.count:8} {rate:8.1f} Hz  {one.type_name}")
+        for name, text in sorted(found.run.items()):
+            print(f"  {name}: {text}")
+        for name, size in sorted(found.attachments.items()):
+            print(f"  attached: {name}, {size} bytes")
+        return 0
+
+
+@dataclass
+class Check:
+    """Whether a log is sound: whole, countable, readable, nothing missing in between."""
+
+    file: LogFile
+    """the MCAP file"""
+
+    def run(self) -> int:
+        from vehicle_link.log.check import check_log
+
+        check_log_file(self.file)
+        with progress_of(f"checking {self.file.name}") as progress:
+            found = check_log(self.file, progress)
+        for line in found.notes:
+            print(f"note: {line}")
+        for line in found.problems:
+            print(f"not sound: {line}")
+        if not found.problems:
+            print(f"sound: {found.count} messages of {len(found.topics)} topics, read to the end")
+        return 1 if found.problems else 0

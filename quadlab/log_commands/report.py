@@ -1,0 +1,40 @@
+"""`quadlab log report LOG`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from quadlab.log_commands.log_file import LogFile, check_log_file
+from quadlab.processes import Folder
+from quadrotor.parameters import ParameterValue
+
+
+@dataclass
+class Report:
+    """Write figures, metrics, parameters and calibrations of a log as a page and a PDF."""
+
+    file: LogFile
+    """the MCAP file"""
+    out: Folder = None
+    """folder for it (default: beside the log)"""
+    no_pdf: bool = False
+    """only the page"""
+
+    def run(self) -> int:
+        check_log_file(self.file)
+        from console.reports.report import write_report
+
+        folder = self.out or self.file.resolve().parent
+        for path in write_report(self.file, folder, pdf=not self.no_pdf, defaults=new_defaults):
+            print(path)
+        return 0
+
+
+def new_defaults() -> dict[str, ParameterValue]:
+    """Of every parameter of this version by name; those of the station begin with `station.`."""
+    from console.parameters import StationTree
+    from quadlab.simulated_flight import FlightParameters
+    from quadrotor.parameters import ParameterStore
+
+    trees = (FlightParameters(), StationTree())
+    return {one.name: one.default for tree in trees for one in ParameterStore(tree).descriptions()}

@@ -1,0 +1,140 @@
+"""Tables hold what the log holds, with units, in every format; a failure leaves no file."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from scipy.io import loadmat
+
+from console.log_export import formats
+from console.log_export.export import export
+from quadlab.__main__ import main
+from quadrotor.errors import StorageError, UsageError
+from vehicle_link.log import LogWriter
+from vehicle_link.messages import encode, header, new
+
+START = 1_769_851_842_123_456_789
+COUNT = 300
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("export") / "run.mcap"
+    with LogWriter(path, {"vehicle": "q", "experiment": "hover"}, {}) as writer:
+
+        def write(topic: str, kind: str, k: int, **fields: Any) -> None:
+            stamp = START + k * 10_000_000
+            message = new(kind, header=header(stamp), **fields)
+            writer.write(f"/q/{topic}", kind, encode(message), stamp + 5, stamp)
+
+        for k in range(COUNT):
+            pose = {"pose": {"position": [0.1 * k, 1.0 / 3.0, -k]}}
+            write("state", "nav_msgs/Odometry", k, pose=pose)
+            seen = 1 + k % 3
+            write("bearings", "quadlab_msgs/BearingArray", k, sigma=0.026,
+                  beacon_ids=list(range(seen)), bearings=[(0.0, 0.0, 1.0)] * seen)  # fmt: skip
+            write("status", "quadlab_msgs/VehicleStatus", k, mode="ready" if k < 100 else "armed")
+    return path
+
+
+@pytest.mark.parametrize("rows", [50, 100_000])
+def test_parquet_holds_the_numbers_exactly_with_units(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int
+) -> None:
+    monkeypatch.setattr(formats, "ROWS", rows)
+    done = export(log, tmp_path / "out", "parquet")
+    assert (done.rows, done.problems) == (3 * COUNT, ())
+    table = parquet.read_table(tmp_path / "out/state.parquet")
+    x, y = (np.array(table[f"pose.pose.position.{axis}"]) for axis in "xy")
+    assert x.tolist() == [0.1 * k for k in range(COUNT)]
+    assert set(y.tolist()) == {1.0 / 3.0}
+    assert table["stamp_ns"][7].as_py() == START + 70_000_000
+    assert table["received_ns"][7].as_py() == START + 70_000_005
+    assert np.array(table["time"])[7] == pytest.approx(0.07)
+    assert table.schema.field("pose.pose.position.x").metadata == {b"unit": b"m"}
+    assert b'"experiment": "hover"' in table.schema.metadata[b"quadlab.run"]
+
+
+def test_texts_are_in_every_row_and_missing_members_are_nan(log: Path, tmp_path: Path) -> None:
+    export(log, tmp_path / "out", "parquet", ["status", "bearings"])
+    modes = parquet.read_table(tmp_path / "out/status.parquet")["mode"].to_pylist()
+    assert modes == ["ready"] * 100 + ["armed"] * 200
+    seen = parquet.read_table(tmp_path / "out/bearings.parquet")
+    third = np.array(seen["bearings[2].z"])
+    assert np.isnan(third).tolist() == [k % 3 < 2 for k in range(COUNT)]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "bearings.parquet", "status.parquet",
+    ]  # fmt: skip
+
+
+def test_csv_names_units_and_a_range_is_cut(log: Path, tmp_path: Path) -> None:
+    assert export(log, tmp_path / "out", "csv", ["/q/state"], 1.0, 1.995).rows == 100
+    with (tmp_path / "out/state.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 100
+    assert float(rows[0]["time [s]"]) == pytest.approx(1.0)
+    assert float(rows[0]["pose.pose.position.x [m]"]) == pytest.approx(10.0)
+    assert "twist.twist.angular.z [rad/s]" in rows[0]
+
+
+def test_matlab_has_a_struct_a_topic_with_units(log: Path, tmp_path: Path) -> None:
+    [path] = export(log, tmp_path / "out", "mat").files
+    content = loadmat(path, simplify_cells=True)
+    state = content["state"]
+    assert state["pose_pose_position_x"][10] == pytest.approx(1.0)
+    assert state["stamp_ns"][0] == START
+    assert state["units"]["pose_pose_position_x"] == "m"
+    assert content["run"]["experiment"] == "hover"
+    assert content["status"]["mode"][150] == "armed"
+
+
+def test_a_wrong_word_makes_nothing(log: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(UsageError, match="no topic 'nix' in this log; there are bearings, state"):
+        export(log, out, "csv", ["nix"])
+    with pytest.raises(UsageError, match="give --from below --to"):
+        export(log, out, "csv", (), 2.0, 1.0)
+    with pytest.raises(UsageError, match=r"--from 99: the log has 3\.0 s"):
+        export(log, out, "csv", (), 99.0)
+    assert not out.exists()
+
+
+def test_nothing_is_overwritten(log: Path, tmp_path: Path) -> None:
+    mine = tmp_path / "state.csv"
+    mine.write_text("mine")
+    with pytest.raises(UsageError, match="is not empty; export into a new folder"):
+        export(log, tmp_path, "csv")
+    assert [p.name for p in tmp_path.iterdir()] == ["state.csv"]
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_a_full_disk_leaves_no_file(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    def full(path: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(StorageError, match="No space left on device; nothing was exported"):
+        export(log, tmp_path / "out", kind)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_the_commands_say_what_they_did(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["log", "check", str(log)]) == 0
+    assert capsys.readouterr().out == "sound: 900 messages of 3 topics, read to the end\n"
+    words = ["log", "export", str(log), "--topics", "state,status", "--out", str(tmp_path / "o")]
+    assert main([*words, "--format", "parquet"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "600 rows in 2 files"
+    assert main(["log", "info", str(log)]) == 0
+    assert "  experiment: hover\n" in capsys.readouterr().out
+    assert main(["log", "check", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1

@@ -1,0 +1,77 @@
+"""The page's files from memory: what a browser gets is what the folder has."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from pathlib import Path
+
+import httpx
+import pytest
+from starlette.applications import Starlette
+from starlette.routing import Mount
+
+from web import static_files
+from web.static_files import KeptFiles
+
+
+@pytest.fixture
+def script(tmp_path: Path) -> Path:
+    path = tmp_path / "files" / "a.js"
+    path.parent.mkdir()
+    path.write_text("first")
+    (tmp_path / "secret").write_text("not of the page")
+    return path
+
+
+class Asker:
+    def __init__(self, folder: Path) -> None:
+        app = Starlette(routes=[Mount("/static", KeptFiles(folder))])
+        self._transport = httpx.ASGITransport(app)
+
+    def __call__(self, path: str, method: str = "GET", **headers: str) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            async with httpx.AsyncClient(transport=self._transport, base_url="http://x") as client:
+                named = {name.replace("_", "-"): value for name, value in headers.items()}
+                return await client.request(method, f"/static/{path}", headers=named)
+
+        return asyncio.run(ask())
+
+
+@pytest.fixture
+def ask(script: Path) -> Asker:
+    return Asker(script.parent)
+
+
+def test_a_file_comes_whole_with_its_type(ask: Asker) -> None:
+    answer = ask("a.js")
+    assert (answer.text, answer.headers["content-length"]) == ("first", "5")
+    assert answer.headers["content-type"].startswith("text/javascript")
+    assert ask("a.js", "HEAD").headers["content-length"] == "5"
+
+
+def test_a_changed_file_is_read_again(ask: Asker, script: Path) -> None:
+    before = ask("a.js").headers["etag"]
+    assert ask("a.js", if_none_match=before).status_code == 304
+    script.write_text("again")
+    os.utime(script, ns=(1, 1))  # as long, and older
+    after = ask("a.js", if_none_match=before)
+    assert (after.status_code, after.text) == (200, "again")
+
+
+def test_a_file_is_read_once(ask: Asker, script: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ask("a.js")
+    monkeypatch.setattr(static_files, "Path", None)
+    assert ask("a.js").text == "first"
+
+
+@pytest.mark.parametrize("path", ["none.js", "", "../secret", "%2e%2e/secret", "a%00b", "x" * 300])
+def test_what_is_not_there_is_404(ask: Asker, path: str) -> None:
+    assert ask(path).status_code == 404
+
+
+def test_a_part_is_a_part_and_nothing_is_written(ask: Asker, script: Path) -> None:
+    part = ask("a.js", range="bytes=1-2")
+    assert (part.status_code, part.text) == (206, "ir")
+    assert ask("a.js", "PUT").status_code == 405
+    assert script.read_text() == "first"
