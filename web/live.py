@@ -30,6 +30,7 @@ STALE: dict[str, float] = {
     "link_status": 1.5,
     "bearings": 0.5,
     "bearing_pose": 0.3,
+    "bench_reading": 0.3,
     "comparison": 0.5,
     "experiment_status": 2.5,
     "preflight": 2.0,

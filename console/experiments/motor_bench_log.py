@@ -11,10 +11,9 @@ import numpy as np
 from console.experiments.bench_file import BenchRecording
 from console.experiments.client import Client
 from console.experiments.log_columns import Array, TopicColumns, read_columns
-from estimation.calibration.dead_time import lag_and_dead_time
 from estimation.calibration.motor_bench import BenchSchedule, BenchSteps, average_steps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
-from estimation.calibration.time_constant import TimeConstant
+from estimation.calibration.time_constant import TimeConstant, lag_and_dead_time
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 

@@ -1,14 +1,19 @@
 """The first-order lag between a motor's reference and its speed (Sec. 5.3 of the paper).
 
-speed' = (gain (ref + offset) - speed) / T. Fitted by the output error: the model is run over the
-recorded references and its whole course compared with the recorded one. A regression from sample
-to sample would take the sensor's noise for a short time constant.
+speed' = (gain (ref + offset) - speed) / T, found by the output error: the model's whole course is
+compared with the recorded one. A regression from sample to sample would take the sensor's noise for
+a short time constant. Beside it stands the dead time of line and sensor, which a fit would take for
+lag: one for each step, as a busy line carries no two of them equally fast.
+
+Reference and sensor have stamps and rates of their own. Between two changes of the reference the
+speed follows an exponential, known in closed form at any time: nothing is resampled.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,13 +22,27 @@ from quadrotor.errors import MeasurementError
 
 Array = npt.NDArray[np.float64]
 
-SAMPLES_MIN = 100
 BOUNDS = (0.001, 0.5)
 """s."""
 FROM_FORCE = (
     "found from force alone: the sensor's own filter and the air's inertia count as lag of the "
     "motor; measure the speed to be sure"
 )
+DEAD_TIME = (-0.02, 0.1)
+"""s; below zero where the clocks of both are apart."""
+SAMPLES_MIN = 50
+BEFORE = 0.1
+"""s of the recording before the first step of the reference: the motor must have settled by then,
+however it was started."""
+AFTER = 0.6
+"""s after a step that tell of the lag."""
+STEP_MIN = 5.0
+"""Counts."""
+APART = 0.2
+"""s between steps, and as many steps, for a dead time of each."""
+STEPS_MAX = 100
+JITTER_MAX = 0.005
+"""s between the dead times of steps, more is told."""
 
 
 @dataclass(frozen=True)
@@ -40,39 +59,70 @@ class TimeConstant:
     warning: str
 
 
-def time_constant_from_speed(period: float, reference: Array, speed: Array) -> TimeConstant:
-    """Of recordings (N,) every `period` (s); the speed in any unit.
+def lag_and_dead_time(
+    reference_time: Array, reference: Array, time: Array, signal: Array, *, is_force: bool = False
+) -> tuple[TimeConstant, float]:
+    """The time constant, and the dead time (s) it was found beside.
 
-    Raises MeasurementError for a recording that is too short, not finite, without a step, or
-    sampled too slowly.
+    Args:
+        reference_time, reference: (M,) s and counts, each held until the next.
+        time, signal: (N,) s, and a speed in any unit, or a force in N whose root stands for it.
+
+    Raises MeasurementError for a recording that is too short, not finite or without a step, or
+    samples too slow for the lag.
     """
-    return _identify(period, reference, speed, "")
+    changes = np.flatnonzero(np.diff(reference)) + 1
+    if len(changes) == 0 or np.ptp(reference) < STEP_MIN:
+        most = np.ptp(reference) if len(reference) else 0.0
+        raise MeasurementError(
+            f"the reference moves by {most:.0f} counts, needed is a step of {STEP_MIN:.0f} or more"
+        )
+    begins = reference_time[changes]
+    inside = (time >= begins[0] - BEFORE) & (time <= reference_time[-1])
+    apart = len(begins) <= STEPS_MAX and np.diff(begins).min(initial=math.inf) > APART
+    if apart:
+        since = time[:, None] - begins
+        inside &= ((since >= -BEFORE) & (since <= AFTER)).any(axis=1)
+    origin = begins[0]  # of an epoch's seconds, microseconds are lost
+    at, shown = time[inside] - origin, signal[inside]
+    if len(at) < SAMPLES_MIN:
+        raise MeasurementError(
+            f"{len(at)} samples since the first step of the reference, needed are {SAMPLES_MIN}"
+        )
+    if not np.isfinite(shown).all():
+        raise MeasurementError("the recording has values that are not finite; repair or repeat it")
+    speed = np.sqrt(np.maximum(shown, 0.0)) if is_force else shown
+    shape = speed - speed.mean()
+    begins = begins - origin
+    held = np.concatenate([reference[:1], reference[changes]])
 
-
-def time_constant_from_force(period: float, reference: Array, force: Array) -> TimeConstant:
-    """Without a speed sensor: the root of the force (N) stands for the speed.
-
-    Raises MeasurementError as `time_constant_from_speed`.
-    """
-    return _identify(period, reference, np.sqrt(np.maximum(force, 0.0)), FROM_FORCE)
-
-
-def _identify(period: float, reference: Array, speed: Array, warning: str) -> TimeConstant:
-    _check(reference, speed)
     from scipy.optimize import least_squares
 
     def miss(unknowns: Array) -> Array:
-        course = _course(period, reference, math.exp(unknowns[0]))
-        system = np.column_stack([course, np.ones(len(course))])
-        solution, *_ = np.linalg.lstsq(system, speed, rcond=None)
-        left: Array = system @ solution - speed
+        course = _course(at, begins + unknowns[1:], held, math.exp(unknowns[0]))
+        course -= course.mean()  # the gain is whatever fits best, and so is the offset
+        left: Array = course * float(course @ shape / (course @ course)) - shape
         return left
 
+    def fitted(start: Array) -> Any:
+        bounds = [[low, high], *([DEAD_TIME] * (len(start) - 1))]
+        scales = [0.1, *([0.001] * (len(start) - 1))]
+        return least_squares(
+            miss, start, bounds=tuple(zip(*bounds, strict=True)), x_scale=scales, diff_step=1e-4,
+            xtol=1e-9, ftol=1e-10,
+        )  # fmt: skip
+
     low, high = (math.log(bound) for bound in BOUNDS)
-    guess = np.linspace(low, high, 12)[1:-1]
-    start = min(guess, key=lambda one: float(np.square(miss(np.array([one]))).sum()))
-    found = least_squares(miss, [start], bounds=([low], [high]), xtol=1e-12, ftol=1e-12)
-    seconds = float(math.exp(found.x[0]))
+    guesses = [
+        np.array((lag, late))
+        for lag in np.linspace(low, high, 12)[1:-1]
+        for late in (0.002, 0.01, 0.03)
+    ]
+    found = fitted(min(guesses, key=lambda one: float(np.square(miss(one)).sum())))
+    if apart:
+        found = fitted(np.concatenate([found.x[:1], np.full(len(begins), found.x[1])]))
+    seconds, dead_times = float(math.exp(found.x[0])), found.x[1:]
+    period = float(np.median(np.diff(at)))
     if not 1.001 * BOUNDS[0] < seconds < 0.999 * BOUNDS[1] or seconds < period:
         raise MeasurementError(
             f"time constant {seconds:.4f} s is at the edge of what {period * 1e3:.1f} ms samples "
@@ -80,32 +130,28 @@ def _identify(period: float, reference: Array, speed: Array, warning: str) -> Ti
             "stands in the recording with its own time"
         )
     rms = float(np.sqrt(np.mean(np.square(found.fun))))
-    information = float((found.jac.T @ found.jac)[0, 0])
-    error = seconds * rms / math.sqrt(information) if information > 0.0 else math.inf
-    return TimeConstant(seconds, error, rms, warning)
-
-
-def _check(reference: Array, speed: Array) -> None:
-    if len(reference) != len(speed) or len(speed) < SAMPLES_MIN:
-        raise MeasurementError(
-            f"{len(reference)} references and {len(speed)} speeds; needed are as many of both, "
-            f"{SAMPLES_MIN} or more"
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    error = seconds * rms * math.sqrt(float(covariance[0, 0]))
+    warnings = [FROM_FORCE] if is_force else []
+    early, late = np.quantile(dead_times, (0.1, 0.9))
+    if late - early > JITTER_MAX:
+        warnings.append(
+            f"references reached the motor {1e3 * early:.0f} to {1e3 * late:.0f} ms late: the line "
+            "or the computers are busy"
         )
-    if not (np.isfinite(reference).all() and np.isfinite(speed).all()):
-        raise MeasurementError("the recording has values that are not finite; repair or repeat it")
-    if np.ptp(reference) < 5.0:
-        raise MeasurementError(
-            f"the reference moves by {np.ptp(reference):.0f} counts, needed is a step of 5 or more"
-        )
+    return TimeConstant(seconds, error, rms, "; ".join(warnings)), float(np.median(dead_times))
 
 
-def _course(period: float, reference: Array, seconds: float) -> Array:
-    """The lagged reference, held between samples, started at rest: shape (N,)."""
-    from scipy.signal import lfilter
-
-    keep = math.exp(-period / seconds)
-    # Sample k has felt the references before it.
-    felt = np.concatenate([reference[:1], reference[:-1]])
-    course, _ = lfilter([1.0 - keep], [1.0, -keep], felt, zi=[keep * reference[0]])
-    out: Array = course
+def _course(time: Array, begins: Array, held: Array, seconds: float) -> Array:
+    """The lagged reference at `time` (N,); references `held` (K + 1,), the first of them since
+    ever, the others from `begins` (K,) on."""
+    begins = np.concatenate([[-math.inf], begins])
+    at_begin = np.empty(len(held))
+    at_begin[0] = held[0]
+    for k in range(1, len(held)):
+        since = begins[k] - begins[k - 1]
+        at_begin[k] = held[k - 1] + (at_begin[k - 1] - held[k - 1]) * math.exp(-since / seconds)
+    part = np.searchsorted(begins, time, side="right") - 1
+    since_begin = np.where(part > 0, time - begins[part], 0.0)
+    out: Array = held[part] + (at_begin[part] - held[part]) * np.exp(-since_begin / seconds)
     return out

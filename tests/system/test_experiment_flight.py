@@ -20,7 +20,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
 ) -> None:
     lab = start_laboratory().sign_in()
     lab.ready()
-    calibrate(lab)
+    calibrate(lab, until)
 
     def status() -> dict[str, Any]:
         return lab.summary().get("experiment") or {}
@@ -63,13 +63,17 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     assert values["estimation.estimator"] == "complementary", "as it was found"
 
 
-def calibrate(lab: Any) -> None:
+def calibrate(lab: Any, until: Callable[..., Any]) -> None:
     """The gyroscope, from a terminal: on the ground, recorded, kept by the vehicle."""
     words = ["gyroscope", "--accept", "--set", "samples=200", "--loopback-port"]
     assert main(["calibrate", *words, str(lab.link_port)]) == 0
     [run] = lab.runs()
     assert (run["report"], run["complete"]) == (True, True)
-    newest = lab.get("/api/calibrations")["history"][0]
-    assert (newest["name"], newest["run_id"]) == ("gyroscope", run["id"])
+
+    def newest() -> tuple[str, str]:
+        history = lab.get("/api/calibrations")["history"] or [{"name": "", "run_id": ""}]
+        return history[0]["name"], history[0]["run_id"]
+
+    until("the vehicle's history", lambda: newest() == ("gyroscope", run["id"]), 10)
     kept = read_attachments(lab.data / "runs" / f"{run['id']}.mcap")["calibrations.json"]
     assert json.loads(kept)["in_force"]["gyroscope"]["requester"] == "start"

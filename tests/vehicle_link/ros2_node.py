@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import queue
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -35,11 +36,16 @@ class Peer:
         self._open: list[Any] = []
         self._publishers: dict[str, Any] = {}
 
-    def graph(self) -> dict[str, Any]:
-        return {
-            "topics": dict(get_topic_names_and_types(timeout=2.0)),
-            "services": dict(get_service_names_and_types(timeout=2.0)),
-        }
+    def graph(self, awaited: str) -> dict[str, Any]:
+        """As soon as this topic is in it."""
+        end = time.monotonic() + WAIT
+        while True:
+            topics = dict(get_topic_names_and_types(timeout=2.0))
+            if awaited in topics or time.monotonic() > end:
+                return {
+                    "topics": topics,
+                    "services": dict(get_service_names_and_types(timeout=2.0)),
+                }
 
     def subscribe(self, topic: str, kind: str) -> bool:
         heard = self._heard[topic] = queue.SimpleQueue()

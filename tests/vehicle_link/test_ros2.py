@@ -262,9 +262,8 @@ def test_the_parameter_services_list_get_describe_set_and_refuse(
 
 
 def test_the_graph_shows_our_topics_and_services(vehicle: Node, peer: Peer) -> None:
-    graph = peer("graph")
-    assert graph["topics"]["/quad1/state"] == ["nav_msgs/msg/Odometry"]
-    assert graph["services"]["/quad1/arm"] == [SERVICES["arm"]]
-    assert graph["services"]["/quad1/vehicle/set_parameters"] == [
-        "rcl_interfaces/srv/SetParameters"
-    ]
+    vehicle.advertise(TOPICS["imu"])
+    graph = peer("graph", "/quad1/imu")
+    assert graph["topics"]["/quad1/imu"] == ["sensor_msgs/msg/Imu"]
+    kind = "rcl_interfaces/srv/SetParameters"
+    assert graph["services"]["/quad1/vehicle/set_parameters"] == [kind]

@@ -7,10 +7,6 @@ import pytest
 
 from estimation.calibration.motor_bench import BenchSchedule, average_steps
 from estimation.calibration.motor_law import identify_motor
-from estimation.calibration.time_constant import (
-    time_constant_from_force,
-    time_constant_from_speed,
-)
 from quadrotor.errors import MeasurementError
 
 SLOPE, OFFSET, RATIO, LAG = 0.0126403, 14.267, 0.0174, 0.047
@@ -64,24 +60,6 @@ def test_seventeen_steps_give_the_law_to_a_fifth_of_a_count(bench: Bench) -> Non
     assert found.steps.reference.max() == 180.0, "190 is beyond the usable range"
 
 
-@pytest.mark.parametrize("source", [time_constant_from_speed, time_constant_from_force])
-def test_the_lag_is_found_within_a_percent(bench: Bench, source) -> None:
-    recorded = bench.speed if source is time_constant_from_speed else bench.force
-    part = slice(0, 6000)
-    found = source(PERIOD, bench.reference[part], recorded[part])
-    assert found.seconds == pytest.approx(LAG, rel=0.01)
-    assert ("force alone" in found.warning) == (source is time_constant_from_force)
-
-
-def test_noise_of_the_speed_does_not_shorten_the_lag(
-    bench: Bench, rng: np.random.Generator
-) -> None:
-    speed = bench.speed + 1.0 * rng.standard_normal(len(bench.speed))
-    found = time_constant_from_speed(PERIOD, bench.reference, speed)
-    assert found.seconds == pytest.approx(LAG, rel=0.01)
-    assert abs(found.seconds - LAG) < 5 * found.error
-
-
 def test_an_unplugged_sensor_names_the_step(bench: Bench) -> None:
     force = np.where(bench.time > 100.0, np.nan, bench.force)
     with pytest.raises(MeasurementError, match=r"step 90 has 0 force samples.*plugged in"):
@@ -99,12 +77,3 @@ def test_too_few_steps_are_refused(rng: np.random.Generator) -> None:
     steps = average_steps(bench.schedule, bench.time, bench.force, bench.torque)
     with pytest.raises(MeasurementError, match="4 steps between 30 and 180"):
         identify_motor(steps)
-
-
-@pytest.mark.parametrize(
-    ("reference", "said"),
-    [(np.full(500, 90.0), "moves by 0 counts"), (np.arange(20.0), "20 references and 500 speeds")],
-)
-def test_a_recording_without_a_step_gives_no_lag(reference: np.ndarray, said: str) -> None:
-    with pytest.raises(MeasurementError, match=said):
-        time_constant_from_speed(PERIOD, reference, np.full(500, 104.0))

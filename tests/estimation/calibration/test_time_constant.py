@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.calibration.dead_time import lag_and_dead_time
 from estimation.calibration.motor_bench import held_steps
+from estimation.calibration.time_constant import lag_and_dead_time
 from quadrotor.errors import MeasurementError
 
 LAG = 0.047
@@ -47,6 +47,17 @@ def test_lag_and_dead_time_are_found_at_any_rate(
     assert dead_time == pytest.approx(delay, abs=3e-4)
     assert abs(found.seconds - LAG) < 5 * found.error
     assert not found.warning
+
+
+def test_a_force_alone_gives_it_with_a_warning(steps: tuple[np.ndarray, np.ndarray]) -> None:
+    begins, held = steps
+    time = np.arange(0.0, 7.0, 0.005)
+    reference = held[np.searchsorted(begins, time, side="right") - 1]
+    changed = time[np.concatenate([[0], np.flatnonzero(np.diff(reference)) + 1])]
+    force = 1.598e-4 * (response(time, changed, held, 0.0) + 14.27) ** 2
+    found, _ = lag_and_dead_time(time, reference, time, force, is_force=True)
+    assert found.seconds == pytest.approx(LAG, rel=0.01)
+    assert "force alone" in found.warning
 
 
 def test_what_tells_no_lag_is_refused() -> None:
