@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ HERE = Path(__file__).parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A file stays in one process, with what it made once; what flies is one group, the last."""
+    """Pages first, for they take longest; what flies last."""
 
     def turn(item: pytest.Item) -> int:
         path = _path(item)
@@ -32,14 +33,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     items.sort(key=turn)
     for item in items:
-        path = _path(item)
-        group = "real time" if path.startswith(REAL_TIME) else path
-        item.add_marker(pytest.mark.xdist_group(group))
-        if path.startswith((*REAL_TIME, BROWSER)):
+        if _path(item).startswith((*REAL_TIME, BROWSER)):
             # A machine that stands still for 0.25 s makes the simulated microcontroller land
             # (docs/safety.md), and starves a browser beside two other processes: once more then,
             # and told as a rerun.
             item.add_marker(pytest.mark.flaky(reruns=1))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A file stays in one process, with what it made once; what flies is one group. (Groups by
+    mark, as `--dist loadgroup` has them, are not seen with pytest 9.2 and xdist 3.8.)"""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path = nodeid.split("::", 1)[0].removeprefix(f"{HERE.name}/")
+            return "real time" if path.startswith(REAL_TIME) else path
+
+    return ByFile(config, log)
 
 
 @pytest.hookimpl(wrapper=True)
