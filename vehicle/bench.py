@@ -12,10 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import RefusedError
+from vehicle.motor_bus import MOTORS
 from vehicle.safety_parameters import SafetyParameters
 
-MOTORS = ("front", "left", "rear", "right")
-"""By number, from 1."""
 REFERENCE_MAX = 200
 """Counts; the bench's last step is 190. Four bytes on the wire would carry 255."""
 TURN_TIME = 1.0
