@@ -11,8 +11,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
-from vehicle.motor_bus import MOTORS
 from vehicle.safety_parameters import SafetyParameters
 
 REFERENCE_MAX = 200

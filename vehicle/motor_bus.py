@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from quadrotor.constants import MOTORS
 from vehicle_link.serial.commands import encode_request
 from vehicle_link.serial.ids import Id
 
-MOTORS = ("front", "left", "rear", "right")
 REFERENCES = (
     Id.MOTOR_REFERENCE_1, Id.MOTOR_REFERENCE_2, Id.MOTOR_REFERENCE_3, Id.MOTOR_REFERENCE_4,
 )  # fmt: skip

@@ -26,13 +26,13 @@ from console.experiments.motor_bench_log import (
 from console.experiments.readings import BenchReadings, Progress
 from estimation.calibration.motor_bench import SETTLING, BenchSchedule
 from quadrotor.calibration_record import CalibrationRecord
+from quadrotor.constants import MOTORS
 from quadrotor.errors import MeasurementError, QuadlabError, RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
 
 LOOK = 0.1
 SILENCE = 1.0
 """s without a reading, after which the sensor is unplugged."""
-MOTORS = ("front", "left", "rear", "right")
 QUESTION = (
     "Is the vehicle fixed on the bench, the {motor} motor on the sensor, and its propeller's blast "
     "clear of people and loose things? It will run up to {last} counts"

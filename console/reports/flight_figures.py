@@ -22,10 +22,10 @@ from console.reports.plots import (
     window,
 )
 from console.reports.run_log import RunLog
+from quadrotor.constants import MOTORS
 
 Array = npt.NDArray[np.floating[Any]]
 
-MOTORS = ("front", "left", "rear", "right")
 REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import pytest
 
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
 from vehicle.modes import Mode
-from vehicle.motor_bus import MOTORS, NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
+from vehicle.motor_bus import NO_ANSWER, PERIOD_S, REFERENCES, MotorBus
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.commands import decode_instruction
 from vehicle_link.serial.frames import FrameDecoder

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from quadrotor.constants import MOTORS
 from web.signals import SIGNALS, Signal
 
 DEGREES = math.degrees(1.0)
@@ -21,7 +22,6 @@ def _axes(name: str, topic: str, column: str, factor: float = 1.0) -> dict[str, 
     return {f"{name}.{axis}": (topic, f"{column}.{axis}", factor) for axis in "xyz"}
 
 
-_MOTORS = ("front", "left", "rear", "right")
 SOURCES: dict[str, Source] = {
     **_axes("state.position", "state", "pose.pose.position"),
     **_axes("state.velocity", "state", "@velocity"),
@@ -36,8 +36,8 @@ SOURCES: dict[str, Source] = {
     "error.yaw": ("state", "@error.yaw", DEGREES),
     "thrust": ("actuators", "thrust", 1.0),
     **_axes("torque", "actuators", "torque"),
-    **{f"thrust.{m}": ("actuators", f"thrusts[{k}]", 1.0) for k, m in enumerate(_MOTORS)},
-    **{f"motor.{m}": ("actuators", f"motor_references[{k}]", 1.0) for k, m in enumerate(_MOTORS)},
+    **{f"thrust.{m}": ("actuators", f"thrusts[{k}]", 1.0) for k, m in enumerate(MOTORS)},
+    **{f"motor.{m}": ("actuators", f"motor_references[{k}]", 1.0) for k, m in enumerate(MOTORS)},
     "scaling": ("actuators", "scaling", 1.0),
     "mass": ("estimator", "mass", 1.0),
     **_axes("bias.accelerometer", "estimator", "accelerometer_bias"),

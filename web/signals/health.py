@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from quadrotor.constants import MOTORS
 from web.signals.signal import Source, norm, one, vector, xyz
-
-_MOTORS = ("front", "left", "rear", "right")
 
 
 def _actuators(m: Any) -> Sequence[float]:
@@ -53,8 +52,8 @@ HEALTH = (
         (
             one("thrust", "thrust", "N", "wrench", "actuators"),
             *xyz("torque", "wrench", "N m", "actuators"),
-            *(one(f"thrust.{m}", m, "N", "rotor thrust", "actuators") for m in _MOTORS),
-            *(one(f"motor.{m}", m, "count", "motor reference", "actuators") for m in _MOTORS),
+            *(one(f"thrust.{m}", m, "N", "rotor thrust", "actuators") for m in MOTORS),
+            *(one(f"motor.{m}", m, "count", "motor reference", "actuators") for m in MOTORS),
             one("scaling", "scaling λ", "", "wrench", "actuators"),
         ),
         _actuators,
