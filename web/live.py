@@ -35,6 +35,7 @@ STALE: dict[str, float] = {
     "experiment_status": 2.5,
     "preflight": 2.0,
     "control": 2.0,
+    "transfers": 3.0,
 }
 """The topics of which the newest message is kept, with the age (s) above which its values are shown
 grey and charts show a gap."""

@@ -143,7 +143,7 @@ def test_client_reaches_the_vehicle_best_effort_and_reliably(link: Link) -> None
         publisher = link.web.publisher(name, "quadlab_msgs/Heartbeat", qos=qos)
         assert publisher.wait(WAIT)
         received = _put_until_heard(publisher, encode_heartbeat(4, 5), inbox)
-        assert decode_heartbeat(received.payload) == (4, 5)
+        assert decode_heartbeat(received.payload)[:2] == (4, 5)
 
 
 def test_sequence_counts_from_one_and_time_is_now_unless_given(link: Link) -> None:

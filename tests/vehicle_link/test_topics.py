@@ -260,7 +260,8 @@ def test_sticks_survive_are_cut_and_bad_ones_are_refused() -> None:
 
 
 def test_heartbeat_survives() -> None:
-    assert decode_heartbeat(encode_heartbeat(9, STAMP)) == (9, STAMP)
+    assert decode_heartbeat(encode_heartbeat(9, STAMP)) == (9, STAMP, 0, 0)
+    assert decode_heartbeat(encode_heartbeat(9, STAMP, 2**64 - 1, 7)) == (9, STAMP, 2**64 - 1, 7)
 
 
 def test_garbage_is_a_link_error() -> None:

@@ -48,6 +48,7 @@ _UNITS: dict[str, dict[str, str]] = {
         "round_trip": "s", "clock_offset": "s", "jitter": "s", "age": "s", "telemetry_rate": "Hz",
         "state_duration": "s", "outage_last": "s", "outage_longest": "s", "outage_total": "s",
     },
+    "quadlab_msgs/msg/Transfer": {"bytes": "B", "total_bytes": "B", "rate": "B/s"},
     "quadlab_msgs/msg/ExperimentStatus": {"elapsed": "s", "planned": "s"},
 }  # fmt: skip
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -194,15 +195,29 @@ def _heartbeat_layout() -> FixedLayout:
     return FixedLayout("quadlab_msgs/Heartbeat")
 
 
-def encode_heartbeat(sequence: int, stamp_ns: int) -> bytes:
+class Heartbeat(NamedTuple):
+    """Attributes:
+    instance: of the process that sends it, 0 unknown.
+    holder: of the station the vehicle takes its orders from, 0 none.
+    """
+
+    sequence: int
+    stamp_ns: int
+    instance: int = 0
+    holder: int = 0
+
+
+def encode_heartbeat(sequence: int, stamp_ns: int, instance: int = 0, holder: int = 0) -> bytes:
     """`vehicle_heartbeat`, `station_heartbeat`: quadlab_msgs/Heartbeat."""
     out = _heartbeat_layout().new()
     out["sequence"] = sequence & 0xFFFF_FFFF
     out["stamp_ns"] = stamp_ns
+    out["instance"] = instance
+    out["holder"] = holder
     return out.tobytes()
 
 
-def decode_heartbeat(payload: bytes) -> tuple[int, int]:
-    """(sequence, stamp in ns). Raises LinkError."""
+def decode_heartbeat(payload: bytes) -> Heartbeat:
+    """Raises LinkError."""
     record = _heartbeat_layout().decode(payload)
-    return int(record["sequence"]), int(record["stamp_ns"])
+    return Heartbeat(*(int(record[name]) for name in Heartbeat._fields))

@@ -78,6 +78,7 @@ _ROWS = (
     Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 5),
     Topic("preflight", "quadlab_msgs/Preflight", "station", 2),
     Topic("control", "quadlab_msgs/ControlStatus", "station", 2),
+    Topic("transfers", "quadlab_msgs/Transfers", "station", 2),
     Topic("marks", "quadlab_msgs/Mark", "station", 0, RELIABLE, drop=False),
     Topic("presence", "quadlab_msgs/Presence", "web", 1),
     Topic("truth", "nav_msgs/Odometry", "simulator", 100),
@@ -100,12 +101,18 @@ SERVICES: dict[str, str] = {
     "record": "quadlab_msgs/srv/Record",
     "mark": "quadlab_msgs/srv/Mark",
     "experiment": "quadlab_msgs/srv/Experiment",
+    "lane": "quadlab_msgs/srv/Lane",
     "onboard_log": "quadlab_msgs/srv/OnboardLog",
+    "onboard_files": "quadlab_msgs/srv/OnboardFiles",
+    "onboard_part": "quadlab_msgs/srv/OnboardPart",
+    "onboard_index": "quadlab_msgs/srv/OnboardIndex",
+    "transfer": "quadlab_msgs/srv/Transfer",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
     "calibrate": "quadlab_msgs/srv/Calibrate",
     "bench": "quadlab_msgs/srv/Bench",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
-`/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment` and `control`, the
-vehicle alone `time_sync`, `whoami`, `calibrate` and `bench`."""
+`/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment`, `control` and
+`transfer`, the vehicle alone `time_sync`, `whoami`, `lane`, `calibrate`,
+`bench` and the three about the files of its log."""
