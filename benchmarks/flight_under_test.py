@@ -55,6 +55,8 @@ class FlightUnderTest:
         self._heartbeat_ns = 0
         self.events: list[str] = []
         self.newest: Record | None = None
+        self.heard: Callable[[Record], None] = lambda ticks: None
+        """Called with all ticks read, shape (N,)."""
 
     def __enter__(self) -> FlightUnderTest:
         with suppress(PermissionError):  # as `quadlab up` starts what flies
@@ -143,6 +145,7 @@ class FlightUnderTest:
         ticks = self._rings.ticks.pop_all()
         if len(ticks):
             self.newest = ticks[-1:]
+            self.heard(ticks)
         for message in self._rings.outbox.pop_all():
             told = mailbox.decode_outbound(message)
             if isinstance(told, mailbox.Reply):

@@ -65,8 +65,8 @@ class RecordedFirmware(Firmware):
 class RecordedVehicle(SimulatedVehicle):
     """Notes when the references of a command are on the motors' bus: after the period's step."""
 
-    def step_period(self) -> None:
-        super().step_period()
+    def step_periods(self, most: int) -> None:
+        super().step_periods(most)
         notes = RecordedFirmware.notes
         if notes.arrived:
             now_ns = time.monotonic_ns()

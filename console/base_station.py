@@ -25,8 +25,10 @@ from console.comparison.feed import ComparisonFeed, both
 from console.control.desk import ControlDesk
 from console.experiment_running.run_files import settings_of
 from console.experiment_running.runner import ExperimentRunner
+from console.introduction import Introduction
+from console.lane_in import LaneIn
 from console.link_monitor import LinkMonitor
-from console.outbox import Outbox
+from console.outbox import SHARED, Outbox
 from console.parameter_history import ParameterHistory
 from console.parameter_store import StationStore
 from console.parameter_witness import ParameterWitness
@@ -38,12 +40,14 @@ from console.status_sender import StatusSender
 from console.stick_desk import StickDesk
 from console.telemetry_in import TelemetryIn
 from console.tracker_feed import TrackerFeed
+from console.transfers.service import Transfers
 from console.tuning.log_window import LogWindow
 from console.vehicle_parameters import VehicleParameters
-from quadrotor.errors import LinkError, MeasurementError
+from quadrotor.errors import LinkError, MeasurementError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
 from vehicle_link.heartbeat import LinkState
+from vehicle_link.instance import new_instance
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
@@ -67,10 +71,14 @@ class BaseStation:
     """Everything of this process, wired to one Zenoh session.
 
     Args:
-        session: of vehicle_link.session.station_session.
+        session: of vehicle_link.session.hub_session.
         vehicle: name, the namespace of the topics.
         operator: written into runs nobody asked for by name.
         settings: `station.*` parameters to start with.
+        keeps_house: of the runs' folder, which several vehicles' stations share.
+        compares_always: estimators are compared without anybody looking, so that each run has it.
+        host: of the vehicle, for datagrams beside the link; empty for none.
+        instance: of this process, a number of its own (vehicle_link.instance).
     """
 
     def __init__(
@@ -80,12 +88,16 @@ class BaseStation:
         vehicle: str = "quad1",
         operator: str = "",
         settings: Mapping[str, ParameterValue] | None = None,
+        *,
+        keeps_house: bool = True,
+        compares_always: bool = True,
+        host: str = "",
+        instance: int | None = None,
     ) -> None:
         self._vehicle = vehicle
-        self._catalogue = catalogue
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
-        self.link = LinkMonitor()
+        self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
         self._store = StationStore()
         self._store.preset(settings or {})
         self._vehicle_parameters = VehicleParameters(self._node, vehicle)
@@ -95,14 +107,17 @@ class BaseStation:
             self._calibrations.attachment,
         )  # fmt: skip
         self._recorder = self.runs.recorder
-        self._outbox = Outbox(self._node, vehicle, self._recorder.put, self.link.vehicle_ns)
+        self._outbox = Outbox(
+            self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing
+        )
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
         parameters = self._store.parameters
         self._comparison = ComparisonFeed(
-            parameters.comparison, self._outbox.put, partial(self._outbox.say, INFO)
-        )
+            parameters.comparison, self._outbox.put, partial(self._outbox.say, INFO),
+            lambda: compares_always or self._outbox.is_heard("comparison"),
+        )  # fmt: skip
         self._tracker = TrackerFeed(
             parameters.tracker,
             parameters.bearings,
@@ -112,7 +127,7 @@ class BaseStation:
         self._layout = BeaconLayout(
             lambda: parameters.bearings.layout,
             self._vehicle_parameters,
-            lambda: self._link_state() is not LinkState.LOST,
+            lambda: not self.link.refusal("change_parameters"),
             vehicle_teller(self._node),
         )
         self._store.before_change = self._layout.before_change
@@ -123,16 +138,16 @@ class BaseStation:
         self.experiments = ExperimentRunner(
             self._node, vehicle, self._link_state, self.link.vehicle_ns, self._outbox,
             self._vehicle_parameters, self.runs, self._calibrations, catalogue,
-            settings_of(parameters), self._asked, self.control.permit,
+            settings_of(parameters), self._asked, self._permit,
         )  # fmt: skip
         CommandGateway(
-            self._node, self._store, self._link_state, self.runs.by_hand, self.control.permit,
+            self._node, self._store, self.link.refusal, self.runs.by_hand, self.control.permit,
             self.experiments.commanded,
         )  # fmt: skip
         MarkService(self._node, vehicle, catalogue, self._recorder, self._outbox, self.link)
         self._house = Housekeeping(
             catalogue, parameters.recorder, self._recorder.status,
-            partial(self._outbox.say, INFO), self._alarms.set,
+            partial(self._outbox.say, INFO), self._alarms.set, purges=keeps_house,
         )  # fmt: skip
         LogWindow(self._node, self._link_state)
         serve_parameters(self._node, self._store)
@@ -152,18 +167,25 @@ class BaseStation:
             self._node, self.link, self._recorder, self._vehicle_parameters, self._witness,
             self._layout, self._calibrations, self._alarms,
         )  # fmt: skip
+        self._transfers = Transfers(
+            self._node, catalogue, vehicle, parameters.recorder, self._link_state,
+            self._outbox.say, self.link.vehicle_ns,
+        )  # fmt: skip
+        self.runs.on_closed = self._transfers.desk.run_closed
+        introduction = Introduction(self._node, vehicle, self.link)
         self._telemetry = TelemetryIn(
             vehicle, self.link, self._outbox, self._recorder, self._comparison,
             self.checks.observed, self.experiments,
         )  # fmt: skip
-        self._subscribe()
+        self._subscribe(host)
         self.checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
             for name, target in (
                 ("beat", self._beat),
+                ("who", partial(introduction.run, self._closing, self._guard)),
                 ("slow", partial(questions.run, self._closing, self._guard)),
-                ("tidy", self._tidy),
+                ("tidy", partial(self._tidy, keeps_house)),
             )
         ]
         for thread in self._threads:
@@ -173,6 +195,7 @@ class BaseStation:
         """Close the run's file first: nothing else matters as much."""
         self._closing.set()
         self.runs.close()
+        self._transfers.close()
         self.checks.close()
         self.experiments.close()
         self._sticks.close()
@@ -180,15 +203,21 @@ class BaseStation:
         self._comparison.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
+        self._lane.close()
         self._node.close()
         self._witness.close()
-        self._catalogue.close()
+
+    def warn(self, line: str) -> None:
+        """An event of this vehicle."""
+        self._outbox.say(WARN, line)
 
     # ------------------------------------------------------------------ what comes
-    def _subscribe(self) -> None:
+    def _subscribe(self, host: str) -> None:
         makers: dict[str, Callable[[Received], None]] = {
             "telemetry": self._telemetry.received,
-            "vehicle_heartbeat": lambda received: self.link.heartbeat(received.received_ns),
+            "vehicle_heartbeat": lambda received: self.link.beat(
+                received.payload, received.received_ns
+            ),
             "stick": self._on_stick,
             "status": self._on_status,
             "truth": self._on_truth,
@@ -196,8 +225,15 @@ class BaseStation:
             "estimator": lambda received: self.experiments.feed.estimate(received.payload),
             "bench_reading": lambda received: self.experiments.readings.bench(received.payload),
         }
-        for name in {*makers, *AS_IT_COMES}:
-            callback = partial(self._on_message, name, makers.get(name))
+        callbacks = {
+            name: partial(self._on_message, name, makers.get(name))
+            for name in {*makers, *AS_IT_COMES}
+        }
+        self._lane = LaneIn(
+            self._node, host, self.link,
+            callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat"),
+        )  # fmt: skip
+        for name, callback in callbacks.items():
             self._node.subscribe(name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos)
 
     def _on_message(
@@ -212,6 +248,8 @@ class BaseStation:
                 if not self._closing.is_set():
                     self._alarms.set(name, f"{name}: {error}")
         if name in AS_IT_COMES:
+            if TOPICS[name].sender == "vehicle" and name not in SHARED:
+                self.link.carried()
             self.checks.observed.message(name, received.payload)
             self._recorder.put(
                 f"/{self._vehicle}/{name}",
@@ -234,6 +272,12 @@ class BaseStation:
     def _on_stick(self, received: Received) -> None:
         self.checks.observed.message("stick", received.payload)
         self._sticks.received(received)
+
+    def _permit(self, command: str, requester: str) -> None:
+        """Of an experiment. Raises RefusedError."""
+        if reason := self.link.refusal(command):
+            raise RefusedError(reason)
+        self.control.permit(command, requester)
 
     def _asked(self, command: str, requester: str) -> None:
         """Before a command of a person or an experiment is passed on. Raises RefusedError."""
@@ -267,16 +311,21 @@ class BaseStation:
             self._closing.wait(due - time.monotonic())
 
     def _beat_once(self, count: int) -> None:
-        self._outbox.heartbeat(count)
+        if self.link.standing.beats:
+            self._outbox.heartbeat(count)
+        self._alarms.set("standing", self.link.problem() or None)
+        self._alarms.set("radio", self.link.standing.unreachable or None)
         self._alarms.set("sticks", self._sticks.alarm)
         self.runs.tick()
         self.control.tick(count)
         self.experiments.tick(count)
+        self._transfers.tick(count)
         if count % STATUS_EVERY == 0:
             self._status.send()
 
-    def _tidy(self) -> None:
-        self._guard(self._house.tidy)
+    def _tidy(self, keeps_house: bool) -> None:
+        if keeps_house:
+            self._guard(self._house.tidy)
         while not self._closing.wait(PERIOD):
             self._guard(self._house.look)
 

@@ -78,3 +78,17 @@ class TrashRow(Base):
     run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
     deleted_ns: Mapped[int] = mapped_column(BigInteger)
     requester: Mapped[str] = mapped_column(String(LABEL), default="")
+
+
+class CompletenessRow(Base):
+    """How a run compares with what the vehicle itself logged (console.catalogue_completeness)."""
+
+    __tablename__ = "run_completeness"
+
+    run_id: Mapped[str] = mapped_column(String(ID), primary_key=True)
+    state: Mapped[str] = mapped_column(String(20), index=True)
+    filled: Mapped[float] = mapped_column(default=0.0)
+    missing: Mapped[float] = mapped_column(default=0.0)
+    total: Mapped[float] = mapped_column(default=0.0)
+    why: Mapped[str] = mapped_column(Text, default="")
+    stamp_ns: Mapped[int] = mapped_column(BigInteger)

@@ -13,7 +13,6 @@ from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
 from quadrotor.errors import LinkError, ParameterError, RefusedError, StorageError
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node
@@ -34,7 +33,7 @@ class CommandGateway:
     """Serves `/<vehicle>/station/{arm, …, change_parameters, record}`.
 
     Args:
-        link_state: of the link to the vehicle, now.
+        refusal: why a command is not sent to the vehicle now; "" when it is.
         record: (start, requester) → run id; raises StorageError with the reason.
         permit: asked first with (command, requester); raises RefusedError with the reason.
         on_asked: told (command, requester) before a command is passed on.
@@ -44,13 +43,13 @@ class CommandGateway:
         self,
         node: Node,
         store: StationStore,
-        link_state: Callable[[], LinkState],
+        refusal: Callable[[str], str],
         record: Callable[[bool, str], str],
         permit: Callable[[str, str], None],
         on_asked: Callable[[str, str], None],
     ) -> None:
         self._store = store
-        self._link_state = link_state
+        self._refusal = refusal
         self._record = record
         self._permit = permit
         self._on_asked = on_asked
@@ -72,8 +71,8 @@ class CommandGateway:
 
     def _forward(self, name: str, request: Any) -> Any:
         # Requests queue up behind one that waits in vain; executed late they would surprise.
-        if name != "emergency" and self._link_state() is LinkState.LOST:
-            return _refused(name, "the link to the vehicle is lost; nothing was sent")
+        if reason := self._refusal(name):
+            return _refused(name, reason)
         try:
             self._permit(name, request.requester)
             self._on_asked(name, request.requester)

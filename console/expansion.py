@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from console.recorder import Message
 from quadrotor.records import Record
@@ -23,9 +23,11 @@ ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
 """Topic → its payloads of TICK records, shape (N,)."""
 
 
-def expanded(ticks: Record, vehicle: str) -> dict[str, list[bytes]]:
-    """Payloads of each expanded topic, one for each of the TICK records, shape (N,)."""
-    return {topic: encode(ticks, vehicle) for topic, encode in ENCODERS.items()}
+def expanded(
+    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
+) -> dict[str, list[bytes]]:
+    """Payloads of each wanted topic, one for each of the TICK records, shape (N,)."""
+    return {topic: ENCODERS[topic](ticks, vehicle) for topic in wanted}
 
 
 def messages_of(

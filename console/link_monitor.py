@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
 from console.outages import Outages
+from console.standing import Standing
 from console.telemetry_window import TelemetryWindow
 from vehicle_link.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.messages import header, new
+from vehicle_link.radio import Radio
 from vehicle_link.time_sync import ClockOffset, Exchange
+from vehicle_link.topics import decode_heartbeat
 
 OLDEST_NS = 250_000_000
 """Telemetry older than this is recorded but not shown."""
@@ -19,17 +23,40 @@ class LinkMonitor:
     """Fed from several threads; every method is a few assignments on plain objects.
 
     Times named `station_ns` are time.time_ns of this process.
+
+    Args:
+        vehicle: its name.
+        instance: of this station's process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, vehicle: str = "quad1", instance: int = 0) -> None:
+        self.standing = Standing(vehicle, instance)
+        self.radio: Radio | None = None
+        """Set once it is dialled; a station in tests may have a session of its own instead."""
+        self.path = ""
+        """How telemetry came the last time: datagram or quic."""
+        self._carried: float | None = None
         self._heartbeats = HeartbeatMonitor()
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
         self._started_ns = time.time_ns()
         self._outages = Outages(self._started_ns)
 
+    def carried(self) -> None:
+        """Something came from the vehicle over its Zenoh session."""
+        self._carried = time.monotonic()
+
+    def silent(self) -> float:
+        """s since the last thing that did; inf before the first."""
+        return math.inf if self._carried is None else time.monotonic() - self._carried
+
+    def beat(self, payload: bytes, station_ns: int) -> None:
+        """The vehicle's heartbeat came, by whichever way. Raises LinkError."""
+        self.standing.heartbeat(decode_heartbeat(payload), time.monotonic_ns())
+        self.heartbeat(station_ns)
+
     def heartbeat(self, station_ns: int) -> None:
-        """The vehicle's heartbeat came."""
+        """It came at this time."""
         self._heartbeats.heard(station_ns)
         self._outages.heard(station_ns)
 
@@ -45,6 +72,23 @@ class LinkMonitor:
         newest = self._telemetry.feed(sequence, stamp_ns, station_ns)
         fresh = station_ns - self._clock.to_client(stamp_ns) <= OLDEST_NS
         return newest and (fresh or not self._clock.known)
+
+    @property
+    def stands(self) -> bool:
+        """Whether there is a link, heartbeats or not."""
+        if self.radio is not None:
+            return self.radio.connected
+        return self.state(time.time_ns()) is not LinkState.LOST
+
+    def problem(self) -> str:
+        """Why the vehicle is not commanded although the link stands."""
+        return self.standing.problem(time.monotonic_ns())
+
+    def refusal(self, command: str) -> str:
+        """Why this command is not sent to the vehicle; "" when it is."""
+        if command != "emergency" and self.state(time.time_ns()) is LinkState.LOST:
+            return "the link to the vehicle is lost; nothing was sent"
+        return self.standing.refusal(command, time.monotonic_ns())
 
     def state(self, station_ns: int) -> LinkState:
         return self._heartbeats.state(station_ns)
@@ -79,4 +123,9 @@ class LinkMonitor:
             outage_last=outages.last,
             outage_longest=outages.longest,
             outage_total=outages.total,
+            address="" if self.radio is None else self.radio.address,
+            access=self.standing.access,
+            path=self.path if quality.rate else "",
+            problem=self.problem(),
+            reopened=0 if self.radio is None else self.radio.reopened,
         )

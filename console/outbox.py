@@ -10,6 +10,7 @@ import numpy as np
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.expansion import ENCODERS
+from console.standing import Standing
 from console.sticks import StickOrder
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE
@@ -23,6 +24,9 @@ RECORDED = (
     "experiment_status", "preflight", "control",
 )  # fmt: skip
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
+
+LOOK = 0.2  # s
+STEERING = ("tracker_pose", "bearings", "joy")
 
 SHARED = ("events", "parameter_changes", "parameter_events")
 """Topics the vehicle sends too: recorded where they are received, ours among them."""
@@ -38,24 +42,52 @@ class Outbox:
         vehicle: name, the namespace of the topics.
         record: takes what is to be recorded.
         vehicle_ns: the vehicle's clock, with which everything is stamped.
+        standing: whether the vehicle takes anything from us.
     """
 
     def __init__(
-        self, node: Node, vehicle: str, record: Record, vehicle_ns: Callable[[], int]
+        self,
+        node: Node,
+        vehicle: str,
+        record: Record,
+        vehicle_ns: Callable[[], int],
+        standing: Standing,
     ) -> None:
         self._node_name = node.full_name
         self._vehicle = vehicle
         self._record = record
         self._vehicle_ns = vehicle_ns
+        self._standing = standing
         names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *ENCODERS)
+        self._heard: frozenset[str] = frozenset()
+        self._look_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
-        """Publish, and record what is recorded as it is sent. Raises LinkError when closed."""
+        """Publish, and record what is recorded as it is sent. Raises LinkError when closed.
+
+        Poses, bearings and sticks are neither while the vehicle takes them from another.
+        """
+        if name in STEERING and not self._standing.speaks:
+            return
         self._publishers[name].put(payload, source_ns)
         if name in RECORDED:
             topic, type_name = f"/{self._vehicle}/{name}", TOPICS[name].type_name
             self._record(topic, type_name, payload, time.time_ns(), source_ns)
+
+    @property
+    def heard(self) -> frozenset[str]:
+        """The topics of expanded telemetry that somebody subscribes to, as of `LOOK` ago at most:
+        most of the time, of most vehicles, nobody does."""
+        now = time.monotonic()
+        if now >= self._look_due:
+            self._look_due = now + LOOK
+            self._heard = frozenset(filter(self.is_heard, ENCODERS))
+        return self._heard
+
+    def is_heard(self, name: str) -> bool:
+        """Whether anybody subscribes to it."""
+        return self._publishers[name].is_heard
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:
         """One that is not worth an encoder of its own."""
@@ -82,7 +114,11 @@ class Outbox:
 
     def heartbeat(self, count: int) -> None:
         stamp_ns = self._vehicle_ns()
-        self.put("station_heartbeat", topics.encode_heartbeat(count, stamp_ns), stamp_ns)
+        self.put(
+            "station_heartbeat",
+            topics.encode_heartbeat(count, stamp_ns, self._standing.instance),
+            stamp_ns,
+        )
 
     def say(self, level: int, line: str) -> None:
         """An event: one line for the terminal, the page and the log; rcl_interfaces/Log levels."""

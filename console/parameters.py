@@ -38,6 +38,9 @@ class RecorderParameters(Parameters):
         step=1,
         description="deleted runs can be brought back for this long",
     )
+    backfill: bool = parameter(
+        True, description="after each run, fetch what it lacks from the vehicle's own log"
+    )
 
 
 class StickParameters(Parameters):

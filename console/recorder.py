@@ -9,22 +9,24 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from console.disk import check_folder, free_bytes
+from console.disk_chores import DiskChores
 from console.run import RecorderStatus, Run, RunEnd
-from quadrotor.errors import StorageError
-from vehicle_link.log import LogWriter
+from console.run_file import RunFile
+from quadrotor.errors import QuadlabError, StorageError
 
 log = logging.getLogger(__name__)
 
 QUEUE_LIMIT = 20_000
 """Messages: 10 s at the full rate, some 15 MB."""
 
-PERIOD = 0.02
+PERIOD = 0.01
 SYNC_PERIOD = 0.25
 WATCH_PERIOD = 1.0
 
@@ -32,23 +34,13 @@ Message = tuple[str, str, bytes, int, int]
 """Topic, type name, CDR payload, log_ns, publish_ns."""
 
 
-@dataclass
-class _Open:
-    """The run being written; owned by the thread."""
-
-    run: Run
-    writer: LogWriter
-    since: float
-    synced: float = 0.0
-
-
 class Recorder:
     """Start, put, stop from any thread.
 
     Args:
         folder: where runs are written; watched also while nothing is recorded.
-        on_start, on_end: called in the recorder's thread (catalogue); StorageError becomes an
-            alarm.
+        on_start, on_end: called in a thread beside the recorder's (catalogue), for a commit may
+            take a second; StorageError becomes an alarm.
         queue_limit: messages that may wait for the disk.
     """
 
@@ -68,13 +60,14 @@ class Recorder:
         self._idle.set()
         self._closing = False
         self._wanted: Run | None = None
-        self._open: _Open | None = None
+        self._open: RunFile | None = None
         self._since = 0.0
         self._bytes = 0
-        self._dropped = 0
+        self._dropped: Counter[str] = Counter()  # by run
         self._free = 0
         self._alarms: dict[str, str] = {}
         self._lock = threading.Lock()
+        self._chores = DiskChores("recorder-chores", self._rest)
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -90,18 +83,20 @@ class Recorder:
         Raises StorageError when a run is being recorded, the folder is not writable or the disk
         is too full.
         """
+        try:
+            # Not within the lock: a disk that does not answer must not hold up `stop`.
+            check_folder(run.path.parent, run.keep_free)
+        except StorageError as error:
+            self._alarms["run"] = str(error)
+            raise
         with self._lock:
             if self._wanted is not None:
                 raise StorageError(f"run {self._wanted.run_id} is being recorded; stop it first")
-            try:
-                check_folder(run.path.parent, run.keep_free)
-            except StorageError as error:
-                self._alarms["run"] = str(error)
-                raise
+            if not self._thread.is_alive():
+                raise StorageError("the recorder has stopped; start the station again")
             self._alarms.pop("run", None)
             self._alarms.pop("dropped", None)
             self._idle.clear()
-            self._dropped = 0
             self._bytes = 0
             self._since = time.monotonic()
             self._queue.append(run)
@@ -117,9 +112,10 @@ class Recorder:
         if self._wanted is None:
             return
         if len(self._queue) + len(messages) > self._limit:
-            self._dropped += len(messages)
+            run_id = self.run_id
+            self._dropped[run_id] += len(messages)
             self._alarms["dropped"] = (
-                f"recorder: {self._dropped} messages of run {self.run_id} were dropped; "
+                f"recorder: {self._dropped[run_id]} messages of run {run_id} were dropped; "
                 "the disk is slower than the data"
             )
             return
@@ -144,6 +140,7 @@ class Recorder:
         self._closing = True
         self._wake.set()
         self._thread.join(timeout)
+        self._chores.close(timeout)
 
     def status(self) -> RecorderStatus:
         run = self._wanted
@@ -153,7 +150,7 @@ class Recorder:
             duration=time.monotonic() - self._since if run else 0.0,
             bytes=self._bytes,
             free_bytes=self._free,
-            dropped=self._dropped,
+            dropped=self._dropped[run.run_id] if run else 0,
             alarms=tuple(self._alarms.copy().values()),
         )
 
@@ -175,7 +172,7 @@ class Recorder:
                 # Polled while recording, so that nobody who puts pays for waking us.
                 self._wake.wait(PERIOD if self._open else WATCH_PERIOD)
                 self._wake.clear()
-        except Exception as error:
+        except BaseException as error:
             self._alarms["run"] = f"recorder: stopped by a defect, see the station's log: {error!r}"
             self._wanted = None
             self._idle.set()
@@ -190,7 +187,7 @@ class Recorder:
                 if self._open is not None:
                     try:
                         self._open.writer.write(*item)
-                    except StorageError as error:
+                    except Exception as error:
                         self._fail(self._open.run, error)
             elif item is None:
                 self._end("")
@@ -202,66 +199,67 @@ class Recorder:
 
     def _begin(self, run: Run) -> None:
         try:
-            writer = LogWriter(run.path, run.metadata, run.attachments())
-        except StorageError as error:
+            self._open = RunFile(run)
+        except Exception as error:
             self._fail(run, error)
-            return
-        self._open = _Open(run, writer, time.monotonic())
-        try:
-            self._on_start(run)
-            self._alarms.pop("catalogue", None)
-        except StorageError as error:  # the file matters more than its line in the catalogue
-            self._alarms["catalogue"] = str(error)
+        else:
+            self._chores.put(partial(self._tell, self._on_start, run))
 
     def _end(self, problem: str) -> None:
         if self._open is None:
             return
-        done, self._open = self._open, None
-        closed = False
+        done, closed = self._open, False
         try:
-            in_place = done.writer.is_in_place()
-            closed = done.writer.close() and in_place
-        except StorageError as error:
-            problem = problem or str(error)
-            self._alarms["run"] = str(error)
+            closed = done.close()
+        except Exception as error:
+            words = _words(error)
+            problem = problem or words
+            self._alarms["run"] = f"recording stopped: {words}"
         self._bytes = done.writer.size
-        end = RunEnd(
-            run=done.run,
-            duration=time.monotonic() - done.since,
-            bytes=done.writer.size,
-            messages=done.writer.message_count,
-            dropped=self._dropped,
-            closed=closed,
-            problem=problem,
-        )
-        try:
-            self._on_end(end)
-        except StorageError as error:
-            self._alarms["catalogue"] = str(error)
+        dropped = self._dropped.pop(done.run.run_id, 0)
+        end = done.end(dropped=dropped, closed=closed, problem=problem)
+        self._chores.put(partial(self._tell, self._on_end, end))
+        self._open = None
 
-    def _fail(self, run: Run, error: StorageError) -> None:
+    def _tell(self, told: Callable[[Any], None], what: Run | RunEnd) -> None:
+        """The catalogue; the file matters more than its line there."""
+        try:
+            told(what)
+            self._alarms.pop("catalogue", None)
+        except Exception as error:
+            self._alarms["catalogue"] = _words(error)
+
+    def _fail(self, run: Run, error: Exception) -> None:
         """The run cannot go on: say so and close what there is; what waits for it is skipped."""
+        words = _words(error)
         with self._lock:
-            self._alarms["run"] = f"recording stopped: {error}"
+            self._alarms["run"] = f"recording stopped: {words}"
             if self._wanted is run:
                 self._wanted = None
-        self._end(str(error))
+        self._end(words)
         self._rest()
 
     def _rest(self) -> None:
         with self._lock:
-            if self._wanted is None and self._open is None and not self._queue:
+            is_done = self._wanted is None and self._open is None and not self._queue
+            if is_done and self._chores.is_idle:
                 self._idle.set()
 
     def _sync(self) -> None:
-        now = time.monotonic()
-        if self._open is None or now - self._open.synced < SYNC_PERIOD:
+        """What waits goes to the file some times a second, and from there to the disk."""
+        file, now = self._open, time.monotonic()
+        if file is None or now - file.synced < SYNC_PERIOD:
             return
-        self._open.synced = now
+        file.synced = now
         try:
-            self._open.writer.flush()
-        except StorageError as error:
-            self._fail(self._open.run, error)
+            if file.sync_problem is not None:
+                raise file.sync_problem
+            file.writer.close_chunk()
+        except Exception as error:
+            self._fail(file.run, error)
+            return
+        if self._chores.is_idle:
+            self._chores.put(file.sync)
 
     def _watch(self) -> None:
         """Once a second: is there still a disk below us?"""
@@ -271,16 +269,15 @@ class Recorder:
         except StorageError as error:
             self._free = 0
             self._alarms["folder"] = str(error)
-        if self._open is None:
-            return
-        run = self._open.run
-        if not self._open.writer.is_in_place():
-            self._fail(run, StorageError(f"{run.path} was removed or its folder has vanished"))
-        elif self._free < run.keep_free:
-            self._fail(
-                run,
-                StorageError(
-                    f"only {self._free // 10**6} MB are free in {self._folder}, "
-                    f"{run.keep_free // 10**6} MB are kept; delete or move runs"
-                ),
-            )
+        if self._open is not None:
+            problem = self._open.problem(self._folder, self._free)
+            if problem is not None:
+                self._fail(self._open.run, problem)
+
+
+def _words(error: Exception) -> str:
+    """One line; a defect must end one run, not all that follow."""
+    if isinstance(error, QuadlabError):
+        return str(error)
+    log.exception("recorder")
+    return f"a defect, see the station's log: {error!r}"

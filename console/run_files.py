@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 from console.catalogue import SUFFIX, Catalogue, RunEntry
@@ -49,22 +50,21 @@ def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list
     if entry is None and is_deleted(catalogue, path.stem):
         return []  # it is being put back
     try:
-        if is_closed(path):
-            if entry is not None and entry.complete:
-                return []
-            _enter(catalogue, path, entry)
-            return [f"run {path.stem}: entered in the catalogue"]
-        if is_being_written(path):
+        closed = is_closed(path)
+        if (closed and entry is not None and entry.complete) or is_being_written(path):
             return []
-        recovery = recover(path)
+        recovery = recover(path)  # also of a closed one whose index is damaged
         _enter(catalogue, path, entry)
     except (LogFormatError, StorageError) as error:
         if not path.exists():
             return []  # it was deleted under our eyes
         catalogue.add(_unreadable(path, entry, str(error)))
         return [f"run {path.stem}: {error}"]
+    if not recovery.torn:
+        return [f"run {path.stem}: entered in the catalogue"]
     return [
         f"run {path.stem}: recovered {recovery.messages} messages of a recording that was cut off"
+        + (f"; as it was, it is kept as {recovery.kept.name}" if recovery.kept else "")
     ]
 
 
@@ -93,6 +93,16 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
         problem="",
         notes=entry.notes if entry else "",
     )
+
+
+def enter_again(catalogue: Catalogue, path: Path) -> None:
+    """A run whose file was filled: its new size and count; what else is known of it stays.
+
+    Raises LogFormatError or StorageError.
+    """
+    entry = catalogue.get(path.stem)
+    found = described(path, entry)
+    catalogue.add(replace(found, problem=entry.problem, operator=entry.operator))
 
 
 def _unreadable(path: Path, entry: RunEntry | None, problem: str) -> RunEntry:

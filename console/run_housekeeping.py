@@ -27,6 +27,7 @@ class Housekeeping:
         recording: the recorder's status, now.
         say: an event line.
         alarm: sets (key, line) or clears (key, None) an alarm.
+        purges: the trash, which one of several does.
     """
 
     def __init__(
@@ -36,12 +37,15 @@ class Housekeeping:
         recording: Callable[[], RecorderStatus],
         say: Callable[[str], None],
         alarm: Callable[[str, str | None], None],
+        *,
+        purges: bool = True,
     ) -> None:
         self._catalogue = catalogue
         self._parameters = parameters
         self._recording = recording
         self._say = say
         self._alarm = alarm
+        self._purges = purges
         self._purged = -PURGE_PERIOD
         self._stuck: str | None = None
 
@@ -57,7 +61,8 @@ class Housekeeping:
         """Every PERIOD."""
         try:
             self._alarm("disk", self._warning())
-            if time.monotonic() - self._purged >= (RETRY if self._stuck else PURGE_PERIOD):
+            due = time.monotonic() - self._purged >= (RETRY if self._stuck else PURGE_PERIOD)
+            if self._purges and due:
                 self._purged = time.monotonic()
                 self._stuck = self._purge()
             self._alarm("trash", self._stuck)

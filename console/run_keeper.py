@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from console.catalogue import SUFFIX, Catalogue, RunEntry, run_name
+from console.catalogue_completeness import Completeness, keep_completeness
 from console.parameter_store import StationStore
 from console.recorder import Recorder
 from console.recording import Decision, RecordingPolicy
@@ -53,6 +54,8 @@ class RunKeeper:
         self._lock = threading.Lock()
         self._names: set[str] = set()  # given by this process; their files come a little later
         self._provenance = provenance()
+        self.on_closed: Callable[[str], None] = lambda run_id: None
+        """Told the id of each run that ended, in the recorder's thread."""
         self.recorder = Recorder(catalogue.folder, self._started, self._ended)
 
     def asked(self, command: str, requester: str) -> None:
@@ -145,13 +148,18 @@ class RunKeeper:
         }
         if problem:
             content["problem"] = problem
-        return {
+        attached = {
             "parameters.json": json.dumps(content, indent=1).encode(),
             "calibrations.json": self._calibrations(),
         }
+        if defaults := self._vehicle_parameters.defaults():
+            own = {one.name: one.default for one in self._store.descriptions()}
+            attached["defaults.json"] = json.dumps({**defaults, **own}, indent=1).encode()
+        return attached
 
     def _started(self, run: Run) -> None:
         self._catalogue.add(self._entry(run))
+        keep_completeness(self._catalogue, run.run_id, Completeness("open"))
 
     def _ended(self, end: RunEnd) -> None:
         problem = end.problem
@@ -166,6 +174,7 @@ class RunKeeper:
             problem=problem,
         )
         self._catalogue.add(entry)
+        self.on_closed(end.run.run_id)
 
     def _entry(self, run: Run) -> RunEntry:
         return RunEntry(

@@ -21,7 +21,14 @@ from sqlalchemy import delete, select
 
 from console.catalogue import SUFFIX, Catalogue
 from console.catalogue_search import NOT_DELETED
-from console.catalogue_tables import MarkRow, NoteRow, RunRow, TagRow, TrashRow
+from console.catalogue_tables import (
+    CompletenessRow,
+    MarkRow,
+    NoteRow,
+    RunRow,
+    TagRow,
+    TrashRow,
+)
 from console.run_replays import remove_replay
 from console.run_reports import report_folder
 from quadrotor.errors import RefusedError, StorageError
@@ -164,7 +171,7 @@ def _remove(catalogue: Catalogue, run_id: str) -> None:
             f"run {run_id} cannot be removed from {log.parent}: {error.strerror or error}"
         ) from error
     with catalogue.session() as session:
-        for table in (TagRow, NoteRow, MarkRow, TrashRow):
+        for table in (TagRow, NoteRow, MarkRow, CompletenessRow, TrashRow):
             session.execute(delete(table).where(table.run_id == run_id))
         session.execute(delete(RunRow).where(RunRow.id == run_id))
 

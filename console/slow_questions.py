@@ -57,6 +57,7 @@ class SlowQuestions:
             self._link.exchanged(exchange(self._time_sync))
             if not self._recorder.run_id:
                 self._parameters.refresh()
+                self._parameters.learn_defaults()
                 if (present := self._parameters.present()) is not None:
                     self._witness.look(*present)
                 self._calibrations.look(self._parameters.shown_revision)

@@ -1,4 +1,8 @@
-"""`quadlab station`: the process around the base station."""
+"""`quadlab station`: the process around the base stations of its vehicles.
+
+One hub on loopback carries all of them; each vehicle has a radio and a `BaseStation` of its own,
+in its own namespace. They share the catalogue and nothing else.
+"""
 
 from __future__ import annotations
 
@@ -6,35 +10,38 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue import Catalogue
+from console.dialled import remember_dialled
 from quadrotor.parameters import ParameterValue
-from vehicle_link.authority import ensure_certificates
-from vehicle_link.session import parse_endpoint, station_session
+from vehicle_link.authority import TlsFiles, ensure_certificates
+from vehicle_link.instance import new_instance
+from vehicle_link.radio import Radio, is_hanging_up
+from vehicle_link.session import check_station, hub_session, parse_endpoint
 
 SWITCH_INTERVAL = 0.0005
 
 
 def run_station(
     data: Path,
-    vehicle_endpoint: str,
+    vehicles: Mapping[str, str],
     loopback_port: int = 7447,
-    name: str = "quad1",
     operator: str = "",
     settings: Mapping[str, ParameterValue] | None = None,
     database_url: str | None = None,
 ) -> int:
-    """Runs until SIGINT or SIGTERM, then closes the run's file and returns 0.
+    """Runs until SIGINT or SIGTERM, then closes the runs' files and returns 0.
 
     Args:
         data: data folder: `runs/`, the catalogue, `certificates/`.
-        vehicle_endpoint: `host:port` of the vehicle's radio link; it need not be there yet.
+        vehicles: name → `host:port` of its radio link, the main one first; none need be there yet.
         loopback_port: TCP port for web, simulator and ROS 2 nodes on this machine.
         operator: written into runs nobody asked for by name.
-        settings: `station.*` parameters to start with.
+        settings: `station.*` parameters to start with, of every vehicle.
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
@@ -44,23 +51,57 @@ def run_station(
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
-    host, _ = parse_endpoint(vehicle_endpoint)
+    hosts = list(dict.fromkeys(parse_endpoint(endpoint)[0] for endpoint in vehicles.values()))
     catalogue = Catalogue(data, database_url)
-    files = ensure_certificates(data / "certificates", [host])
-    session = station_session(vehicle_endpoint, loopback_port, files)
-    station = BaseStation(session, catalogue, name, operator, settings)
-    station.checks.startup.endpoints = (
-        f"dials the vehicle at {vehicle_endpoint}, serves page and ROS 2 at "
-        f"127.0.0.1:{loopback_port}"
-    )
-    print(f"station: dials {vehicle_endpoint}, serves 127.0.0.1:{loopback_port}", flush=True)
+    files = ensure_certificates(data / "certificates", hosts)
+    for endpoint in vehicles.values():
+        check_station(endpoint, files)  # what cannot be used is told before anything runs
+    hub, instance = hub_session(loopback_port), new_instance()
+    remember_dialled(data, list(vehicles))
+    stations: list[BaseStation] = []
+    radios: list[Radio] = []
+    for name, endpoint in vehicles.items():
+        station = BaseStation(
+            hub, catalogue, name, operator, settings,
+            keeps_house=not stations, compares_always=len(vehicles) == 1,
+            host=parse_endpoint(endpoint)[0], instance=instance,
+        )  # fmt: skip
+        station.checks.startup.endpoints = (
+            f"dials the vehicle at {endpoint}, serves page and ROS 2 at 127.0.0.1:{loopback_port}"
+        )
+        stations.append(station)
+        radios.append(_radio(station, endpoint, files, loopback_port))
+    print(f"station: dials {_dialled(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True)
     while not stopping.wait(1.0):
         pass
-    station.close()
+    _at_once([radio.close for radio in radios])
+    _at_once([station.close for station in stations])  # several files may wait for the disk
+    catalogue.close()
     # Closing a session whose peer is gone can take 10 s, and nothing depends on it any more.
-    closer = threading.Thread(target=session.close, name="session close", daemon=True)
+    closer = threading.Thread(target=hub.close, name="session close", daemon=True)
     closer.start()
     closer.join(CLOSE_PATIENCE)
-    if closer.is_alive():
+    _at_once([partial(radio.close, CLOSE_PATIENCE) for radio in radios])
+    if closer.is_alive() or is_hanging_up():
         os._exit(0)
     return 0
+
+
+def _radio(station: BaseStation, endpoint: str, files: TlsFiles, loopback_port: int) -> Radio:
+    radio = Radio(endpoint, files, loopback_port, station.link.silent, say=station.warn)
+    station.link.radio = radio
+    return radio
+
+
+def _at_once(acts: Sequence[Callable[[], None]]) -> None:
+    threads = [threading.Thread(target=act) for act in acts]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+
+
+def _dialled(vehicles: Mapping[str, str]) -> str:
+    if len(vehicles) == 1:
+        return next(iter(vehicles.values()))
+    return ", ".join(f"{name} at {endpoint}" for name, endpoint in vehicles.items())

@@ -1,4 +1,4 @@
-"""Packets of telemetry: every sample to the recorder, the newest to everybody here."""
+"""Packets of telemetry: every sample to the recorder, the newest to everybody who listens."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class TelemetryIn:
             messages = messages_of(payloads, ticks, self._vehicle, received.received_ns)
             self._recorder.put_all(messages)
         elif shown:
-            payloads = expanded(ticks[-1:], self._vehicle)
+            payloads = expanded(ticks[-1:], self._vehicle, self._outbox.heard)
         if shown:
-            for name, column in payloads.items():
-                self._outbox.put(name, column[-1], stamp_ns)
+            for name in self._outbox.heard & payloads.keys():
+                self._outbox.put(name, payloads[name][-1], stamp_ns)

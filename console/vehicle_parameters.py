@@ -18,6 +18,7 @@ class VehicleParameters:
         self._fetching = threading.Lock()
         self._values: dict[str, ParameterValue] | None = None
         self._revision = -1
+        self._defaults: dict[str, ParameterValue] = {}
         self.shown_revision = -1  # in the vehicle's status
 
     def refresh(self) -> None:
@@ -27,6 +28,19 @@ class VehicleParameters:
             if wanted >= 0 and wanted != self._revision:
                 self._values = self._client.values()
                 self._revision = wanted
+
+    def learn_defaults(self) -> None:
+        """Fetch those of parameters that are new here: at first, and of another version of the
+        vehicle. Takes some answers of the vehicle. Raises LinkError."""
+        values = self._values
+        if values is not None and not values.keys() <= self._defaults.keys():
+            described = self._client.describe()
+            self._defaults = {one.name: one.default for one in described}
+
+    def defaults(self) -> dict[str, ParameterValue]:
+        """By name, of all that have a value; empty while they are not known. Never waits."""
+        values, defaults = self._values or {}, self._defaults
+        return defaults if values and values.keys() <= defaults.keys() else {}
 
     @property
     def in_step(self) -> bool:

@@ -7,6 +7,7 @@ from typing import Protocol
 from quadlab.calibrate import Calibrate
 from quadlab.fly import Fly
 from quadlab.gains import Gains
+from quadlab.link import LinkCommand
 from quadlab.log import LogCommand
 from quadlab.processes import Simulator, Station, Vehicle, Web
 from quadlab.replay.command import Replay
@@ -25,6 +26,7 @@ COMMANDS: dict[str, type[Command]] = {
     "fly": Fly,
     "calibrate": Calibrate,
     "log": LogCommand,
+    "link": LinkCommand,
     "replay": Replay,
     "gains": Gains,
     "vehicle": Vehicle,

@@ -1,13 +1,17 @@
-"""Landing a flying vehicle before everything is stopped."""
+"""Landing flying vehicles before everything is stopped."""
 
 from __future__ import annotations
 
 import threading
-from typing import Protocol
+import time
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 from quadrotor.errors import LinkError
 
 LANDING_PATIENCE = 40.0
+HEARING = 1.5
+"""s for the vehicles' statuses to come."""
 
 
 class StopRequest(Protocol):
@@ -15,47 +19,84 @@ class StopRequest(Protocol):
     def at_once(self) -> bool: ...
 
 
-def land_before_stopping(loopback_port: int, name: str, stop: StopRequest) -> None:
-    """Land through the station and wait for motors off; gives up when asked twice or late."""
-    from vehicle_link.messages import decode, new
-    from vehicle_link.node import Node
-    from vehicle_link.session import loopback_session
+class _Landing:
+    """One vehicle's. Args: `session` with the station."""
 
-    heard = threading.Event()
-    disarmed = threading.Event()
+    def __init__(self, session: Any, name: str, shown: str) -> None:
+        from vehicle_link.node import Node
 
-    def on_status(received) -> None:  # type: ignore[no-untyped-def]
-        status = decode(received.payload, "quadlab_msgs/VehicleStatus")
-        lands = status.armed and status.mode != "bench"  # there the end of the vehicle stops it
-        (disarmed.clear if lands else disarmed.set)()
-        heard.set()
+        self.heard = threading.Event()
+        self.on_ground = threading.Event()
+        self._shown = shown
+        self._node = Node(session, f"/{name}", "stopping")
+        self._node.subscribe("status", "quadlab_msgs/VehicleStatus", self._on_status)
 
-    try:
-        session = loopback_session(loopback_port)
-    except LinkError as error:
-        print(f"quadlab: not landed, the station is away ({error})", flush=True)
-        return
-    node = Node(session, f"/{name}", "stopping")
-    try:
-        node.subscribe("status", "quadlab_msgs/VehicleStatus", on_status)
-        if not heard.wait(1.5) or disarmed.is_set():
-            return
-        print("quadlab: landing before stopping; Ctrl-C again stops at once", flush=True)
+    @property
+    def is_due(self) -> bool:
+        return self.heard.is_set() and not self.on_ground.is_set()
+
+    def begin(self) -> None:
+        from vehicle_link.messages import new
+
         request = new(
             "quadlab_msgs/srv/StartBehavior_Request", request_id="stopping",
             requester="quadlab up", name="land",
         )  # fmt: skip
-        client = node.client("station/start_behavior", "quadlab_msgs/srv/StartBehavior")
+        client = self._node.client("station/start_behavior", "quadlab_msgs/srv/StartBehavior")
         try:
             answer = client.call(request)
             if not answer.accepted:
-                print(f"quadlab: {answer.reason}", flush=True)
+                self._say(answer.reason)
         except LinkError as error:
-            print(f"quadlab: {error}", flush=True)
+            self._say(str(error))
+
+    def give_up(self) -> None:
+        self._say(f"not on the ground after {LANDING_PATIENCE:.0f} s; stopping")
+
+    def close(self) -> None:
+        self._node.close()
+
+    def _on_status(self, received: Any) -> None:
+        from vehicle_link.messages import decode
+
+        status = decode(received.payload, "quadlab_msgs/VehicleStatus")
+        lands = status.armed and status.mode != "bench"  # there the end of the vehicle stops it
+        (self.on_ground.clear if lands else self.on_ground.set)()
+        self.heard.set()
+
+    def _say(self, line: str) -> None:
+        print(f"quadlab: {self._shown}{line}", flush=True)
+
+
+def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopRequest) -> None:
+    """Land all through the station and wait for motors off; gives up when asked twice or late."""
+    from vehicle_link.session import loopback_session
+
+    try:
+        session: Any = loopback_session(loopback_port)
+    except LinkError as error:
+        print(f"quadlab: not landed, the station is away ({error})", flush=True)
+        return
+    landings = [_Landing(session, name, f"{name}: " if len(names) > 1 else "") for name in names]
+    try:
+        until = time.monotonic() + HEARING
+        for landing in landings:
+            landing.heard.wait(max(0.0, until - time.monotonic()))
+        due = [landing for landing in landings if landing.is_due]
+        if not due:
+            return
+        print("quadlab: landing before stopping; Ctrl-C again stops at once", flush=True)
+        beginning = [threading.Thread(target=landing.begin, daemon=True) for landing in due]
+        for thread in beginning:
+            thread.start()
         for _ in range(int(LANDING_PATIENCE / 0.1)):
-            if stop.at_once or disarmed.wait(0.1):
+            if stop.at_once or all(landing.on_ground.is_set() for landing in due):
                 return
-        print(f"quadlab: not on the ground after {LANDING_PATIENCE:.0f} s; stopping", flush=True)
+            time.sleep(0.1)
+        for landing in due:
+            if not landing.on_ground.is_set():
+                landing.give_up()
     finally:
-        node.close()
+        for landing in landings:
+            landing.close()
         session.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -22,7 +23,8 @@ Settings = Annotated[
 ]
 Folder = Annotated[Path | None, tyro.conf.arg(metavar="DIR")]
 File = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
-Rate = Annotated[int, tyro.conf.arg(metavar="HZ")]
+Names = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")]
+THE_VEHICLE = "quad1"
 SIGN_IN_TOKEN = "QUADLAB_SIGN_IN_TOKEN"
 """Environment variable by which `up` hands `web` its one-time token."""
 OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
@@ -36,6 +38,37 @@ def check_name(name: str) -> None:
             f"--name {name!r} is not one; allowed are up to 32 small letters, digits and _, "
             "a letter first, like quad2"
         )
+
+
+def parse_names(words: Sequence[str]) -> tuple[str, ...]:
+    """Names of vehicles, the usual one where none is given. Raises UsageError."""
+    for name in words:
+        check_name(name)
+        if words.count(name) > 1:
+            raise UsageError(f"--name {name} is given twice")
+    return tuple(words) or (THE_VEHICLE,)
+
+
+def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, str]:
+    """`name=host:port` words as {name: endpoint}; `name` where there is none. Raises UsageError."""
+    from vehicle_link.session import parse_endpoint
+
+    found: dict[str, str] = {}
+    for word in words:
+        given, equals, endpoint = word.rpartition("=")
+        one = given if equals else name
+        check_name(one)
+        if one in found:
+            raise UsageError(
+                f"two vehicles would be called {one!r}; "
+                "give each a name of its own, like --vehicle quad2=192.168.4.3:7447"
+            )
+        place = parse_endpoint(endpoint)
+        for other, there in found.items():
+            if parse_endpoint(there) == place:
+                raise UsageError(f"{other} and {one} would both be the vehicle at {endpoint}")
+        found[one] = endpoint
+    return found
 
 
 @dataclass
@@ -61,6 +94,8 @@ class Vehicle:
     """instead of --serial: fly a simulated vehicle inside the flight process, at any rate"""
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
+    telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
+    """packets of telemetry a second, 20 to 100, each with the ticks since the one before"""
     name: str = "quad1"
     """namespace of the vehicle's topics"""
     set: Settings = ()
@@ -68,6 +103,8 @@ class Vehicle:
 
     def run(self) -> int:
         check_name(self.name)
+        if not 20 <= self.telemetry <= 100:
+            raise UsageError(f"--telemetry {self.telemetry} is not possible; allowed are 20 to 100")
         identity = Identity(self.robot_id, self.firmware)
         identity.check()
         if self.find and self.check:
@@ -94,6 +131,7 @@ class Vehicle:
             settings=settings,
             rate=rate,
             identity=identity,
+            packets=self.telemetry,
         )
 
 
@@ -105,20 +143,20 @@ class Simulator:
     """folder for the links mcu0 and mcu1 to the pseudo-terminals"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
-    name: str = "quad1"
-    """namespace of the vehicle's topics"""
+    name: Names = ()
+    """namespace of the vehicle's topics (default: quad1); of several, once for each"""
     set: Settings = ()
     """start with this parameter value"""
 
     def run(self) -> int:
-        check_name(self.name)
+        names = parse_names(self.name)
         from vehicle.simulator.parameters import SimulatorParameters
         from vehicle.simulator.process import run
 
         parameters = SimulatorParameters()
         if self.set:
             parse_settings(parameters, self.set)
-        run(parameters, self.folder, self.loopback_port, vehicle=self.name)
+        run(parameters, self.folder, self.loopback_port, vehicles=names)
         return 0
 
 
@@ -128,22 +166,37 @@ class Station:
 
     data: Folder = None
     """data folder"""
-    vehicle: str = "127.0.0.1:7447"
-    """address of the vehicle's radio link, host:port"""
+    vehicle: Annotated[
+        tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="[NAME=]HOST:PORT")
+    ] = ()
+    """address of a vehicle's radio link (default: 127.0.0.1:7447), or the name of an enrolled one;
+    several as NAME=HOST:PORT, the option once for each"""
     loopback_port: int = 7447
     """TCP port to listen on, on loopback"""
-    name: str = "quad1"
-    """namespace of the vehicle's topics"""
+    name: str = THE_VEHICLE
+    """namespace of the vehicle's topics, where --vehicle names none"""
+    set: Settings = ()
+    """start with this parameter value of the station, tracker.rate=50 for instance"""
 
     def run(self) -> int:
-        check_name(self.name)
+        from console.known_vehicles import KnownVehicles
+
+        data = open_data_folder(self.data)
+        words = KnownVehicles(data).resolved(self.vehicle or ("127.0.0.1:7447",))
+        vehicles = parse_vehicles(words, self.name)
         from console.station import run_station
 
+        settings = {}
+        if self.set:
+            from console.parameters import StationParameters
+
+            found = parse_settings(StationParameters(), self.set)
+            settings = {f"station.{name}": value for name, value in found.items()}
         return run_station(
-            open_data_folder(self.data),
-            vehicle_endpoint=self.vehicle,
+            data,
+            vehicles,
             loopback_port=self.loopback_port,
-            name=self.name,
+            settings=settings,
         )
 
 
@@ -157,12 +210,15 @@ class Web(PageOptions):
     """HTTP port"""
     loopback_port: int = 7447
     """TCP port of the station's session on loopback"""
-    name: str = "quad1"
-    """namespace of the vehicle's topics"""
+    name: Names = ()
+    """namespace of the vehicle's topics; of several, once for each (default: as the station was
+    started last with this data folder)"""
 
     def run(self) -> int:
-        check_name(self.name)
+        from console.dialled import dialled
+
         data = open_data_folder(self.data)
+        names = parse_names(self.name or dialled(data))
         tls = self.check_page(data)
         if tls is not None:
             say_authority(tls)
@@ -173,7 +229,7 @@ class Web(PageOptions):
             port=self.port,
             loopback_port=self.loopback_port,
             token=os.environ.get(SIGN_IN_TOKEN),
-            vehicle=self.name,
+            vehicles=names,
             open_browser=bool(os.environ.get(OPEN_BROWSER)),
             host=self.host,
             tls=tls,

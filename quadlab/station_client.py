@@ -58,6 +58,16 @@ class StationClient:
             raise RefusedError(str(response.reason))
         return response
 
+    def listen(self, topic: str) -> queue.SimpleQueue[Any]:
+        """Each message of a topic as it comes."""
+        heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        row = TOPICS[topic]
+        self._node.subscribe(
+            row.name, row.type_name,
+            lambda received: heard.put(decode(received.payload, row.type_name)), qos=row.qos,
+        )  # fmt: skip
+        return heard
+
     def parameters(self) -> dict[str, Any]:
         """The vehicle's present values. Raises LinkError."""
         return self._parameters.values()

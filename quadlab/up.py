@@ -6,20 +6,35 @@ import secrets
 import signal
 import socket
 import tempfile
+import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
 
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
 from quadlab.page_options import PageOptions
-from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, Folder, Rate, Settings, check_name
+from quadlab.processes import (
+    OPEN_BROWSER,
+    SIGN_IN_TOKEN,
+    THE_VEHICLE,
+    Folder,
+    Settings,
+    check_name,
+)
 from quadlab.settings import parse_settings
+from quadlab.simulated_fleet import SimulatedFleet
 from quadlab.supervise import Child
 from quadrotor.errors import UsageError
-from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate
+from vehicle_link.serial.capacity import check_rate
+
+if TYPE_CHECKING:
+    from vehicle_link.authority import TlsFiles
 
 WATCH_PERIOD = 0.2
 MCU_PORTS = ("mcu0", "mcu1")
@@ -37,33 +52,42 @@ class Up(PageOptions):
     """do not open a browser"""
     link_port: int = 7447
     """port of the radio link (UDP) and of the station's loopback session (TCP)"""
-    rate: Rate = DEFAULT_RATE
-    """ticks of the vehicle a second, 60 to 677: what two serial ports carry"""
-    name: str = "quad1"
+    vehicles: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """simulated vehicles, 1 to 8: quad1, quad2, …; several fly at reduced rates"""
+    rate: Annotated[int | None, tyro.conf.arg(metavar="HZ")] = None
+    """ticks of each vehicle a second, 60 to 677: what two serial ports carry (default: 500; of
+    several 100)"""
+    name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     set: Settings = ()
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
     def run(self) -> int:
         check_name(self.name)
-        check_rate(self.rate, len(MCU_PORTS))
-        self._check_ports()
+        fleet = SimulatedFleet(self.vehicles, self.name, self.link_port)
+        fleet.check()
+        check_rate(self._rate(fleet), len(MCU_PORTS))
+        self._check_ports(fleet)
         vehicle_words, simulator_words = self._check_settings()
         folder = open_data_folder(self.data)
         self.check_page(folder)
         if self.host != PageOptions.host:
             _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with owned(folder), tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder:
-            children = self._children(folder, Path(run_folder), vehicle_words, simulator_words)
-            return self._watch(children)
+            groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
+            return self._watch(groups, fleet)
 
-    def _check_ports(self) -> None:
-        for port in (self.port, self.link_port):
+    def _rate(self, fleet: SimulatedFleet) -> int:
+        return fleet.rate if self.rate is None else self.rate
+
+    def _check_ports(self, fleet: SimulatedFleet) -> None:
+        for port in (self.port, *fleet.ports.values()):
             if not 1 <= port <= 65535:
                 raise UsageError(f"port {port} is not one; allowed 1 to 65535")
         _require_free("page", self.port, socket.SOCK_STREAM, "--port")
         _require_free("loopback session", self.link_port, socket.SOCK_STREAM, "--link-port")
-        _require_free("radio link", self.link_port, socket.SOCK_DGRAM, "--link-port")
+        for port in fleet.ports.values():
+            _require_free("radio link", port, socket.SOCK_DGRAM, "--link-port")
 
     def _check_settings(self) -> tuple[list[str], list[str]]:
         if not self.set:
@@ -80,37 +104,62 @@ class Up(PageOptions):
         return _set_words(vehicle), _set_words(simulator)
 
     def _children(
-        self, data: Path, run_folder: Path, vehicle: list[str], simulator: list[str]
-    ) -> list[Child]:
+        self,
+        fleet: SimulatedFleet,
+        data: Path,
+        run_folder: Path,
+        vehicle: list[str],
+        simulator: list[str],
+    ) -> list[list[Child]]:
+        """In the order of their start; those of one list start and stop together."""
         from vehicle_link.authority import check_certificate, ensure_certificates
 
         # Made here, once, so that vehicle and station never race to make the authority.
         files = ensure_certificates(data / "certificates", ["127.0.0.1"])
         check_certificate(files, "vehicle", "127.0.0.1")
         check_certificate(files, "station")
-        loopback = ("--loopback-port", str(self.link_port), "--name", self.name)
+        names = [word for name in fleet.names for word in ("--name", name)]
+        loopback = ("--loopback-port", str(self.link_port))
         common = ("--data", str(data))
         token = {SIGN_IN_TOKEN: secrets.token_urlsafe(24)}
         if not self.no_browser:
             token[OPEN_BROWSER] = "1"
-        ports = [str(run_folder / port) for port in MCU_PORTS]
-        rate = ("--rate", str(self.rate))
-        link = ("--link-port", str(self.link_port), "--name", self.name)
-        address = f"127.0.0.1:{self.link_port}"
+        dialled = [
+            word
+            for name, port in fleet.ports.items()
+            for word in ("--vehicle", f"{name}=127.0.0.1:{port}")
+        ]
         # What flies goes before what shows: a busy browser must not delay tracker and link.
-        first, last = {"niceness": -10}, {"niceness": 5}
-        robot = ["simulator", "--folder", str(run_folder), *loopback, *simulator]
-        on_board = ["vehicle", "--serial", *ports, *rate, *common, *link, *vehicle]
-        base = ["station", *common, "--vehicle", address, *loopback]
-        page = ["web", *common, "--port", str(self.port), *loopback, *self.words()]
+        first, last = -10, 5
+        robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
+        base = ["station", *common, *dialled, *loopback, *fleet.station_words]
+        page = ["web", *common, "--port", str(self.port), *loopback, *names, *self.words()]
         return [
-            Child("simulator", robot, **first),
-            Child("vehicle", on_board, **first),
-            Child("station", base, **first),
-            Child("web", page, **last, environment=token),
+            [Child("simulator", robot, niceness=first)],
+            [
+                Child(_child_name(fleet, name), [*words, *vehicle], niceness=first)
+                for name, words in self._on_board(fleet, data, run_folder, files).items()
+            ],
+            [Child("station", base, niceness=first)],
+            [Child("web", page, niceness=last, environment=token)],
         ]
 
-    def _watch(self, children: Sequence[Child]) -> int:
+    def _on_board(
+        self, fleet: SimulatedFleet, data: Path, run_folder: Path, files: TlsFiles
+    ) -> dict[str, list[str]]:
+        """Command line of each vehicle."""
+        found = {}
+        for name, port in fleet.ports.items():
+            folder = run_folder if fleet.count == 1 else run_folder / name
+            found[name] = [
+                "vehicle", "--serial", *(str(folder / mcu) for mcu in MCU_PORTS),
+                "--rate", str(self._rate(fleet)), "--data", str(fleet.folder(data, name, files)),
+                "--link-port", str(port), "--name", name, *fleet.vehicle_words,
+            ]  # fmt: skip
+        return found
+
+    def _watch(self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet) -> int:
+        children = [child for group in groups for child in group]
         stop = _StopRequest()
         with stop.installed():
             try:
@@ -121,11 +170,24 @@ class Up(PageOptions):
                         said = child.watch()
                         if said:
                             print(f"quadlab: {said}", flush=True)
-                land_before_stopping(self.link_port, self.name, stop)
+                land_before_stopping(self.link_port, fleet.names, stop)
             finally:
-                for child in reversed(children):
-                    child.stop()
+                for group in reversed(groups):
+                    _stop(group)
         return 0
+
+
+def _child_name(fleet: SimulatedFleet, name: str) -> str:
+    return "vehicle" if fleet.count == 1 else f"vehicle {name}"
+
+
+def _stop(group: Sequence[Child]) -> None:
+    """Together: each may take its time."""
+    threads = [threading.Thread(target=child.stop) for child in group]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
 
 
 class _StopRequest:

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import MeasurementError, StorageError
+from vehicle_link.log.file import sync_folder
 
 FOLDER = "calibrations"
 HISTORY, SET_ASIDE = "history.jsonl", "set_aside.jsonl"
@@ -184,7 +185,7 @@ def _append(path: Path, line: bytes) -> None:
             raise
     finally:
         os.close(descriptor)
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
 
 
 def _replace(path: Path, content: bytes) -> None:
@@ -201,18 +202,9 @@ def _replace(path: Path, content: bytes) -> None:
     except OSError:
         part.unlink(missing_ok=True)
         raise
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
 
 
 def _write_all(descriptor: int, data: bytes) -> None:
     while data:
         data = data[os.write(descriptor, data) :]
-
-
-def _sync_folder(folder: Path) -> None:
-    """So that a new name in it outlives a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -26,24 +26,31 @@ from vehicle.comms_calibrations import Calibrations
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle.comms_inbound import Inbound
+from vehicle.comms_lane import CommsLane
 from vehicle.comms_publish import FLOWN_ON, Publisher
 from vehicle.comms_radio import LinkRadio
 from vehicle.comms_services import serve
-from vehicle.onboard_log import OnboardLog
+from vehicle.onboard_files import OnboardFiles
+from vehicle.onboard_log import OnboardLog, microcontroller_facts
+from vehicle.onboard_parameters import log_parameters
 from vehicle.onboard_reader import OnboardReader
+from vehicle.onboard_ring import Fetched
 from vehicle.process import GIVEN_UP, say
-from vehicle.process_config import CommsConfig, Rings, open_rings
+from vehicle.process_config import TICK_SLOTS, CommsConfig, Rings, open_rings
 from vehicle.realtime import die_with_parent
 from vehicle.self_checks import SelfChecks
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
+from vehicle_link.whoami import serve_whoami
 
-SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.01
+SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.025
 STATION_LOST_S = 1.0
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
+TICKS_KEPT = TICK_SLOTS // 2
+"""Of those that are not in the file yet: room for the flight process comes first."""
 
 
 class Comms:
@@ -67,14 +74,27 @@ class Comms:
             config.refused_calibrations,
             config.started_ns,
         )
+        fetched = Fetched()
         self._log = OnboardLog(
             Path(config.data),
             config.name,
-            self._parameters_json,
+            {
+                "parameters.json": self._parameters_json,
+                "calibrations.json": self._calibrations.in_force_json,
+            },
             self._say,
-            calibrations=self._calibrations.in_force_json,
+            facts=microcontroller_facts(config.identity),
+            limits=lambda: log_parameters(self._mirror.newest()),
+            fetched=fetched,
+            written=rings.ticks.free,
         )
-        self._publisher = Publisher(self._radio, self._log, self._clock, config.name)
+        before = rings.ticks.read_before()  # by a comms process that died: not in its file
+        if len(before):
+            self._log.ticks(before, int(before["imu"]["stamp_ns"][-1]))
+        self._publisher = Publisher(
+            self._radio, self._log, self._clock, config.name, config.packets
+        )
+        self._publisher.instance = config.instance
         self._inbound = Inbound(
             self._flight,
             self._clock,
@@ -82,29 +102,36 @@ class Comms:
             lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
             self._log_received,
         )
+        self._longest_wait_s = min(1.0 / config.packets, LONGEST_WAIT_S)
         self._dropped = 0
         self._fetch_due_ns = 0
-        serve(node, self._flight, self._mirror, self._calibrations, self._clock, config.name)
-        self._checks = SelfChecks(Path(config.data), identity=config.identity)
+        serve(node, self._flight, self._mirror, self._calibrations, self._clock)
+        serve_whoami(node, config.name, config.instance, config.identity)
+        self._checks = SelfChecks(Path(config.data), identity=config.identity, log=self._log)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
         reader = OnboardReader(self._log, config.name)
         node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
+        OnboardFiles(self._log.folder, self._log.files, fetched).serve(node)
+        self._lane = CommsLane(node, config.link_port + 1)
+        self._lane.send(self._radio.publishers)
         for topic in self._inbound.handlers:
-            node.subscribe(topic, topics.TOPICS[topic].type_name, self._receiver(topic))
+            self._lane.take(topic, self._receiver(topic))
 
     def run(self, stopping: threading.Event) -> None:
         """Until `stopping` is set; then once more, so that nothing read is lost."""
-        wait_s = LONGEST_WAIT_S
+        wait_s = self._longest_wait_s
         while not stopping.wait(wait_s):
             self.drain()
             # In step with the ticks: a packet leaves as soon as its last tick is there.
-            wait_s = min(LONGEST_WAIT_S, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))
+            wait_s = min(self._longest_wait_s, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))
         self.drain()
 
     def drain(self) -> None:
         """Take everything flight has sent and pass it on."""
         read_ns = time.monotonic_ns()
-        ticks = self._rings.ticks.pop_all()
+        ticks = self._rings.ticks.read()
+        if (too_many := len(self._rings.ticks) - TICKS_KEPT) > 0:  # the disk is slow
+            self._rings.ticks.free_ahead(too_many)
         if len(ticks):
             if not self._mirror.complete and read_ns >= self._fetch_due_ns:
                 self._fetch_due_ns = read_ns + FETCH_PERIOD_NS
@@ -126,6 +153,7 @@ class Comms:
         while self._events:
             self._publisher.event(self._events.popleft())
         self._publisher.station_lost = self._inbound.station_silence > STATION_LOST_S
+        self._publisher.holder = self._inbound.holder
         self._publisher.heartbeat()
         self._watch_drops()
 
@@ -133,6 +161,7 @@ class Comms:
         """Close the log and send the last events; the session is closed by its maker."""
         self._log.close()
         self._radio.close()
+        self._lane.close()
 
     def _dispatch(self, message: mailbox.Outbound) -> None:
         if isinstance(message, mailbox.Reply):
@@ -163,7 +192,7 @@ class Comms:
             self._dropped = dropped
 
     def _receiver(self, topic: str) -> Callable[[Received], None]:
-        return lambda received: self._inbound.take(topic, received.payload)
+        return lambda received: self._inbound.take(topic, received.payload, received.gid)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
         type_name = topics.TOPICS[topic].type_name
@@ -191,11 +220,18 @@ def main(argument: str) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stopping.set())
     try:
-        files = ensure_certificates(Path(config.data) / "certificates")
+        folder = Path(config.data) / "certificates"
+        is_enrolled = (folder / "ca.pem").exists()
+        files = ensure_certificates(folder)
         session = vehicle_session(config.link_port, files)
     except QuadlabError as error:
         say(str(error))
         return GIVEN_UP
+    if not is_enrolled:
+        say(
+            f"made certificates of its own in {folder}; a base on another machine is let in after "
+            "`quadlab link enrol` there"
+        )
     comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
     comms.run(stopping)
     comms.close()

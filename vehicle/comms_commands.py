@@ -108,6 +108,10 @@ class ParameterMirror:
             )
         return dict(self._values)
 
+    def newest(self) -> dict[str, ParameterValue]:
+        """As far as they are known, without waiting: until flight told its own, the start's."""
+        return dict(self._values)
+
     def change(
         self, values: Mapping[str, object], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:

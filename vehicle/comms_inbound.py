@@ -2,6 +2,10 @@
 
 All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what
 is from the future by as much; both are said once in five seconds at most.
+
+One station has the vehicle: the first whose heartbeats come, until they fail for 1 s. Another's do
+not count, and it sends nothing else while our heartbeats name the one. Each topic has one source
+as well, whoever publishes it: two tracking systems are never mixed.
 """
 
 from __future__ import annotations
@@ -18,10 +22,13 @@ from vehicle import mailbox
 from vehicle.bearing_pose import BearingPose
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox
+from vehicle.first_heard import FirstHeard
 from vehicle_link import topics
+from vehicle_link.instance import spoken
 
 OLDEST_NS = 200_000_000
 SAID_EVERY_NS = 5_000_000_000
+ONE_SOURCE = ("tracker_pose", "bearings", "joy")
 
 Say = Callable[[int, str], None]
 
@@ -76,6 +83,9 @@ class Inbound:
         self._layout, self._beacons = "paper", PAPER_BEACONS
         self._preparing: threading.Thread | None = None
         self._heard_ns: int | None = None
+        self._say = say
+        self._station = FirstHeard[int]()
+        self._sources = {name: FirstHeard[bytes]() for name in ONE_SOURCE}
         self.newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
             "tracker_pose": self._tracker_pose,
@@ -115,8 +125,23 @@ class Inbound:
         heard_ns = self._heard_ns
         return math.inf if heard_ns is None else (time.monotonic_ns() - heard_ns) * 1e-9
 
-    def take(self, topic: str, payload: bytes) -> None:
-        """One message of a topic of `handlers`; unusable ones are reported."""
+    @property
+    def holder(self) -> int:
+        """Instance of the station that has the vehicle; 0 when none is heard."""
+        return self._station.current(time.monotonic_ns()) or 0
+
+    def take(self, topic: str, payload: bytes, source: bytes = b"") -> None:
+        """One message of a topic of `handlers`; unusable ones are reported.
+
+        Args:
+            source: the publisher's GID; empty when it is known to be the holder's.
+        """
+        source_of = self._sources.get(topic)
+        if source and source_of and not source_of.heard(source, time.monotonic_ns()):
+            self._complain(
+                topic, "a second sender is ignored; stop one of the two (station, ROS 2 node)"
+            )
+            return
         try:
             self.handlers[topic](payload)
         except (LinkError, MeasurementError) as error:
@@ -138,8 +163,19 @@ class Inbound:
             self._log("joy", payload, sticks.stamp_ns)
 
     def _heartbeat(self, payload: bytes) -> None:
-        topics.decode_heartbeat(payload)
-        self._heard_ns = time.monotonic_ns()
+        instance = topics.decode_heartbeat(payload).instance
+        now_ns = time.monotonic_ns()
+        before = self._station.current(now_ns)
+        if not self._station.heard(instance, now_ns):
+            self._complain(
+                "station_heartbeat",
+                f"station {spoken(instance)} is not listened to: station {spoken(before or 0)} "
+                "has the vehicle",
+            )
+            return
+        if before is None:
+            self._say(mailbox.INFO, f"station {spoken(instance)} has the vehicle")
+        self._heard_ns = now_ns
         # The station's own stamp may precede its time synchronisation: what counts is when.
         self._send(mailbox.Heartbeat(self._clock.now_ns()))
 

@@ -19,9 +19,9 @@ from vehicle import mailbox
 from vehicle.comms_clock import VehicleClock
 from vehicle.modes import ControlMode, Flag, Mode
 from vehicle.onboard_log import OnboardLog
+from vehicle.process_config import PACKETS_A_SECOND
 from vehicle_link import telemetry, topics
 
-PACKETS_A_SECOND = 100
 NOMINAL_RATE = 500.0  # Hz, until the loop has measured its own
 PROBE_NS = 200_000_000
 STALE_NS = 200_000_000  # ticks older than this are for the log only
@@ -49,11 +49,18 @@ class Publisher:
 
     Args:
         radio: None in simulated time, where nobody listens: only the log is served.
+        packets: of telemetry a second; no other topic comes more often.
     """
 
     def __init__(
-        self, radio: Radio | None, log: OnboardLog, clock: VehicleClock, vehicle: str
+        self,
+        radio: Radio | None,
+        log: OnboardLog,
+        clock: VehicleClock,
+        vehicle: str,
+        packets: int = PACKETS_A_SECOND,
     ) -> None:
+        self._packets = packets
         self._radio = radio
         self._log = log
         self._clock = clock
@@ -69,6 +76,7 @@ class Publisher:
         self._probe_ns: dict[str, int] = {}
         self._status_key: tuple[int, ...] = ()
         self.station_lost = False
+        self.instance, self.holder = 0, 0  # of the vehicle, of the station that has it
         self.estimator = ""
         """The one flown on, as `FLOWN_ON` says; followed from its changes."""
 
@@ -105,7 +113,7 @@ class Publisher:
         now_ns = self._clock.now_ns()
         if self._radio is not None and self._due("vehicle_heartbeat", now_ns):
             self._heartbeat += 1
-            payload = topics.encode_heartbeat(self._heartbeat, now_ns)
+            payload = topics.encode_heartbeat(self._heartbeat, now_ns, self.instance, self.holder)
             self._radio.put("vehicle_heartbeat", payload, now_ns)
 
     def event(self, event: mailbox.Event) -> None:
@@ -136,7 +144,7 @@ class Publisher:
         self._pending.append(ticks)
         self._pending_count += len(ticks)
         self._tick_rate = float(ticks["status"]["tick_rate"][-1]) or NOMINAL_RATE
-        size = self._packet_size = samples_a_packet(self._tick_rate)
+        size = self._packet_size = samples_a_packet(self._tick_rate, self._packets)
         if self._pending_count < size:
             return
         waiting = np.concatenate(self._pending)
@@ -162,7 +170,7 @@ class Publisher:
 
     def _due(self, topic: str, now_ns: int) -> bool:
         """True once a period of the topic; deadlines are kept, so the mean rate is the rate."""
-        period = _PERIOD_NS[topic]
+        period = max(_PERIOD_NS[topic], round(1e9 / self._packets))
         late = now_ns - self._due_ns.get(topic, now_ns)
         if late < -period:  # the clock was set back
             late = 0
@@ -187,9 +195,9 @@ class Publisher:
         self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())
 
 
-def samples_a_packet(tick_rate: float) -> int:
-    """As many as make 100 packets a second, as far as one datagram holds them."""
-    return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / PACKETS_A_SECOND)))
+def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
+    """As many as make so many packets a second, as far as one datagram holds them."""
+    return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / packets)))
 
 
 def flag_names(flags: int) -> Sequence[str]:

@@ -21,7 +21,8 @@ class LinkRadio:
     def __init__(self, node: Node) -> None:
         self.lost = 0  # reliable messages, of a link that stood still
         rows = [topic for topic in TOPICS.values() if topic.sender == "vehicle"]
-        self._publishers = {row.name: node.advertise(row) for row in rows}
+        self.publishers = {row.name: node.advertise(row) for row in rows}
+        """By topic."""
         self._patient = {row.name for row in rows if not row.drop}
         self._queue: queue.Queue[tuple[str, bytes, int] | None] = queue.Queue(WAITING_MAX)
         self._thread = threading.Thread(target=self._run, name="reliable", daemon=True)
@@ -30,7 +31,7 @@ class LinkRadio:
     def put(self, topic: str, payload: bytes, source_ns: int) -> None:
         """Send, now or as soon as the link takes it."""
         if topic not in self._patient:
-            self._publishers[topic].put(payload, source_ns)
+            self.publishers[topic].put(payload, source_ns)
             return
         try:
             self._queue.put_nowait((topic, payload, source_ns))
@@ -48,4 +49,4 @@ class LinkRadio:
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
             topic, payload, source_ns = item
-            self._publishers[topic].put(payload, source_ns)
+            self.publishers[topic].put(payload, source_ns)

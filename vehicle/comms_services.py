@@ -1,4 +1,4 @@
-"""The services the vehicle offers on the link: commands, parameters, time, name.
+"""The services the vehicle offers on the link: commands, parameters, time.
 
 Commands are idempotent by request id; what the flight process refuses is an answer with its
 reason, and a flight process that does not answer is a reason too.
@@ -21,7 +21,6 @@ from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES
 
-ROLE = "vehicle"
 EMERGENCIES = 4
 """At once: a cut must not wait behind a landing that the flight process does not answer."""
 CALIBRATIONS = 3
@@ -34,7 +33,6 @@ def serve(
     parameters: ParameterMirror,
     calibrations: Calibrations,
     clock: VehicleClock,
-    name: str,
 ) -> None:
     """Declare all services on the node; they answer on threads of their own."""
     commands = _Commands(flight, parameters)
@@ -42,8 +40,6 @@ def serve(
         threads = EMERGENCIES if service == "emergency" else 1
         serve_command(node, service, getattr(commands, service), threads)
     serve_command(node, "calibrate", calibrations.answer, CALIBRATIONS)
-    whoami = new(f"{SERVICES['whoami']}_Response", name=name, role=ROLE)
-    node.serve("whoami", SERVICES["whoami"], lambda request: whoami)
     serve_time_sync(node, clock.now_ns)
     serve_parameters(node, parameters)
 

@@ -6,136 +6,110 @@ telemetry. The file holds the standard topics, as the station's recording does.
 
 from __future__ import annotations
 
-import shutil
+import itertools
 import threading
-from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from quadrotor.errors import QuadlabError, StorageError
 from quadrotor.records import Record
-from vehicle.mailbox import ERROR, INFO
-from vehicle_link import topics
-from vehicle_link.log import LogWriter, is_closed, recover
+from vehicle.mailbox import ERROR, INFO, WARN
+from vehicle.onboard_file import Batch, Message, OnboardFile, Written, prepare
+from vehicle.onboard_parameters import OnboardLogParameters
+from vehicle.onboard_recovery import FOLDER
+from vehicle.onboard_ring import Fetched, Ring, free_bytes
 from vehicle_link.log.provenance import provenance
+from vehicle_link.serial.identity import Identity
 
-FOLDER = "onboard"
-BUFFER_BYTES = 8_000_000
+BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000
-FREE_BYTES_MIN = 500_000_000
-FREE_CHECK_NS = 1_000_000_000
-WAIT_S = 0.5
-FILES_KEPT = 2  # of which places are known
+CHECK_NS = 1_000_000_000
+PERIOD_S = 0.025
+"""Between two writes, of 0.7 ms each: what a killed process loses of other topics than ticks."""
+FILES_KEPT = 4  # of which places are known
 
 Say = Callable[[int, str], None]
-
-
-class Message(NamedTuple):
-    """Of a topic other than those of every tick."""
-
-    topic: str  # without namespace
-    type_name: str
-    payload: bytes
-    source_ns: int
-    log_ns: int
-
-
-class Batch(NamedTuple):
-    """Consecutive ticks, shape (N,), and when comms read them."""
-
-    ticks: Record
-    log_ns: int
-
-
-class Written:
-    """One file, as far as it is written; other threads may read it.
-
-    Attributes:
-        start_ns: of its first tick.
-        closed: nothing will be added.
-    """
-
-    def __init__(self, path: Path, start_ns: int) -> None:
-        self.path = path
-        self.start_ns = start_ns
-        self.closed = False
-        self._marks: list[tuple[int, int]] = [(start_ns, 0)]  # stamp, place in the file
-
-    def mark(self, stamp_ns: int, place: int) -> None:
-        """Ticks after `stamp_ns` stand at `place` or behind it."""
-        self._marks.append((stamp_ns, place))
-
-    def place_before(self, stamp_ns: int) -> int:
-        """Where to begin to read for ticks from `stamp_ns` on."""
-        at = bisect_left(self._marks, (stamp_ns, 0))
-        return self._marks[max(0, at - 1)][1]
 
 
 class OnboardLog:
     """Starts and ends files by the ticks' `armed`.
 
     Args:
-        folder: the data folder; files go to `onboard/` in it.
+        data: the data folder; files go to `onboard/` in it.
         vehicle: name, the namespace of the topics.
-        parameters: gives the JSON that is attached to each file.
+        attachments: name → gives what is attached to each file, as it is when that begins.
         say: takes (level, text) of an event; called from this log's thread.
-        free_bytes: asks the free space of a folder.
-        calibrations: gives the JSON of those in force, attached too.
+        facts: for the metadata `quadlab.run`, beside what is known here.
+        limits: gives the parameters of the log.
+        fetched: tells which files the station reads.
+        free: asks the free space of a folder, in bytes.
+        written: told of how many more ticks nothing is left to do.
     """
 
     def __init__(
         self,
-        folder: Path,
+        data: Path,
         vehicle: str,
-        parameters: Callable[[], bytes],
+        attachments: Mapping[str, Callable[[], bytes]],
         say: Say,
-        free_bytes: Callable[[Path], int] = lambda path: shutil.disk_usage(path).free,
-        calibrations: Callable[[], bytes] | None = None,
+        *,
+        facts: Mapping[str, str] | None = None,
+        limits: Callable[[], OnboardLogParameters] = OnboardLogParameters,
+        fetched: Fetched | None = None,
+        free: Callable[[Path], int] = free_bytes,
+        written: Callable[[int], None] = lambda count: None,
     ) -> None:
-        self._folder = folder / FOLDER
+        self.folder = data / FOLDER
         self._vehicle = vehicle
-        self._attachments = {"parameters.json": parameters}
-        if calibrations is not None:
-            self._attachments["calibrations.json"] = calibrations
+        self._attachments = dict(attachments)
+        self._facts = dict(facts or {})
         self._say = say
-        self._free_bytes = free_bytes
-        self._buffer: deque[Batch | Message] = deque()
+        self._limits = limits
+        self._free = free
+        self._written = written
+        self._ring = Ring(self.folder, fetched, free)
+        self._buffer: list[Batch | Message] = []
         self._buffered = 0
-        self._lost = 0
+        self._lost = self._lost_ticks = 0
         self._lock = threading.Lock()
-        self._wake = threading.Event()
+        self._closed = threading.Event()
         self._started = False
-        self._closing = False
-        self._writer: LogWriter | None = None
+        self._file: OnboardFile | None = None
         self._files: deque[Written] = deque(maxlen=FILES_KEPT)
         self.problem = ""  # why nothing is written, if it should be
         self._stopped = False  # by an error or a full disk, until the next arming
         self._disarmed_ns = 0
         self._checked_ns = 0
+        self._untidy = True  # the ring is to be looked at, when next on the ground
         self._thread = threading.Thread(target=self._run, name="onboard log", daemon=True)
 
     def start(self) -> None:
         """Write from now on, what was buffered until now as well; calls after the first do
-        nothing. Wait with it until `parameters` knows what flight's are."""
+        nothing. Wait with it until `attachments` know what flight's parameters are."""
         if not self._started:
             self._started = True
             self._thread.start()
 
     def ticks(self, ticks: Record, log_ns: int) -> None:
         """All ticks, in order, shape (N,), as read at this time of the vehicle's clock."""
-        self._append(Batch(ticks, log_ns), ticks.nbytes, len(ticks))
-        self._wake.set()
+        if not self._append(Batch(ticks, log_ns), ticks.nbytes, len(ticks)):
+            with self._lock:
+                self._lost_ticks += len(ticks)
 
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
         """Any other topic, from any thread; kept while a file is open."""
         self._append(Message(topic, type_name, payload, source_ns, log_ns), len(payload), 1)
+
+    @property
+    def stop_bytes(self) -> int:
+        """Of free space, below which nothing is logged."""
+        return self._limits().stop_bytes
 
     def files(self) -> list[Written]:
         """The newest ones of this process, oldest first; from any thread."""
@@ -144,61 +118,72 @@ class OnboardLog:
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is buffered and close the file."""
         self.start()
-        self._closing = True
-        self._wake.set()
+        self._closed.set()
         self._thread.join(timeout_s)
 
-    def _append(self, item: Batch | Message, size: int, count: int) -> None:
+    def _append(self, item: Batch | Message, size: int, count: int) -> bool:
+        """False when there is no room."""
         with self._lock:
             if self._buffered + size > BUFFER_BYTES:
                 self._lost += count
-                return
+                return False
             self._buffer.append(item)
             self._buffered += size
+        return True
 
-    def _take(self) -> tuple[list[Batch | Message], int]:
+    def _take(self) -> tuple[list[Batch | Message], int, int]:
+        """What waits, how much of all had no room, and how many of those were ticks."""
         with self._lock:
-            items, lost = list(self._buffer), self._lost
-            self._buffer.clear()
-            self._buffered = self._lost = 0
-        return items, lost
+            items, lost, ticks = self._buffer, self._lost, self._lost_ticks
+            self._buffer, self._buffered, self._lost, self._lost_ticks = [], 0, 0, 0
+        return items, lost, ticks
 
     # -------------------------------------------------------------- the log's own thread
     def _run(self) -> None:
+        prepare(self._vehicle)
         while True:
-            closing = self._closing
-            items, lost = self._take()
+            closing = self._closed.is_set()
+            items, lost, lost_ticks = self._take()
             if lost:
                 self._say(ERROR, f"onboard log lost {lost} ticks or messages: the disk is slow")
-            for item in items:
-                try:
-                    self._store(item)
-                except StorageError as error:
-                    self._stop(str(error))
+            self._store(items)
+            self._written(lost_ticks + sum(len(i.ticks) for i in items if isinstance(i, Batch)))
             if closing:
                 break
-            if not items:
-                self._wake.wait(WAIT_S)
-            self._wake.clear()
+            if self._untidy and self._disarmed_ns and self._file is None:
+                self._tidy()
+            self._closed.wait(PERIOD_S)
         self._finish()
 
-    def _store(self, item: Batch | Message) -> None:
+    def _store(self, items: Iterable[Batch | Message]) -> None:
+        for item in items:
+            try:
+                self._add(item)
+            except StorageError as error:
+                self._stop(str(error))
+        try:
+            if self._file is not None:
+                self._file.write()
+        except StorageError as error:
+            self._stop(str(error))
+
+    def _add(self, item: Batch | Message) -> None:
         if isinstance(item, Message):
-            if self._writer is not None:
-                self._write(self._writer, item)
+            if self._file is not None:
+                self._file.add_message(item)
             return
         for ticks in _runs(item.ticks):
             stamps = ticks["imu"]["stamp_ns"]
             if ticks["status"]["armed"][0]:
                 self._disarmed_ns = 0
-                if self._writer is None and not self._stopped:
+                if self._file is None and not self._stopped:
                     self._start(int(stamps[0]))
-                self._write_ticks(Batch(ticks, item.log_ns))
+                self._add_ticks(Batch(ticks, item.log_ns))
                 continue
             self._stopped = False
             self._disarmed_ns = self._disarmed_ns or int(stamps[0])
             kept = ticks[stamps <= self._disarmed_ns + AFTER_DISARMING_NS]
-            self._write_ticks(Batch(kept, item.log_ns))
+            self._add_ticks(Batch(kept, item.log_ns))
             if len(kept) < len(ticks):
                 self._finish()
 
@@ -206,51 +191,51 @@ class OnboardLog:
         self._check_space(stamp_ns)
         instant = datetime.fromtimestamp(stamp_ns / 1e9, UTC)
         stem = f"{self._vehicle}_{instant:%Y%m%dT%H%M%S}_{instant.microsecond // 1000:03d}Z"
-        run = {"run_id": stem, "vehicle": self._vehicle, "recorder": "onboard", **provenance()}
-        path = self._folder / f"{stem}.mcap"
-        attachments = {name: text() for name, text in self._attachments.items()}
-        self._writer = LogWriter(path, run, attachments)
-        self._files.append(Written(path, stamp_ns))
+        stem = self._free_name(stem)
+        run = {"run_id": stem, "vehicle": self._vehicle, "recorder": "onboard"}
+        self._file = OnboardFile(
+            self.folder / f"{stem}.mcap", self._vehicle, stamp_ns,
+            {**run, **self._facts, **provenance()}, dict(self._attached()),
+        )  # fmt: skip
+        self._files.append(self._file.written)
         self.problem = ""
-        self._say(INFO, f"onboard log {path.name} started")
+        self._say(INFO, f"onboard log {self._file.path.name} started")
 
-    def _write_ticks(self, batch: Batch) -> None:
-        writer, ticks = self._writer, batch.ticks
-        if writer is None or not len(ticks):
-            return
-        stamps: list[int] = ticks["imu"]["stamp_ns"].tolist()
-        checked_ns = self._checked_ns
-        self._check_space(stamps[-1])
-        if self._checked_ns != checked_ns:  # once a second
-            self._files[-1].mark(stamps[0] - 1, writer.size)
-        for topic, payloads in (
-            ("state", topics.encode_states(ticks, self._vehicle)),
-            ("reference", topics.encode_references(ticks)),
-            ("imu", topics.encode_imus(ticks, self._vehicle)),
-            ("actuators", topics.encode_actuators(ticks, self._vehicle)),
-        ):
-            type_name = topics.TOPICS[topic].type_name
-            for stamp_ns, payload in zip(stamps, payloads, strict=True):
-                self._write(writer, Message(topic, type_name, payload, stamp_ns, batch.log_ns))
+    def _free_name(self, stem: str) -> str:
+        """A comms process killed at arming leaves a file that begins with the same tick."""
+        names = itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
+        return next(name for name in names if not (self.folder / f"{name}.mcap").exists())
 
-    def _write(self, writer: LogWriter, message: Message) -> None:
-        topic, type_name, payload, source_ns, log_ns = message
-        writer.write(f"/{self._vehicle}/{topic}", type_name, payload, log_ns, source_ns)
+    def _attached(self) -> Iterator[tuple[str, bytes]]:
+        for name, content in self._attachments.items():
+            try:
+                yield name, content()
+            except QuadlabError as error:  # the ticks matter more
+                self._say(WARN, f"onboard log without {name}: {error}")
+
+    def _add_ticks(self, batch: Batch) -> None:
+        if self._file is not None and len(batch.ticks):
+            self._check_space(int(batch.ticks["imu"]["stamp_ns"][-1]))
+            self._file.add_ticks(batch)
 
     def _check_space(self, now_ns: int) -> None:
-        if 0 <= now_ns - self._checked_ns < FREE_CHECK_NS:
+        """Once a second; the same for what did not reach the disk. Raises StorageError."""
+        if 0 <= now_ns - self._checked_ns < CHECK_NS:
             return
         self._checked_ns = now_ns
         try:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            free = self._free_bytes(self._folder)
+            self.folder.mkdir(parents=True, exist_ok=True)
+            free = self._free(self.folder)
         except OSError as error:
-            raise StorageError(f"cannot use {self._folder}: {error.strerror}") from error
-        if free < FREE_BYTES_MIN:
+            raise StorageError(f"cannot use {self.folder}: {error.strerror}") from error
+        least = self.stop_bytes
+        if free < least:
             raise StorageError(
-                f"{free // 10**6} MB free in {self._folder}, needs {FREE_BYTES_MIN // 10**6} MB; "
-                "delete old runs"
+                f"{free // 10**6} MB free in {self.folder}, needs {least // 10**6} MB "
+                "(log.stop_free); delete old runs"
             )
+        if self._file is not None:
+            self._file.check()
 
     def _stop(self, reason: str) -> None:
         self._say(ERROR, f"onboard log stopped: {reason}")
@@ -260,18 +245,30 @@ class OnboardLog:
         self._finish()
 
     def _finish(self) -> None:
-        writer, self._writer = self._writer, None
-        if writer is None:
+        file, self._file = self._file, None
+        if file is None:
             return
+        self._untidy = True
         try:
-            writer.close()
+            file.close()
         except StorageError as error:
             self._say(ERROR, f"onboard log not closed, recovered at the next start: {error}")
             return
-        finally:
-            self._files[-1].closed = True
-        megabytes = writer.size / 1e6
-        self._say(INFO, f"onboard log {writer.path.name} closed, {megabytes:.1f} MB")
+        megabytes = file.size / 1e6
+        self._say(INFO, f"onboard log {file.path.name} closed, {megabytes:.1f} MB")
+
+    def _tidy(self) -> None:
+        self._untidy = False
+        try:
+            for line in self._ring.tidy(self._limits()):
+                self._say(INFO, line)
+        except StorageError as error:
+            self._say(WARN, str(error))
+
+
+def microcontroller_facts(identity: Identity) -> dict[str, str]:
+    """For a file's metadata: the motors started with no other."""
+    return {"robot_id": str(identity.robot_id), "firmware_revision": str(identity.firmware)}
 
 
 def _runs(ticks: Record) -> Iterator[Record]:
@@ -280,21 +277,3 @@ def _runs(ticks: Record) -> Iterator[Record]:
     cuts = (np.flatnonzero(armed[1:] != armed[:-1]) + 1).tolist()
     for start, end in zip([0, *cuts], [*cuts, len(ticks)], strict=True):
         yield ticks[start:end]
-
-
-def torn_logs(data: Path) -> list[Path]:
-    """Onboard logs that were never closed. Raises StorageError."""
-    folder = data / FOLDER
-    return [path for path in sorted(folder.glob("*.mcap")) if not is_closed(path)]
-
-
-def recover_logs(paths: list[Path]) -> Iterator[str]:
-    """Mend each; yields one line a file. A file that cannot be mended stays as it is."""
-    for path in paths:
-        try:
-            found = recover(path)
-        except QuadlabError as error:
-            yield f"onboard log {path.name} not recovered: {error}"
-        else:
-            if found.torn:
-                yield f"onboard log {path.name} recovered: {found.messages} messages"

@@ -14,6 +14,7 @@ from quadrotor.vehicle_model import VehicleModel
 from vehicle.flown_mass import FlownMassParameters
 from vehicle.imu_calibration import ImuCalibration
 from vehicle.near_hovering import NearHoveringParameters
+from vehicle.onboard_parameters import OnboardLogParameters
 from vehicle.safety_parameters import SafetyParameters
 
 
@@ -98,6 +99,7 @@ class VehicleParameters(Parameters):
     near_hovering: NearHoveringParameters = NearHoveringParameters()
     safety: SafetyParameters = SafetyParameters()
     imu: ImuCalibration = ImuCalibration()
+    log: OnboardLogParameters = OnboardLogParameters()
 
 
 ORDERED = (
@@ -106,6 +108,7 @@ ORDERED = (
     ("behavior.volume_z_min", "behavior.volume_z_max"),
     ("model.motor_reference_min", "model.motor_reference_max"),
     ("mass.mass_min", "mass.mass_max"),
+    ("log.stop_free", "log.keep_free"),
     ("safety.battery_land", "safety.battery_warning"),
     ("safety.tilt_max", "safety.tilt_cut"),
 )

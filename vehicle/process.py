@@ -23,7 +23,14 @@ from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
 from vehicle.calibration_store import FOLDER, CalibrationStore
-from vehicle.process_config import CommsConfig, FlightConfig, RingDescriptors, create_rings
+from vehicle.process_config import (
+    PACKETS_A_SECOND,
+    CommsConfig,
+    FlightConfig,
+    RingDescriptors,
+    create_rings,
+)
+from vehicle_link.instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
 
@@ -116,6 +123,7 @@ def run_vehicle(
     settings: Mapping[str, ParameterValue] | None = None,
     rate: int = DEFAULT_RATE,
     identity: Identity = THE_ONE,
+    packets: int = PACKETS_A_SECOND,
 ) -> int:
     """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
 
@@ -129,6 +137,7 @@ def run_vehicle(
         settings: parameter values to start with, over those of stored calibrations.
         rate: ticks a second, which the ports must carry.
         identity: of the microcontroller; motors do not start with another.
+        packets: of telemetry a second, FEWEST_PACKETS to PACKETS_A_SECOND.
     """
     rings = create_rings()
     started_ns = time.time_ns()
@@ -153,6 +162,8 @@ def run_vehicle(
                 started_ns,
                 refused,
                 notices,
+                packets,
+                new_instance(),
             ),
         )
         try:
@@ -216,7 +227,7 @@ class _Recovery:
         """List the torn files now, before comms opens a new one; mend them in the background."""
         if not any((self._data / "onboard").glob("*.mcap")):
             return
-        from vehicle.onboard_log import torn_logs  # mcap and rosbags: only needed here
+        from vehicle.onboard_recovery import torn_logs  # mcap and rosbags: only needed here
 
         try:
             torn = torn_logs(self._data)
@@ -227,7 +238,7 @@ class _Recovery:
             threading.Thread(target=self._mend, args=(torn,), daemon=True).start()
 
     def _mend(self, torn: list[Path]) -> None:
-        from vehicle.onboard_log import recover_logs
+        from vehicle.onboard_recovery import recover_logs
 
         for line in recover_logs(torn):
             say(line)

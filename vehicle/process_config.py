@@ -41,6 +41,10 @@ class FlightConfig(msgspec.Struct, frozen=True):
     identity: Identity = THE_ONE
 
 
+PACKETS_A_SECOND, FEWEST_PACKETS = 100, 20
+"""Of telemetry: usual, and the least; several vehicles on one computer send fewer."""
+
+
 class CommsConfig(msgspec.Struct, frozen=True):
     """Argument of `python -m vehicle.comms`."""
 
@@ -54,6 +58,8 @@ class CommsConfig(msgspec.Struct, frozen=True):
     started_ns: int = 0  # of the vehicle; comms may be started again
     refused_calibrations: list[int] = []  # stamps (ns) of records that are not in force
     notices: list[tuple[int, str]] = []  # (level, text) of events of the start
+    packets: int = PACKETS_A_SECOND  # of telemetry a second
+    instance: int = 0  # of the vehicle's parent process: it outlives a restart of comms
 
 
 @dataclass(frozen=True, slots=True)

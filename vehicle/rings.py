@@ -4,7 +4,8 @@ A ring is an anonymous file (memfd) that a child process inherits by its descrip
 producer owns `head` and `dropped`, the consumer owns `tail`; each is a 64-bit counter that only
 grows, so full and empty cannot be confused and no lock is shared. The producer never waits: into
 a full ring nothing is written and the loss is counted. Counters live in the memory, so a
-consumer that is restarted goes on where the dead one stopped.
+consumer that is restarted goes on where the dead one stopped. A consumer may also read records
+and free their slots later, when they are safe; what it had only read when it died is there still.
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ import numpy as np
 
 from quadrotor.records import Record
 
-HEAD, TAIL, DROPPED = 0, 8, 16  # index in 8-byte words: each on its own 64-byte cache line
+# Index in 8-byte words: each on its own 64-byte cache line.
+HEAD, TAIL, DROPPED, READ = 0, 8, 16, 24
 HEADER_BYTES = 256
 LENGTH = struct.Struct("<I")
 
@@ -133,11 +135,13 @@ class ByteRing(_Ring):
 
 
 class RecordRing(_Ring):
-    """A ring of numpy records of one dtype."""
+    """A ring of numpy records of one dtype: consumed by `pop_all`, or by `read` and `free`."""
 
     def __init__(self, fd: int, dtype: np.dtype[np.void], slots: int) -> None:
         super().__init__(fd, slots, dtype.itemsize)
         self.dtype = dtype
+        self._freeing = threading.Lock()
+        self._ahead = 0  # records freed before their turn
 
     def push(self, record: Record) -> bool:
         """Append the record, shape (1,), or count a drop and return False when full."""
@@ -154,8 +158,38 @@ class RecordRing(_Ring):
 
     def pop_all(self) -> Record:
         """A read-only copy of all records that wait now, oldest first, shape (N,)."""
+        head = self._words[HEAD]
+        records = self._copy(self._words[TAIL], head)
+        self._words[TAIL] = head
+        return records
+
+    def read(self) -> Record:
+        """As `pop_all`, but the slots stay taken until `free`."""
         words = self._words
-        tail, head = words[TAIL], words[HEAD]
+        head = words[HEAD]
+        records = self._copy(max(words[READ], words[TAIL]), head)
+        words[READ] = head
+        return records
+
+    def read_before(self) -> Record:
+        """What was read and not freed; for a consumer that was started again, shape (N,)."""
+        return self._copy(self._words[TAIL], max(self._words[READ], self._words[TAIL]))
+
+    def free(self, count: int) -> None:
+        """The oldest `count` records read are safe; from any thread."""
+        with self._freeing:
+            early = min(count, self._ahead)
+            self._ahead -= early
+            self._words[TAIL] += count - early
+
+    def free_ahead(self, count: int) -> None:
+        """Room for the producer before the oldest records read are safe; `free` them all the
+        same."""
+        with self._freeing:
+            self._ahead += count
+            self._words[TAIL] += count
+
+    def _copy(self, tail: int, head: int) -> Record:
         fence()
         first, count = tail % self.slots, head - tail
         # Bytes, because numpy copies structured rows field by field, forty times slower.
@@ -163,7 +197,6 @@ class RecordRing(_Ring):
         if first + count > self.slots:
             data += self._bytes(0, first + count - self.slots)
         fence()
-        words[TAIL] = head
         return np.frombuffer(data, self.dtype)
 
     def _bytes(self, first: int, count: int) -> bytes:

@@ -9,8 +9,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol
 
-from vehicle.onboard_log import FREE_BYTES_MIN
+from vehicle.onboard_parameters import OnboardLogParameters
+from vehicle.onboard_recovery import FOLDER
 from vehicle.realtime import PRIORITY
 from vehicle_link.certificate_checks import certificate_check
 from vehicle_link.checks import Check, Place, to_messages
@@ -31,24 +33,43 @@ VERSION = "version"
 """The check whose `found` the station compares with its own revision."""
 
 
+STOP_BYTES = OnboardLogParameters().stop_bytes
+
 HEARD = 0.5
 """s after which the flight loop's last word on whether it is armed is no longer believed."""
 
 
-def self_checks(data: Path, *, disarmed: bool, identity: Identity = THE_ONE) -> list[Check]:
+class Log(Protocol):
+    """The onboard log, as far as it is checked.
+
+    problem: why the last flight has no whole log, empty when it has.
+    stop_bytes: of free space, below which nothing is logged.
+    """
+
+    problem: str
+
+    @property
+    def stop_bytes(self) -> int: ...
+
+
+def self_checks(
+    data: Path, *, disarmed: bool, identity: Identity = THE_ONE, log: Log | None = None
+) -> list[Check]:
     """Of the computer this runs on.
 
     Args:
         data: the vehicle's data folder.
         disarmed: known to be; else the disk is not looked at.
         identity: of the microcontroller.
+        log: the vehicle's own.
     """
     disk = Check(
         "log's disk", "unknown", "not looked at: the flight loop is silent, and may be flying",
         advice="start the flight process and its microcontroller, then check again", place=PLACE,
     )  # fmt: skip
     if disarmed:
-        disk = disk_check(PLACE, "log's disk", data / "onboard", FREE_BYTES_MIN)
+        least = STOP_BYTES if log is None else log.stop_bytes
+        disk = disk_check(PLACE, "log's disk", data / FOLDER, least)
     firmware = f"revision {identity.firmware}; the motors start with no other"
     return [
         clock_check(PLACE),
@@ -56,10 +77,19 @@ def self_checks(data: Path, *, disarmed: bool, identity: Identity = THE_ONE) -> 
         memory_lock_check(PLACE),
         governor_check(PLACE),
         disk,
+        *([] if log is None else [log_check(log.problem)]),
         certificate_check(PLACE, data / "certificates", "vehicle"),
         Check("firmware", "ok", firmware, place=PLACE),
         Check(VERSION, "ok", provenance()["git_revision"], place=PLACE),
     ]
+
+
+def log_check(problem: str) -> Check:
+    """Whether the last flight was logged."""
+    if not problem:
+        return Check("onboard log", "ok", "nothing was lost", place=PLACE)
+    advice = "make room on the vehicle's disk; arming tries again"
+    return Check("onboard log", "fail", f"stopped: {problem}", "every tick", advice, PLACE)
 
 
 class SelfChecks:
@@ -70,8 +100,9 @@ class SelfChecks:
         data: Path,
         clock: Callable[[], float] = time.monotonic,
         identity: Identity = THE_ONE,
+        log: Log | None = None,
     ) -> None:
-        self._data, self._clock, self._identity = data, clock, identity
+        self._data, self._clock, self._identity, self._log = data, clock, identity, log
         self._told: tuple[float, bool] | None = None
 
     def heard(self, armed: bool) -> None:
@@ -91,6 +122,6 @@ class SelfChecks:
             reason = "the vehicle is armed; checks are made on the ground"
             return new(kind, accepted=False, reason=reason)
         checks = to_messages(
-            self_checks(self._data, disarmed=armed is False, identity=self._identity)
+            self_checks(self._data, disarmed=armed is False, identity=self._identity, log=self._log)
         )
         return new(kind, accepted=True, checked=time.time(), checks=checks)

@@ -189,23 +189,67 @@ def _make_authority(files: TlsFiles) -> None:
     _write(files.authority, signed(builder, key))
 
 
-def _make_certificate(files: TlsFiles, role: Role, names: Sequence[str]) -> None:
+def issue(
+    authority: TlsFiles,
+    folder: Path,
+    role: Role,
+    names: Sequence[str],
+    subject: str = "",
+    owner: str = "",
+) -> TlsFiles:
+    """A certificate, its key and the authority's certificate, into a folder of another machine.
+
+    Args:
+        folder: made when missing, mode 0700.
+        subject: its common name, what access goes by (vehicle_link.access); the role's if empty.
+        owner: whose it is, for people who look at it.
+
+    Raises:
+        StorageError: the folder cannot be written.
+        LinkError: there is no authority's key here.
+    """
+    if not authority.authority_key.exists():
+        raise LinkError(
+            f"{authority.folder} has no authority's key (it is a copy of another machine's); "
+            "issue certificates on the base, where ca.key is"
+        )
+    files = TlsFiles(folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _write(files.authority, authority.authority.read_bytes())
+        _make_certificate(files, role, sorted(names), authority, subject, owner)
+    except OSError as error:
+        raise StorageError(f"cannot write {folder}: {error.strerror or error}") from error
+    return files
+
+
+def _make_certificate(
+    files: TlsFiles,
+    role: Role,
+    names: Sequence[str],
+    authority: TlsFiles | None = None,
+    subject: str = "",
+    owner: str = "",
+) -> None:
+    """Into `files`, signed by `authority` (default: the same folder's)."""
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
     from cryptography.x509.oid import ExtendedKeyUsageOID
 
-    authority_key = load_pem_private_key(files.authority_key.read_bytes(), None)
+    signer = (authority or files).authority_key
+    authority_key = load_pem_private_key(signer.read_bytes(), None)
     if not isinstance(authority_key, ec.EllipticCurvePrivateKey):
-        raise LinkError(f"{files.authority_key} is not of quadlab; empty {files.folder}")
+        raise LinkError(f"{signer} is not of quadlab; empty {signer.parent}")
     key = ec.generate_private_key(ec.SECP256R1())
-    builder = certificate_builder(f"quadlab {role}", "quadlab private authority", key)
+    subject = subject or f"quadlab {role}"
+    builder = certificate_builder(subject, "quadlab private authority", key, owner=owner)
     extended = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
     if role == "web":
         now = datetime.datetime.now(datetime.UTC)
         extended.pop()
         builder = certificate_builder(
-            f"quadlab {role}", "quadlab private authority", key,
+            subject, "quadlab private authority", key,
             now - datetime.timedelta(days=1), now + datetime.timedelta(days=WEB_DAYS - 1),
         )  # fmt: skip
     builder = (

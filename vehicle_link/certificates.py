@@ -21,14 +21,18 @@ def certificate_builder(
     # A robot's clock may be behind the base's, by years when it has no battery.
     begin: datetime.datetime = datetime.datetime(2020, 1, 1, tzinfo=datetime.UTC),
     end: datetime.datetime | None = None,
+    owner: str = "",
 ) -> CertificateBuilder:
     from cryptography import x509
     from cryptography.x509.oid import NameOID
 
     now = datetime.datetime.now(datetime.UTC)
+    attributes = [x509.NameAttribute(NameOID.COMMON_NAME, subject)]
+    if owner:
+        attributes.append(x509.NameAttribute(NameOID.ORGANIZATIONAL_UNIT_NAME, owner))
     return (
         x509.CertificateBuilder()
-        .subject_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, subject)]))
+        .subject_name(x509.Name(attributes))
         .issuer_name(x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, issuer)]))
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())

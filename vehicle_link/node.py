@@ -25,6 +25,7 @@ from zenoh.handlers import Callback
 from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link.client import ServiceClient, wait_for_match
 from vehicle_link.messages import Message, decode, encode
+from vehicle_link.misrouted import Topics
 from vehicle_link.rmw_keys import (
     RELIABLE,
     SENSOR_DATA,
@@ -46,6 +47,8 @@ log = logging.getLogger(__name__)
 # One counter a session numbers nodes and endpoints (rmw_zenoh).
 _counters: dict[str, itertools.count[int]] = {}
 _counters_lock = threading.Lock()
+_published = Topics()
+PUT_LONGEST = 2.0  # s
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +59,21 @@ class Received:
     sequence: int  # of its publisher, from 1
     source_ns: int  # as the publisher stamped it
     received_ns: int  # time.time_ns here
+    gid: bytes = b""  # of its publisher
 
 
 class Publisher:
-    """Made by `Node.publisher`."""
+    """Made by `Node.publisher`.
+
+    Attributes:
+        beside: gets each message before it is put, to send it another way as well.
+    """
 
     def __init__(self, publisher: zenoh.Publisher, gid: bytes) -> None:
         self._publisher = publisher
         self._gid = gid
         self._sequence = itertools.count(1)
+        self.beside: Callable[[Received], object] | None = None
 
     def put(self, payload: bytes, source_ns: int | None = None) -> None:
         """Send CDR bytes.
@@ -76,12 +85,22 @@ class Publisher:
             LinkError: the session is closed.
         """
         stamp = time.time_ns() if source_ns is None else source_ns
+        sequence = next(self._sequence)
+        if self.beside is not None:
+            self.beside(Received(payload, sequence, stamp, stamp, self._gid))
         try:
-            self._publisher.put(
-                payload, attachment=attachment(next(self._sequence), stamp, self._gid)
-            )
+            self._publisher.put(payload, attachment=attachment(sequence, stamp, self._gid))
         except zenoh.ZError as error:
             raise LinkError(f"cannot publish, the session is closed ({error})") from error
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether anybody listens; False when the session is closed."""
+        try:
+            status: Any = self._publisher.matching_status
+        except zenoh.ZError:
+            return False
+        return bool(status.matching)
 
     def wait(self, timeout: float) -> bool:
         """Whether anybody listens, waiting for it for at most `timeout` seconds."""
@@ -162,17 +181,21 @@ class Node:
         without ROS attachment is logged and dropped.
         """
 
+        key, _ = self._announce("MS", topic, type_name, qos)
+
         def deliver(sample: zenoh.Sample) -> None:
             received_ns = time.time_ns()
             try:
                 data = sample.attachment
-                sequence, source_ns, _ = parse_attachment(data.to_bytes() if data else b"")
+                sequence, source_ns, gid = parse_attachment(data.to_bytes() if data else b"")
+                if not _published.belongs(gid, key):
+                    log.warning("a message of another topic came as %s and was dropped", topic)
+                    return
                 payload = sample.payload.to_bytes()
-                callback(Received(payload, sequence, source_ns, received_ns))
+                callback(Received(payload, sequence, source_ns, received_ns, gid))
             except Exception:
                 log.exception("a message of %s could not be handled", topic)
 
-        key, _ = self._announce("MS", topic, type_name, qos)
         handler = Callback(deliver, indirect=not direct)
         self._entities.append(self.session.declare_subscriber(key, handler))
 
@@ -242,7 +265,7 @@ class Node:
     def close(self) -> None:
         """Undeclare all of this node; its session stays open."""
         while self._entities:
-            self._entities.pop().undeclare()
+            _undeclare(self._entities.pop())
         for pool in self._pools:
             pool.shutdown(wait=False, cancel_futures=True)
 
@@ -258,3 +281,16 @@ class Node:
             self._entities.append(self.session.liveliness().declare_token(token))
         except zenoh.ZError as error:
             raise LinkError(f"cannot announce {self.full_name}: {error}") from error
+
+
+def _undeclare(entity: Any) -> None:
+    """Waits for a `put` of another thread, during which Zenoh's object cannot be closed."""
+    until = time.monotonic() + PUT_LONGEST
+    while True:
+        try:
+            entity.undeclare()
+            return
+        except RuntimeError as error:
+            if "borrowed" not in str(error) or time.monotonic() > until:
+                raise
+            time.sleep(0.001)

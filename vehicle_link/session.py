@@ -1,10 +1,10 @@
 """Zenoh sessions of the vehicle, the station and everything on the station's loopback.
 
 One QUIC link with mutual TLS between vehicle and station: reliable streams, and datagrams for
-best effort (`mixed_rel=1`). The station dials, in router mode, and so routes between the vehicle
-and the clients on its loopback. The numbers are those measured on an emulated lossy link: short
-leases and time-outs bring data back 0.35 s after an outage instead of seconds, short queues keep
-old samples from arriving in a burst.
+best effort (`mixed_rel=1`). The station has one session on its loopback (`hub_session`) with its
+nodes, and one more a vehicle (vehicle_link.radio) that dials it and routes between the two. The
+numbers are those measured on an emulated lossy link: short leases and time-outs bring data back
+0.35 s after an outage instead of seconds, short queues keep old samples from arriving in a burst.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
+from vehicle_link.access import access_control
 from vehicle_link.authority import Role, TlsFiles, check_certificate
 
 if TYPE_CHECKING:
@@ -23,14 +24,22 @@ if TYPE_CHECKING:
 VEHICLE_PORT = 7447
 LOOPBACK_PORT = 7447
 
-_RETRY = {
+RETRY = {
     "timeout_ms": -1,
     "exit_on_failure": False,
-    "retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+    # A first packet that is lost is not repeated within `open_timeout`: many short attempts bring a
+    # link back 0.4 s after an outage at the latest, fewer long ones 1 s.
+    "retry": {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 2},
 }
-_VEHICLES = "vehicle"
+VEHICLES = "vehicle"
 """Region of the vehicles. A router passes nothing on within one region, where peers see each other
 by themselves; ROS 2 nodes are peers, too, and could not reach a vehicle otherwise."""
+GATEWAY = {
+    "south": [
+        {"filters": [{"region_names": [VEHICLES]}]},
+        {"filters": [{"modes": ["client", "peer"]}]},
+    ]
+}
 _QUEUES = {
     "control": 2,
     "real_time": 4,
@@ -50,10 +59,11 @@ def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Se
         LinkError: the port is in use, or the vehicle's certificate cannot be used.
     """
     check_certificate(tls, "vehicle")
-    config = _link_config("peer", tls, "vehicle")
-    config["listen"] = {"endpoints": [_quic(host, port)]}
-    config["region_name"] = _VEHICLES
-    return _open(config, f"UDP port {port} of {host}")
+    config = link_config("peer", tls, "vehicle")
+    config["listen"] = {"endpoints": [quic(host, port)]}
+    config["region_name"] = VEHICLES
+    config["access_control"] = access_control()
+    return open_session(config, f"UDP port {port} of {host}")
 
 
 def station_session(
@@ -71,20 +81,62 @@ def station_session(
         LinkError: the loopback port is in use, or a certificate does not fit.
         UsageError: the endpoint cannot be read.
     """
-    host, port = parse_endpoint(vehicle_endpoint)
+    check_station(vehicle_endpoint, tls)
+    config = link_config("router", tls, "station")
+    config["connect"] = {"endpoints": [quic(*parse_endpoint(vehicle_endpoint))], **RETRY}
+    config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
+    config["gateway"] = GATEWAY
+    return open_session(config, f"TCP port {loopback_port} of {loopback_host}")
+
+
+def hub_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
+    """Where the station's nodes, radios, page, tools and ROS 2 meet; it never dials.
+
+    Raises LinkError: the loopback port is in use.
+    """
+    config = link_config("router")
+    config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
+    config["gateway"] = GATEWAY
+    return open_session(config, f"TCP port {loopback_port} of {loopback_host}")
+
+
+def radio_session(
+    vehicle_endpoint: str,
+    tls: TlsFiles,
+    loopback_port: int | None = None,
+    loopback_host: str = "127.0.0.1",
+) -> zenoh.Session:
+    """Dials a vehicle for as long as it lives, and routes between it and the hub, if one is named.
+
+    Returns within a second, vehicle or not; `connected_to` says whether the link stands.
+
+    Args:
+        vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
+            in the vehicle's certificate.
+
+    Raises:
+        LinkError: the session cannot be opened.
+        UsageError: the endpoint cannot be read.
+    """
+    config = link_config("router", tls, "station")
+    endpoints = [quic(*parse_endpoint(vehicle_endpoint))]
+    if loopback_port is not None:
+        endpoints.append(f"tcp/{loopback_host}:{loopback_port}")
+    config["connect"] = {"endpoints": endpoints, **RETRY}
+    config["listen"] = {"endpoints": []}
+    config["gateway"] = GATEWAY
+    return open_session(config, vehicle_endpoint)
+
+
+def check_station(vehicle_endpoint: str, tls: TlsFiles) -> None:
+    """That the certificates let us dial this vehicle, as far as it can be known here.
+
+    Raises LinkError or UsageError.
+    """
+    host, _ = parse_endpoint(vehicle_endpoint)
     check_certificate(tls, "station")
     if tls.certificate("vehicle").exists():  # the base issued it, so we can say what is wrong
         check_certificate(tls, "vehicle", host)
-    config = _link_config("router", tls, "station")
-    config["connect"] = {"endpoints": [_quic(host, port)], **_RETRY}
-    config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
-    config["gateway"] = {
-        "south": [
-            {"filters": [{"region_names": [_VEHICLES]}]},
-            {"filters": [{"modes": ["client", "peer"]}]},
-        ]
-    }
-    return _open(config, f"TCP port {loopback_port} of {loopback_host}")
 
 
 def loopback_session(
@@ -100,7 +152,7 @@ def loopback_session(
     Raises:
         LinkError: no station answered in time.
     """
-    connect = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **_RETRY}
+    connect = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"], **RETRY}
     config: dict[str, Any] = {
         "mode": "client",
         "connect": {**connect, "timeout_ms": round(1000 * timeout), "exit_on_failure": True},
@@ -108,7 +160,7 @@ def loopback_session(
         "transport": {"shared_memory": {"enabled": False}},
     }
     try:
-        return _open(config, f"{loopback_host}:{loopback_port}")
+        return open_session(config, f"{loopback_host}:{loopback_port}")
     except LinkError as error:
         raise LinkError(
             f"no station answered at {loopback_host}:{loopback_port} within {timeout:g} s; "
@@ -153,46 +205,50 @@ def parse_endpoint(text: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
-def _link_config(mode: str, tls: TlsFiles, role: Role) -> dict[str, Any]:
-    """What both ends of the radio link share."""
-    key, certificate = str(tls.key(role)), str(tls.certificate(role))
+def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") -> dict[str, Any]:
+    """What all routing sessions share; with `tls`, the certificates of an end of the radio link."""
+    link: dict[str, Any] = {
+        "tx": {
+            "lease": 1500,
+            "keep_alive": 8,
+            "batch_size": 1450,
+            "queue": {
+                "size": _QUEUES,
+                "congestion_control": {
+                    "drop": {"wait_before_drop": 1000, "max_wait_before_drop_fragments": 100_000}
+                },
+            },
+        }
+    }
+    if tls is not None:
+        key, certificate = str(tls.key(role)), str(tls.certificate(role))
+        link["tls"] = {
+            "root_ca_certificate": str(tls.authority),
+            "listen_private_key": key,
+            "listen_certificate": certificate,
+            "connect_private_key": key,
+            "connect_certificate": certificate,
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+        }
     return {
         "mode": mode,
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+        # Nobody is looked for, so opening need not wait half a second for who is found.
+        "scouting": {
+            "delay": 0,
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+        },
         "transport": {
             # Shared memory would carry large messages around the link on one host.
             "shared_memory": {"enabled": False},
-            "unicast": {"open_timeout": 400, "accept_timeout": 400, "max_links": 1},
-            "link": {
-                "tx": {
-                    "lease": 1500,
-                    "keep_alive": 8,
-                    "batch_size": 1450,
-                    "queue": {
-                        "size": _QUEUES,
-                        "congestion_control": {
-                            "drop": {
-                                "wait_before_drop": 1000,
-                                "max_wait_before_drop_fragments": 100_000,
-                            }
-                        },
-                    },
-                },
-                "tls": {
-                    "root_ca_certificate": str(tls.authority),
-                    "listen_private_key": key,
-                    "listen_certificate": certificate,
-                    "connect_private_key": key,
-                    "connect_certificate": certificate,
-                    "enable_mtls": True,
-                    "verify_name_on_connect": True,
-                },
-            },
+            "unicast": {"open_timeout": 300, "accept_timeout": 300, "max_links": 1},
+            "link": link,
         },
     }
 
 
-def _quic(host: str, port: int) -> str:
+def quic(host: str, port: int) -> str:
     try:
         bracketed = f"[{host}]" if ipaddress.ip_address(host).version == 6 else host
     except ValueError:
@@ -200,7 +256,7 @@ def _quic(host: str, port: int) -> str:
     return f"quic/{bracketed}:{port}?mixed_rel=1"
 
 
-def _open(config: dict[str, Any], place: str) -> zenoh.Session:
+def open_session(config: dict[str, Any], place: str) -> zenoh.Session:
     import zenoh
 
     try:

@@ -30,10 +30,11 @@ from web.beacons.routes import add_beacons
 from web.calibration import add_calibration
 from web.control import add_control
 from web.experiments import add_experiments
+from web.fleet import Fleet
+from web.fleet_routes import add_fleet
 from web.parameter_routes import add_parameters
 from web.parts import Parts
 from web.replay.routes import add_replay
-from web.replay.store import ReplayStore
 from web.reports import add_reports
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
@@ -55,33 +56,37 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
 
 
 def create_app(
-    parts: Parts, lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]]
+    parts: Parts,
+    fleet: Fleet,
+    lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
+    """One vehicle's application."""
     app = FastAPI(
         title="quadlab", version="0.1.0", lifespan=lifespan,
         docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
     )  # fmt: skip
     _add_error_handlers(app)
     app.mount("/static", KeptFiles(STATIC))  # the first to be looked at: most requests are these
-    _add_reading(app, parts)
+    _add_reading(app, parts, fleet)
     _add_commands(app, parts)
     _add_view(app, parts)
     _add_sockets(app, parts)
     add_parameters(app, parts)
     add_runs(app, parts)
-    add_replay(app, parts.catalogue, ReplayStore(parts.catalogue.folder))
+    add_replay(app, parts.catalogue, parts.replays)
     add_users(app, parts.people)
     add_control(app, parts)
-    add_setup(app, parts)
+    add_setup(app, parts, fleet)
     add_experiments(app, parts)
     add_calibration(app, parts)
     add_reports(app, parts)
     add_beacons(app, parts)
     add_tuning(app, parts)
+    add_fleet(app, fleet)
     return app
 
 
-def _add_reading(app: FastAPI, parts: Parts) -> None:
+def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/", include_in_schema=False)
     def page() -> FileResponse:
         return FileResponse(STATIC / "index.html")
@@ -107,8 +112,9 @@ def _add_reading(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/session")
     def session(session: Asker) -> dict[str, Any]:
-        """Who this browser is, and which vehicle this is."""
-        return {**events.session_fields(session), "vehicle": parts.vehicle}
+        """Who this browser is, which vehicle this is, and which there are."""
+        ours = {"vehicle": parts.vehicle, "vehicles": fleet.names}
+        return {**events.session_fields(session), **ours}
 
     @app.get("/api/signals")
     def signals() -> Response:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Callable, Collection
+from collections.abc import AsyncIterator, Callable, Collection, Sequence
 from pathlib import Path
 from typing import Protocol
 from urllib.parse import urlsplit
@@ -14,9 +14,6 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp
 
 from console.catalogue import Catalogue
-from console.parameter_history import ParameterHistory
-from console.parameter_presets import ParameterPresets
-from vehicle_link.messages import decode
 from web.access.attempts import Attempts
 from web.access.gate import Gate
 from web.access.passwords import Passwords
@@ -24,20 +21,13 @@ from web.access.people import open_people
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
-from web.control import Control
-from web.emergency import EmergencyDesk
+from web.by_vehicle import ByVehicle
 from web.events import EventHub
-from web.follow_parameters import ParameterFollower
-from web.live import Live
-from web.parameter_mirror import ParameterMirror
-from web.parameters import GainPath
-from web.parts import Parts
+from web.fleet import Fleet
+from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
-from web.scene import Scene
-from web.station import Station
-from web.sticks import StickOutput
-from web.telemetry import TelemetryFeed
+from web.vehicle_side import Connect, Runs, Shared, VehicleSide
 from web.view_server import ViewServer
 
 
@@ -49,66 +39,64 @@ def assemble(
     *,
     data: Path,
     base_url: str,
-    vehicle: str,
+    vehicles: Sequence[str],
     token: str | None,
-    connect: Callable[[Live, EventHub], Station],
+    connect: Connect,
     catalogue: Catalogue,
     show_link: ShowLink,
-    view_server: ViewServer,
+    new_view_server: Callable[[], ViewServer] = ViewServer,
     names: Collection[str] = (),
     tls: Tls | None = None,
     attempts: Attempts | None = None,
     passwords: Passwords | None = None,
 ) -> ASGIApp:
-    """The whole application behind its gate; stops `view_server` at its end.
+    """The whole application behind its gate.
 
     Args:
         base_url: where the page is; under https the cookie is Secure.
-        connect: makes the station's client.
+        vehicles: by name; the first one's page is at /, each one's at /v/NAME/.
+        connect: makes the station's client of one of them.
         names: of hosts that mean us, beside that of `base_url` and loopback's.
         tls: the page's certificate, to be looked at by the start-up checks.
         attempts, passwords: other than usual, for tests.
 
     Raises StorageError.
     """
-    live, hub = Live(decode), EventHub()
+    hubs = {name: EventHub() for name in vehicles}
+    for name, hub in hubs.items():
+        hub.others = [other for one, other in hubs.items() if one != name]
+
+    def say(level: str, text: str) -> None:
+        for hub in hubs.values():
+            hub.say(level, text)
+
     people = open_people(
         data / "web",
         base_url,
         token,
-        say=hub.say,
+        say=say,
         on_link=lambda label: show_link(sign_in_link(), label),
         attempts=attempts,
         passwords=passwords,
     )
-    links, exports, reports = SignedLinks(data / "web"), ViserExports(), ReportMaking()
-    mirror = ParameterMirror(hub.publish)
-    scene = Scene(view_server, live)
-    station = connect(live, hub)
-    follower = ParameterFollower(mirror, station, live, scene, f"/{vehicle}")
-    station.on_change = follower.changed_from_thread
-    stick = StickOutput(station.publish_stick)
-    station.on_stick_answer = stick.answer_from_thread
-    feed = TelemetryFeed(live)
-    control = Control(live, lambda: people.sockets.labels, station.publish_presence)
-
-    def airborne() -> bool:
-        status = live.current("status")
-        return status is not None and bool(status.airborne)
+    links = SignedLinks(data / "web")
+    shared = Shared(
+        base_url, people, catalogue, links, ViserExports(), ReportMaking(),
+        ReplayStore(catalogue.folder), tls,
+    )  # fmt: skip
+    sides = [VehicleSide(name, shared, connect, hubs[name], new_view_server()) for name in vehicles]
+    fleet = Fleet(sides)
 
     def sign_in_link() -> str:
         return f"{base_url}/?token={people.door.token}"
 
     @contextlib.asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        loop = asyncio.get_running_loop()
-        hub.attach(loop)
-        follower.attach(loop)
-        stick.attach(loop)
-        station.start()
-        loops = [
-            _start(part, hub) for part in (scene, feed, follower, people, people.sockets, control)
-        ]
+        for side in sides:
+            side.attach(asyncio.get_running_loop())
+            side.station.start()
+        loops = [_start(part, say) for part in (people, people.sockets, fleet)]
+        loops += [_start(part, side.hub.say) for side in sides for part in side.loops]
         show_link(sign_in_link())
         try:
             yield
@@ -116,46 +104,18 @@ def assemble(
             for task in loops:
                 task.cancel()
             await asyncio.gather(*loops, return_exceptions=True)
-            station.stop()
-            view_server.stop()
-            exports.stop()
-            reports.stop()
+            for side in sides:
+                side.stop()
+            fleet.stop()
+            shared.exports.stop()
+            shared.reports.stop()
             people.stop()
 
-    app = create_app(
-        Parts(
-            vehicle=vehicle,
-            base_url=base_url,
-            people=people,
-            live=live,
-            hub=hub,
-            feed=feed,
-            view_server=view_server,
-            scene=scene,
-            station=station,
-            mirror=mirror,
-            gains=GainPath(mirror, station, airborne),
-            history=ParameterHistory(catalogue.engine, vehicle),
-            presets=ParameterPresets(catalogue.engine, vehicle),
-            catalogue=catalogue,
-            tls=tls,
-            links=links,
-            exports=exports,
-            reports=reports,
-            stick=stick,
-            emergency=EmergencyDesk(
-                station,
-                live,
-                hub.publish,
-                hub.say,
-                chosen=lambda: mirror.value("safety.emergency_land"),
-            ),
-            control=control,
-        ),
-        lifespan,
-    )
+    first, *others = sides
+    apps = {first.name: create_app(first.parts, fleet, lifespan)}
+    apps |= {side.name: create_app(side.parts, fleet) for side in others}
     return Gate(
-        app,
+        ByVehicle(apps),
         base_url=base_url,
         hosts=allowed_hosts(base_url, names),
         door=people.door,
@@ -167,17 +127,13 @@ def assemble(
     )
 
 
-class _Runs(Protocol):
-    async def run(self) -> None: ...
-
-
-def _start(part: _Runs, hub: EventHub) -> asyncio.Task[None]:
+def _start(part: Runs, say: Callable[[str, str], None]) -> asyncio.Task[None]:
     """A loop that ends by an error is a defect: told on the page, its trace in the terminal."""
 
     def ended(task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
             name = type(part).__name__
-            hub.say("error", f"{name} of quadlab web stopped ({error}); restart quadlab web")
+            say("error", f"{name} of quadlab web stopped ({error}); restart quadlab web")
             logging.getLogger("quadlab.web").error("%s stopped", name, exc_info=error)
 
     task = asyncio.create_task(part.run())

@@ -22,6 +22,8 @@ from web.access.roles import Session
 from web.live import CHARTED, STALE, Live
 
 RATE = 5.0  # Hz, of the summary
+OF_ALL = ("runs",)
+"""Types of messages that are news for the pages of every vehicle."""
 KEPT = 200  # log lines a new page gets
 WAITING = 500  # messages a page may lag behind
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
@@ -38,6 +40,8 @@ class EventHub:
         self._pages: set[asyncio.Queue[Message | None]] = set()
         self._lines: deque[Message] = deque(maxlen=KEPT)
         self._loop: asyncio.AbstractEventLoop | None = None
+        self.others: list[EventHub] = []
+        """Of the other vehicles."""
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -51,6 +55,12 @@ class EventHub:
         return list(self._lines)
 
     def publish(self, message: Message) -> None:
+        self._hand_out(message)
+        if message["type"] in OF_ALL:
+            for other in self.others:
+                other._hand_out(message)
+
+    def _hand_out(self, message: Message) -> None:
         if message["type"] == "event":
             self._lines.append(message)
         for queue in self._pages:

@@ -16,6 +16,7 @@ from web.events import EventHub
 from web.live import Live
 from web.parameter_mirror import ParameterMirror
 from web.parameters import GainPath
+from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
 from web.scene import Scene
@@ -46,6 +47,7 @@ class Parts:
     links: SignedLinks
     exports: ViserExports
     reports: ReportMaking
+    replays: ReplayStore
     stick: StickOutput
     control: Control
     emergency: EmergencyDesk

@@ -6,17 +6,18 @@ import contextlib
 import signal
 import sys
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import uvicorn
 from starlette.types import ASGIApp
 
 from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
+from web.events import EventHub
+from web.live import Live
 from web.sockets import LiveWebSocket, listen
 from web.station import Station
-from web.view_server import ViewServer
 
 CLOSING_TIME = 2  # s given to open downloads and sockets at the end
 
@@ -26,7 +27,7 @@ def run_web(
     port: int = 8080,
     loopback_port: int = 7447,
     token: str | None = None,
-    vehicle: str = "quad1",
+    vehicles: Sequence[str] = ("quad1",),
     host: str = "127.0.0.1",
     open_browser: bool = False,
     tls: Tls | None = None,
@@ -36,6 +37,7 @@ def run_web(
     Args:
         data: the data folder; sign-in tokens in `web/`, recorded runs in `runs/`.
         port: 0 takes any free one.
+        vehicles: by name; the first one's page is at /, each one's at /v/NAME/.
         loopback_port: of the station's router.
         token: a first sign-in token chosen by the caller; one is made if None.
         host: where to listen; whether it may is `web.access.reach.check_reach`.
@@ -47,9 +49,14 @@ def run_web(
     """
     from console.catalogue import Catalogue
     from vehicle_link.session import loopback_session
+    from vehicle_link.shared_session import SharedSession
 
-    def open_session() -> Any:
-        return loopback_session(loopback_port)
+    session = SharedSession(lambda: loopback_session(loopback_port))
+
+    def connect(vehicle: str, live: Live, hub: EventHub) -> Station:
+        return Station(
+            session.open, vehicle, live, hub, lambda _: session.close(), watches=len(vehicles) == 1
+        )
 
     def show_link(url: str, signed_in: str | None = None) -> None:
         print_link(url, signed_in)
@@ -63,12 +70,11 @@ def run_web(
         app = assemble(
             data=data,
             base_url=base_url,
-            vehicle=vehicle,
+            vehicles=vehicles,
             token=token,
-            connect=lambda live, hub: Station(open_session, vehicle, live, hub),
+            connect=connect,
             catalogue=Catalogue(data),
             show_link=show_link,
-            view_server=ViewServer(),
             names=(*own_names(host), *(tls.names if tls else ())),
             tls=tls,
         )

@@ -21,7 +21,7 @@ from web.live import Live
 from web.paths import Trail, line_color
 from web.view_server import ViewServer
 
-RATE = 30.0  # Hz
+RATE, UNWATCHED = 30.0, 10.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)
 AXES = ((229, 115, 107), (100, 186, 132), (106, 156, 232))  # x, y, z: as on the page
 EDGES, DROP = (84, 100, 116), (120, 134, 148)
@@ -82,7 +82,8 @@ class Scene:
         loop = asyncio.get_running_loop()
         deadline = loop.time()
         while True:
-            deadline = max(deadline + 1.0 / RATE, loop.time())
+            rate = RATE if self._server.watched else UNWATCHED
+            deadline = max(deadline + 1.0 / rate, loop.time())
             await asyncio.sleep(deadline - loop.time())
             with self._server.viser.atomic():  # one wake-up and one frame of all that moves
                 self.update(time.monotonic())

@@ -11,7 +11,7 @@ import asyncio
 import threading
 import time
 import uuid
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,7 @@ from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.events import LEVELS, EventHub, event
-from web.live import STALE, Live
+from web.live import FAST, STALE, Live
 
 if TYPE_CHECKING:
     from vehicle_link.client import ServiceClient
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from vehicle_link.parameter_service import ParameterClient
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
-PATIENCE = {"checks": 8.0, "experiment": 4.0}  # s, for what takes its time
+PATIENCE = {"checks": 8.0, "experiment": 4.0, "onboard_files": 4.0}  # s, for what takes its time
 RETRY = 1.0  # s
 JOY = "sensor_msgs/Joy"
 
@@ -45,7 +45,12 @@ class Reply:
 
 
 class Station:
-    """Args: `open_session` returns a Zenoh session or raises LinkError."""
+    """
+    Args:
+        open_session: returns a Zenoh session or raises LinkError.
+        close_session: ends what `open_session` gave; may block for long.
+        watches: takes everything from the start; else what comes fast only while `watch` says.
+    """
 
     def __init__(
         self,
@@ -53,8 +58,13 @@ class Station:
         vehicle: str,
         live: Live,
         hub: EventHub,
+        close_session: Callable[[Any], None] = lambda session: session.close(),
+        *,
+        watches: bool = True,
     ) -> None:
-        self._open_session = open_session
+        self._open_session, self._close_session = open_session, close_session
+        self._watched = frozenset(FAST) if watches else frozenset()
+        self._view: Node | None = None  # of what is watched
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
@@ -79,11 +89,21 @@ class Station:
         self._opener.join(timeout=1.0)
         if self._node is not None:
             # Closing a session whose router died can block for long; the process need not wait.
-            closer = threading.Thread(target=_close, args=(self._node,), daemon=True)
+            closer = threading.Thread(target=self._close, args=(self._node,), daemon=True)
             closer.start()
             closer.join(timeout=1.0)
         self._callers.shutdown(wait=False, cancel_futures=True)
         self._urgent.shutdown(wait=False, cancel_futures=True)
+
+    def watch(self, topics: Collection[str]) -> None:
+        """Takes these of the topics in `FAST`, and no others of them. Blocks for some ms."""
+        wanted = frozenset(topics)
+        with self._making:
+            if wanted == self._watched and (self._view is not None or not wanted):
+                return
+            self._watched = wanted
+            if self._node is not None:
+                self._renew_view(self._node.session)
 
     async def command(self, service: str, requester: str, **fields: Any) -> Reply:
         """Calls one of the station's services. Raises RefusedError with the reason, LinkError."""
@@ -201,9 +221,8 @@ class Station:
         from vehicle_link.node import Node
 
         node = Node(session, f"/{self._vehicle}", "web")
-        for topic in STALE:
-            # On Zenoh's own thread: it only puts the bytes away.
-            node.subscribe(topic, TOPICS[topic].type_name, self._put(topic), direct=True)
+        for topic in STALE.keys() - FAST:
+            self._take(node, topic)
         reactions = (
             ("events", self._on_event),
             ("parameter_changes", self._on_change),
@@ -216,7 +235,25 @@ class Station:
         node.subscribe(status.name, status.type_name, self._on_stick_status, qos=status.qos)
         self._stick = node.advertise(TOPICS["stick"])
         self._presence = node.advertise(TOPICS["presence"])
-        self._node = node
+        with self._making:
+            self._renew_view(session)
+            self._node = node
+
+    def _renew_view(self, session: Any) -> None:
+        """A node of its own, which can go as a whole."""
+        from vehicle_link.node import Node
+
+        view, self._view = self._view, None
+        if view is not None:
+            view.close()
+        if self._watched:
+            self._view = Node(session, f"/{self._vehicle}", "web_view")
+            for topic in self._watched:
+                self._take(self._view, topic)
+
+    def _take(self, node: Node, topic: str) -> None:
+        # On Zenoh's own thread: it only puts the bytes away.
+        node.subscribe(topic, TOPICS[topic].type_name, self._put(topic), direct=True)
 
     def _put(self, topic: str) -> Callable[[Received], None]:
         def put(received: Received) -> None:
@@ -243,7 +280,9 @@ class Station:
         change = decode(received.payload, "quadlab_msgs/ParameterChange")
         self.on_change(change.name, change.new_value, change.requester, int(change.revision))
 
-
-def _close(node: Node) -> None:
-    node.close()
-    node.session.close()  # type: ignore[no-untyped-call]
+    def _close(self, node: Node) -> None:
+        with self._making:
+            if self._view is not None:
+                self._view.close()
+        node.close()
+        self._close_session(node.session)

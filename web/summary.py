@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from web.calibration import proposal_summary
 from web.events import Message, summarize
 from web.experiments import experiment_summary
+from web.runs.onboard import transfers_summary
 from web.setup.preflight import preflight_summary
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class Summary:
             "experiment": experiment_summary(parts.live),
             "proposal": proposal_summary(parts.live),
             "control": parts.control.summary(),
+            "transfers": transfers_summary(parts.live),
             "preflight": preflight_summary(parts.live),
             "emergency_land": parts.mirror.value("safety.emergency_land"),
             "pages": parts.hub.pages,

@@ -93,6 +93,10 @@ class TelemetryFeed:
         self._stamp = 0.0
         self._pages: dict[WebSocket, _Page] = {}
 
+    @property
+    def pages(self) -> int:
+        return len(self._pages)
+
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
         deadline = loop.time()

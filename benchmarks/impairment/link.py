@@ -23,11 +23,12 @@ LEFT_OUT = ("http_proxy", "https_proxy", "all_proxy", "HTTP_PROXY", "HTTPS_PROXY
 
 
 class Counts(NamedTuple):
-    """Packets of one direction."""
+    """Packets of one direction, and the bytes of those carried."""
 
     sent: int
     lost: int
     overflowed: int
+    bytes: int
 
 
 class ImpairedLink:

@@ -70,7 +70,7 @@ class Relay:
                 wire.change(Conditions(**order["conditions"]))
             if "interrupt" in order:
                 wire.interrupt(time.monotonic(), order["interrupt"])
-        counts = [[wire.sent, wire.lost, wire.overflowed] for wire in self._wires]
+        counts = [[w.sent, w.lost, w.overflowed, w.bytes] for w in self._wires]
         self._control.send(json.dumps(counts).encode())
         return True
 

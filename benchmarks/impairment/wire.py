@@ -45,10 +45,11 @@ class Conditions:
 class Wire:
     """Attributes:
     sent, lost, overflowed: packets so far; overflowed ones found the queue full.
+    bytes: of the packets that were carried.
     """
 
     def __init__(self, conditions: Conditions, seed: int) -> None:
-        self.sent = self.lost = self.overflowed = 0
+        self.sent = self.lost = self.overflowed = self.bytes = 0
         self._conditions = conditions
         self._random = random.Random(seed)
         self._on_wire: list[tuple[float, int, bytes]] = []
@@ -82,6 +83,7 @@ class Wire:
                 return
             leaves = max(now, self._free_at) + 8.0 * len(packet) / c.rate
             self._free_at = leaves
+        self.bytes += len(packet)
         arrives = leaves + c.delay + self._random.uniform(-c.jitter, c.jitter)
         self._last_out = arrives = max(arrives, self._last_out)
         heapq.heappush(self._on_wire, (arrives, next(self._count), packet))

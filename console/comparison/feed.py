@@ -33,6 +33,8 @@ HELD = 4000
 """What waits at most for the process: some 10 s of it."""
 AGAIN = 5.0
 """s between two starts of the process."""
+LOOK, LINGER = 1.0, 30.0
+"""s between questions whether it is wanted, and for which it goes on when it is not any more."""
 PATIENCE = 2.0
 STARTING = "starting"
 TOPIC = "comparison"
@@ -41,11 +43,12 @@ TOPIC = "comparison"
 class ComparisonFeed:
     """Everything but `close` may be called from any thread, and costs an append.
 
-    The process begins with the first telemetry.
+    The process begins with the first telemetry, and is there only while it is wanted.
 
     Args:
         parameters: the live object, read again in each period.
         publish: takes topic, payload and stamp (ns). say: takes a line for the operator.
+        wanted: whether the results are.
     """
 
     def __init__(
@@ -53,10 +56,13 @@ class ComparisonFeed:
         parameters: ComparisonParameters,
         publish: Callable[[str, bytes, int], None],
         say: Callable[[str], None],
+        wanted: Callable[[], bool] = lambda: True,
     ) -> None:
         self._parameters, self._publish, self._say = parameters, publish, say
+        self._asks_wanted = wanted
+        self._look_due = self._wanted_until = -LINGER
         self._queue: deque[tuple[Any, ...]] = deque(maxlen=HELD)
-        self._wanted = False
+        self._flies = False
         self._child: subprocess.Popen[bytes] | None = None
         self._started = -AGAIN
         self._closing = threading.Event()
@@ -66,7 +72,7 @@ class ComparisonFeed:
     def telemetry(self, payload: bytes) -> None:
         """One packet."""
         self._queue.append(("telemetry", payload))
-        self._wanted = True
+        self._flies = True
 
     def status(self, armed: bool, mode: str) -> None:
         self._queue.append(("status", armed, mode == STARTING))
@@ -93,10 +99,26 @@ class ComparisonFeed:
         while not self._closing.is_set():
             due = max(due + PERIOD, time.monotonic())
             self._closing.wait(due - time.monotonic())
-            if self._wanted and self._alive():
+            if not self._is_wanted():
+                self._rest()
+            elif self._flies and self._alive():
                 self._send()
         if self._child is not None:
             self._end(self._child)
+
+    def _is_wanted(self) -> bool:
+        now = time.monotonic()
+        if now >= self._look_due:
+            self._look_due = now + LOOK
+            if self._asks_wanted():
+                self._wanted_until = now + LINGER
+        return now < self._wanted_until
+
+    def _rest(self) -> None:
+        child, self._child = self._child, None
+        if child is not None:
+            self._end(child)
+        self._queue.clear()
 
     def _alive(self) -> bool:
         """Starts the process, again if it has ended."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,18 +11,20 @@ import numpy as np
 
 from console.log_export.formats import ColumnFiles, Format, MatFile
 from console.log_export.tables import Tables
-from quadrotor.errors import StorageError, UsageError
+from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 FORMATS = ("csv", "parquet", "mat")
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was written; `problems` has a line for each topic that could not be read."""
+    """What was written; `problems` has a line for each topic that could not be read, `missing`
+    says what of the file could not."""
 
     files: tuple[Path, ...]
     rows: int
     problems: tuple[str, ...]
+    missing: str = ""
 
 
 def export(
@@ -35,11 +38,13 @@ def export(
 ) -> Exported:
     """Args as `console.log_export.tables.Tables`; `progress` is told the share done, 0…1.
 
-    Raises UsageError, LogFormatError, or StorageError; then no file has been made.
+    Raises UsageError, LogFormatError, also when there is nothing to export, or StorageError; then
+    no file has been made.
     """
     if kind not in FORMATS:
         raise UsageError(f"unknown format {kind!r}; there are {', '.join(FORMATS)}")
     tables = Tables(log, topics, begin, end)
+    existed = folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
@@ -59,6 +64,10 @@ def export(
             files.write(piece)
             rows += piece.rows
             progress(piece.share)
+        problems = tuple(f"{topic}: {line}" for topic, line in tables.problems.items())
+        if not rows:
+            why = next(iter(problems), "") or tables.missing or "no message is in that time"
+            raise LogFormatError(f"{log.name} has nothing to export: {why}")
         written = files.finish()
     except OSError as error:
         files.discard()
@@ -66,7 +75,8 @@ def export(
         raise StorageError(f"cannot write into {folder}: {why}; nothing was exported") from error
     except BaseException:
         files.discard()
+        if not existed:
+            with suppress(OSError):
+                folder.rmdir()
         raise
-    return Exported(
-        tuple(written), rows, tuple(f"{topic}: {line}" for topic, line in tables.problems.items())
-    )
+    return Exported(tuple(written), rows, problems, tables.missing)

@@ -73,6 +73,14 @@ class Tables:
     def problems(self) -> dict[str, str]:
         return self._reader.problems
 
+    @property
+    def missing(self) -> str:
+        """What of the file could not be read, after the iteration; nothing when all was."""
+        log = self._reader.log
+        lost = [f"it {log.tear}"] if log.tear else []
+        lost += [f"{log.damaged_chunks} of its chunks are damaged"] if log.damaged_chunks else []
+        return ", and ".join(lost)
+
     def __iter__(self) -> Iterator[Piece]:
         growing: dict[str, list[Piece]] = {}
         for batch in self._reader:

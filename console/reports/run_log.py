@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.log.column_spool import ColumnSpool, gather
 from vehicle_link.log.message_times import common_stamps, gaps
@@ -141,13 +141,11 @@ class RunLog:
 
 def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
     """Raises StorageError or LogFormatError when there is nothing in it to report on."""
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "no file"
-        raise StorageError(f"{path} is {what}; give the path of an .mcap file")
     reader = ColumnReader(path, LINES, wanted)
     spools = gather(reader, MOST_LINES)
     if not spools:
-        why = reader.log.tear or "it has no message"
+        tear, unread = reader.log.tear, next(iter(reader.problems.items()), None)
+        why = f"{unread[0]}: {unread[1]}" if unread else f"it {tear or 'has no message'}"
         raise LogFormatError(f"{path.name} has nothing to report on: {why}")
     space = _namespace(spools)
     stamps = {topic: common_stamps(one.log_ns, one.publish_ns) for topic, one in spools.items()}

@@ -40,6 +40,8 @@ class Export:
             done = export(self.file, folder, self.format, topics, self.begin, self.end, progress)
         for line in done.problems:
             print(f"not exported: {line}")
+        if done.missing:
+            print(f"note: the log is not whole ({done.missing}); the rest of it is exported")
         for path in done.files:
             print(path)
         print(f"{done.rows} rows in {len(done.files)} files")

@@ -13,7 +13,9 @@ LogFile = Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
 
 
 def check_log_file(path: Path) -> None:
-    """Raises StorageError when there is no such file."""
-    if not path.is_file():
-        what = "a folder" if path.is_dir() else "no file"
-        raise StorageError(f"{path} is {what}; give the path of an .mcap file")
+    """Raises StorageError when there is no such file, or it cannot be read."""
+    if not path.exists():
+        raise StorageError(f"{path} is no file; give the path of an .mcap file")
+    from vehicle_link.log.file import open_log
+
+    open_log(path).close()

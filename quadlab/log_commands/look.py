@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
@@ -24,6 +26,8 @@ class Info:
             f"{self.file}: {found.message_count} messages in {found.duration:.1f} s, "
             f"{found.bytes / 1e6:.1f} MB{', torn once and mended' if found.recovered else ''}"
         )
+        for line in ticks_line(self.file, found.filled):
+            print(f"  {line}")
         if found.tear:
             print(f"  it is torn: it {found.tear}; mend it with: quadlab log recover {self.file}")
         for topic, one in sorted(found.topics.items()):
@@ -34,6 +38,29 @@ class Info:
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
         return 0
+
+
+def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
+    """How a run compares with the vehicle's own log, where that is known: by the catalogue it
+    stands in, else by what it says itself."""
+    from console.catalogue import DATABASE, RUNS, Catalogue
+    from console.catalogue_completeness import completeness_of
+
+    data = path.resolve().parent.parent
+    if path.resolve().parent.name == RUNS and (data / DATABASE).is_file():
+        catalogue = Catalogue(data)
+        try:
+            if found := completeness_of(catalogue, [path.stem]).get(path.stem):
+                return [f"ticks: {found.line}"]
+        finally:
+            catalogue.close()
+    if not filled:
+        return []
+    seconds, missing = float(filled.get("seconds", 0)), float(filled.get("missing_seconds", 0))
+    lacks = (
+        f"; {missing:.1f} s missing: {filled.get('missing')}" if missing else "; nothing is missing"
+    )
+    return [f"ticks: {seconds:.1f} s were filled from the vehicle's log{lacks}"]
 
 
 @dataclass

@@ -27,4 +27,6 @@ class Recover:
                 f"{found.messages} messages kept, {found.lost_bytes} bytes behind the tear "
                 f"and {found.damaged_chunks} damaged chunks lost"
             )
+            if found.kept is not None:
+                print(f"as it was, it is kept as {found.kept}: there is more behind the tear")
         return 0

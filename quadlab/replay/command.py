@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from quadlab.beacon_words import beacon_words
+from quadlab.log_commands.log_file import check_log_file
 from quadlab.processes import File, Settings
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
@@ -121,9 +122,7 @@ class Replay:
 
     def _check_words(self) -> None:
         """What can be refused before the log is read."""
-        if not self.file.is_file():
-            what = "a folder" if self.file.is_dir() else "no file"
-            raise StorageError(f"{self.file} is {what}; give the path of an .mcap file")
+        check_log_file(self.file)
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise UsageError(f"--from {self.start:g} --to {self.end:g}: the first must be earlier")
         for word, path in (("--plot", self.plot), ("--csv", self.csv)):

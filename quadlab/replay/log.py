@@ -114,8 +114,13 @@ def _messages(path: Path) -> tuple[str, dict[str, list[LogMessage]]]:
             all_of[space.strip("/"), name].append(message)
     if not read.closed:
         raise LogFormatError(
-            f"{path} is torn ({read.tear or 'no end mark'}); "
+            f"{path} is torn: it {read.tear}; "
             f"`quadlab log recover {path}` mends it, then replay it again"
+        )
+    if read.damaged_chunks or read.damaged_records:
+        raise LogFormatError(
+            f"{path} is damaged ({read.damaged_chunks} chunks, {read.damaged_records} other "
+            "records), so a replay would not be of this flight; see: quadlab log check"
         )
     vehicles = [space for space, name in all_of if name == "imu"]
     if not vehicles:

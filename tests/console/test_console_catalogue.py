@@ -162,7 +162,7 @@ def test_what_cannot_be_read_is_said_and_kept(tmp_path: Path, catalogue: Catalog
     catalogue.add(entry("lost"))
     lines = tidy_runs(catalogue)
     assert len(lines) == 2
-    assert "nothing to recover" in catalogue.get("empty").problem
+    assert "nothing was recorded" in catalogue.get("empty").problem
     assert catalogue.get("lost").problem == "the file is gone"
     assert (tmp_path / "runs" / "empty.mcap").exists()
 

@@ -257,6 +257,29 @@ def test_the_newest_sample_of_each_packet_is_published_as_state(bench: Bench) ->
     assert len(stamps) == len(set(stamps))
 
 
+def test_a_problem_of_the_link_refuses_commands_and_is_an_alarm(bench: Bench) -> None:
+    def told() -> bool:
+        # A second process under the vehicle's name.
+        beat = topics.encode_heartbeat(1, vehicle_now(), 5, 0)
+        bench.vehicle.put("vehicle_heartbeat", beat, vehicle_now())
+        return "two vehicles" in decode(
+            bench.inbox.got["link_status"][-1].payload, TOPICS["link_status"].type_name
+        ).problem  # fmt: skip
+
+    assert until(told)
+    assert "two vehicles are called quad1" in bench.call("arm").reason
+    assert bench.call("emergency", action="land").accepted
+    assert bench.vehicle.requests[-1][0] == "emergency"
+    status = TOPICS["station_status"].type_name
+    assert until(
+        lambda: (
+            "two vehicles"
+            in " ".join(decode(bench.inbox.got["station_status"][-1].payload, status).alarms)
+        )
+    )
+    assert until(lambda: not bench.station.link.problem())
+
+
 def test_old_telemetry_is_not_shown(bench: Bench) -> None:
     old_ns = vehicle_now() - 1_000_000_000
     bench.vehicle.send_telemetry(old_ns)
@@ -281,7 +304,7 @@ def test_heartbeats_reach_the_vehicle_in_its_own_time(bench: Bench) -> None:
     have = len(bench.vehicle.inbox.got["station_heartbeat"])
     assert until(lambda: len(bench.vehicle.inbox.got["station_heartbeat"]) > have)
     newest = bench.vehicle.inbox.got["station_heartbeat"][-1]
-    _, stamp_ns = topics.decode_heartbeat(newest.payload)
+    stamp_ns = topics.decode_heartbeat(newest.payload).stamp_ns
     assert abs(stamp_ns - AHEAD_NS - newest.received_ns) < 1_000_000_000
 
 
@@ -407,7 +430,7 @@ def test_a_refusal_comes_back_with_the_vehicles_reason(bench: Bench) -> None:
 
 
 def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Bench) -> None:
-    assert until(lambda: bench.station._vehicle_parameters._values)
+    assert until(bench.station._vehicle_parameters.defaults)
     assert bench.call("arm", requester="grace").accepted
     run_id = until(bench.recording)
     assert run_id
@@ -440,6 +463,8 @@ def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Ben
     attached = json.loads(read_attachments(path)["parameters.json"])
     assert attached["vehicle"] == bench.vehicle.gains
     assert attached["station"]["station.tracker.rate"] == 100.0
+    defaults = json.loads(read_attachments(path)["defaults.json"])
+    assert defaults.keys() == {*attached["vehicle"], *attached["station"]}
     run = read_metadata(path)["quadlab.run"]
     assert run["run_id"] == run_id
     assert run["operator"] == "grace"
@@ -577,7 +602,7 @@ STATION = """
 import sys
 from pathlib import Path
 from console.station import run_station
-sys.exit(run_station(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])))
+sys.exit(run_station(Path(sys.argv[1]), {"quad1": sys.argv[2]}, int(sys.argv[3])))
 """
 
 

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
-from vehicle import onboard_log
-from vehicle.onboard_log import FREE_BYTES_MIN, OnboardLog, recover_logs, torn_logs
+from vehicle import onboard_log, onboard_sync
+from vehicle.onboard_file import Batch
+from vehicle.onboard_log import OnboardLog, microcontroller_facts
+from vehicle.onboard_parameters import OnboardLogParameters
+from vehicle.onboard_recovery import recover_logs, torn_logs
 from vehicle_link import topics
 from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
+from vehicle_link.serial.identity import Identity
 
+FREE_BYTES_MIN = OnboardLogParameters().stop_bytes
 START_NS = 1_780_000_000_000_000_000
 MS = 1_000_000
+BOUND = 10.0
+"""s, after which a test that waits has failed."""
 
 
 def ticks(first: int, count: int, *, armed: bool) -> Record:
@@ -39,9 +48,9 @@ class Harness:
         self.log = OnboardLog(
             folder,
             "quad1",
-            lambda: b'{"model.mass": 1.3}',
+            {"parameters.json": lambda: b'{"model.mass": 1.3}'},
             lambda level, text: self.said.append((level, text)),
-            lambda path: self.free,
+            free=lambda path: self.free,
         )
         self.log.start()
 
@@ -77,8 +86,8 @@ def test_every_tick_from_arming_to_half_a_second_after_disarming_is_there(tmp_pa
 def test_calibrations_are_attached_as_they_are_when_the_file_begins(tmp_path: Path) -> None:
     in_force = [b"first", b"second"]
     log = OnboardLog(
-        tmp_path, "quad1", lambda: b"{}", lambda *_: None, lambda _: 2 * FREE_BYTES_MIN,
-        calibrations=lambda: in_force.pop(0),
+        tmp_path, "quad1", {"calibrations.json": lambda: in_force.pop(0)}, lambda *_: None,
+        free=lambda _: 2 * FREE_BYTES_MIN,
     )  # fmt: skip
     for batch in (
         ticks(0, 5, armed=True), ticks(5, 300, armed=False), ticks(1000, 5, armed=True)
@@ -159,7 +168,7 @@ def test_the_next_arming_tries_again(tmp_path: Path) -> None:
     said: list[str] = []
     answers = iter([0, 2 * FREE_BYTES_MIN])
     log = OnboardLog(
-        tmp_path, "quad1", lambda: b"{}", lambda _, text: said.append(text), lambda _: next(answers)
+        tmp_path, "quad1", {}, lambda _, text: said.append(text), free=lambda _: next(answers)
     )
     log.start()
     for first, armed in ((0, True), (10, False), (20, True)):
@@ -174,7 +183,7 @@ def test_a_disk_that_fills_in_flight_leaves_a_closed_file(tmp_path: Path) -> Non
     said: list[str] = []
     answers = iter([2 * FREE_BYTES_MIN, 0])
     log = OnboardLog(
-        tmp_path, "quad1", lambda: b"{}", lambda _, text: said.append(text), lambda _: next(answers)
+        tmp_path, "quad1", {}, lambda _, text: said.append(text), free=lambda _: next(answers)
     )
     log.start()
     for second in range(3):
@@ -201,7 +210,11 @@ def test_what_came_before_the_start_is_written_with_the_parameters_of_the_start(
 ) -> None:
     parameters = {"json": b"too early"}
     log = OnboardLog(
-        tmp_path, "quad1", lambda: parameters["json"], lambda *_: None, lambda _: 2 * FREE_BYTES_MIN
+        tmp_path,
+        "quad1",
+        {"parameters.json": lambda: parameters["json"]},
+        lambda *_: None,
+        free=lambda _: 2 * FREE_BYTES_MIN,
     )
     log.ticks(ticks(0, 10, armed=True), START_NS)
     parameters["json"] = b"right"
@@ -246,3 +259,183 @@ def test_a_file_that_is_no_log_is_reported_and_left(tmp_path: Path) -> None:
     (line,) = recover_logs(torn_logs(tmp_path))
     assert "not recovered" in line
     assert path.read_bytes().startswith(b"not a log")
+
+
+class Told:
+    """What the log says, and waiting for it."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._changed = threading.Condition()
+
+    def __call__(self, level: int, text: str) -> None:
+        with self._changed:
+            self.lines.append(text)
+            self._changed.notify_all()
+
+    def wait_for(self, text: str) -> None:
+        with self._changed:
+            there = self._changed.wait_for(lambda: any(text in line for line in self.lines), BOUND)
+        assert there, self.lines
+
+
+def old_log(folder: Path, name: str) -> Path:
+    """A closed one of 1 GB (sparse), an hour old."""
+    path = folder / "onboard" / f"{name}.mcap"
+    path.parent.mkdir(exist_ok=True)
+    with path.open("wb") as stream:
+        stream.seek(10**9 - 8)
+        stream.write(b"\x89MCAP0\r\n")
+    os.utime(path, (path.stat().st_mtime - 3600.0,) * 2)
+    return path
+
+
+def test_old_logs_are_removed_on_the_ground_and_not_in_flight(tmp_path: Path) -> None:
+    first, told = old_log(tmp_path, "first"), Told()
+    limits = OnboardLogParameters(keep_size=0.5)
+    log = OnboardLog(
+        tmp_path, "quad1", {}, told, limits=lambda: limits, free=lambda _: 10 * FREE_BYTES_MIN
+    )
+    log.start()
+
+    def feed(batch: Record) -> None:
+        log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
+
+    feed(ticks(0, 10, armed=True))  # comms was started again in flight
+    told.wait_for("started")
+    feed(ticks(10, 300, armed=False))
+    told.wait_for("first.mcap (1.0 GB) removed: all are 1.0 GB, log.keep_size is 500.0 MB")
+    assert ["started" in told.lines[0], "closed" in told.lines[1]] == [True, True]
+    assert not first.exists()
+    second = old_log(tmp_path, "second")
+    feed(ticks(400, 10, armed=True))
+    feed(ticks(410, 300, armed=False))
+    told.wait_for("second.mcap")
+    assert not second.exists()
+    log.close()
+    assert len(list((tmp_path / "onboard").iterdir())) == 2, "both flights"
+
+
+def test_what_does_not_reach_the_disk_stops_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(descriptor: int) -> None:
+        raise OSError(5, "Input/output error")
+
+    path = tmp_path / "torn"
+    path.write_bytes(b"x")
+    with monkeypatch.context() as failing:
+        failing.setattr(os, "fdatasync", fail)
+        sync = onboard_sync.DiskSync(path, 0.001)
+        sync._thread.join(BOUND)
+    assert sync.problem == "torn does not reach the disk: Input/output error"
+    told = Told()
+    log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: 10 * FREE_BYTES_MIN)
+    log._store([Batch(ticks(0, 10, armed=True), START_NS)])
+    assert log._file is not None
+    log._file._sync = sync
+    later = [ticks(500 * second, 10, armed=True) for second in (1, 2)]
+    for batch in later:
+        log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
+    log.close()
+    assert log.problem == sync.problem
+    assert sum("stopped" in line for line in told.lines) == 1
+    (logged,) = (tmp_path / "onboard").iterdir()
+    assert is_closed(logged)
+
+
+def test_a_flight_is_logged_even_without_its_parameters(tmp_path: Path) -> None:
+    def unknown() -> bytes:
+        raise LinkError("the flight process did not tell its parameters")
+
+    told = Told()
+    log = OnboardLog(
+        tmp_path, "quad1", {"parameters.json": unknown}, told, free=lambda _: 10 * FREE_BYTES_MIN
+    )
+    log.ticks(ticks(0, 10, armed=True), START_NS)
+    log.close()
+    (path,) = (tmp_path / "onboard").iterdir()
+    assert len(list(read_log(path, ["/quad1/imu"]))) == 10
+    told.wait_for("onboard log without parameters.json: the flight process did not tell")
+
+
+def test_robot_and_firmware_are_in_the_file(tmp_path: Path) -> None:
+    log = OnboardLog(
+        tmp_path, "quad1", {}, lambda *_: None, facts=microcontroller_facts(Identity(7, 3)),
+        free=lambda _: 10 * FREE_BYTES_MIN,
+    )  # fmt: skip
+    log.ticks(ticks(0, 10, armed=True), START_NS)
+    log.close()
+    (path,) = (tmp_path / "onboard").iterdir()
+    run = read_metadata(path)["quadlab.run"]
+    assert (run["robot_id"], run["firmware_revision"]) == ("7", "3")
+
+
+def test_what_is_written_goes_to_the_disk_each_period_until_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent = threading.Semaphore(0)
+    path = tmp_path / "log"
+    path.write_bytes(b"x")
+    asked: list[str] = []
+
+    def note(descriptor: int) -> None:
+        asked.append(os.readlink(f"/proc/self/fd/{descriptor}"))
+        sent.release()
+
+    monkeypatch.setattr(os, "fdatasync", note)
+    sync = onboard_sync.DiskSync(path, 0.001)
+    for _ in range(3):
+        assert sent.acquire(timeout=BOUND)
+    sync.end()
+    assert set(asked) == {str(path)}
+    assert sync.problem == ""
+
+
+def test_it_tells_of_each_tick_once_that_nothing_is_left_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(onboard_log, "BUFFER_BYTES", 100 * TICK.itemsize)
+    done: list[tuple[int, int]] = []  # ticks, and bytes in the file when that was told
+
+    def written(count: int) -> None:
+        done.append((count, sum(path.stat().st_size for path in tmp_path.glob("onboard/*"))))
+
+    log = OnboardLog(
+        tmp_path, "quad1", {}, lambda *_: None, free=lambda _: 10 * FREE_BYTES_MIN, written=written
+    )
+    for batch in (
+        ticks(0, 10, armed=False), ticks(10, 50, armed=True), ticks(60, 101, armed=True)
+    ):  # fmt: skip
+        log.ticks(batch, START_NS)
+    log.close()
+    assert sum(count for count, _ in done) == 161, "those that had no room, too"
+    first = next(size for count, size in done if count)
+    (path,) = tmp_path.glob("onboard/*")
+    assert first > 5000, "they are in the file by then"
+    assert len(list(read_log(path, ["/quad1/imu"]))) == 50
+
+
+def test_a_process_killed_at_arming_does_not_keep_the_next_from_logging(tmp_path: Path) -> None:
+    for _ in range(3):  # each begins with the same tick, which the one before had only read
+        harness = Harness(tmp_path)
+        harness.feed(ticks(8, 5, armed=True))
+        harness.log.close()
+    assert [path.name for path in harness.files()] == [
+        "quad1_20260528T202640_016Z.mcap",
+        "quad1_20260528T202640_016Z_2.mcap",
+        "quad1_20260528T202640_016Z_3.mcap",
+    ]
+    assert [harness.stamps(path, "imu") for path in harness.files()] == [list(range(8, 13))] * 3
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"\x89MCAP0\r\n"])
+def test_a_file_of_a_writer_killed_before_its_first_record_is_removed(
+    tmp_path: Path, content: bytes
+) -> None:
+    path = tmp_path / "onboard" / "quad1_x.mcap"
+    path.parent.mkdir()
+    path.write_bytes(content)
+    (line,) = recover_logs(torn_logs(tmp_path))
+    assert line.endswith("quad1_x.mcap removed: it holds nothing, its writer was killed")
+    assert not path.exists()

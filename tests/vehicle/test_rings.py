@@ -180,3 +180,52 @@ def test_no_record_is_torn_or_swapped_between_two_processes() -> None:
     assert (stamps == 3 * sequences).all()
     assert (pressures == sequences).all()
     assert ring._memory.size() == HEADER_BYTES + slots * TICK.itemsize
+
+
+def numbers(records: np.ndarray) -> list[int]:
+    return [int(number) for number in records["sequence"]]
+
+
+def test_what_was_read_and_not_freed_is_there_for_the_next_consumer() -> None:
+    fd = create(4, TICK.itemsize)
+    ring = RecordRing(fd, TICK, 4)
+    for k in range(3):
+        ring.push(numbered(k))
+    assert numbers(ring.read_before()) == []
+    assert numbers(ring.read()) == [0, 1, 2]
+    assert numbers(ring.read()) == []
+    ring.free(1)
+    ring.push(numbered(3))
+    again = RecordRing(fd, TICK, 4)  # the consumer has died
+    assert numbers(again.read_before()) == [1, 2]
+    assert numbers(again.read()) == [3], "each is read once"
+    again.free(3)
+    assert len(again) == 0
+    assert [again.push(numbered(k)) for k in range(4, 9)] == [True] * 4 + [False]
+    assert numbers(again.read()) == [4, 5, 6, 7]
+
+
+def test_what_is_read_keeps_its_slot_until_it_is_freed_or_room_is_made_ahead() -> None:
+    ring = tick_ring(4)
+    for k in range(4):
+        ring.push(numbered(k))
+    ring.read()
+    assert not ring.push(numbered(9))
+    ring.free_ahead(3)
+    assert [ring.push(numbered(k)) for k in (4, 5, 6)] == [True] * 3
+    ring.free(2)  # of those freed already
+    assert not ring.push(numbered(9))
+    ring.free(2)
+    assert len(ring) == 3, "those not read"
+    assert numbers(ring.read()) == [4, 5, 6]
+    ring.free(3)
+    assert len(ring) == 0
+
+
+def test_a_ring_that_was_popped_can_be_read_on() -> None:
+    ring = tick_ring(4)
+    ring.push(numbered(0))
+    ring.pop_all()
+    assert numbers(ring.read_before()) == []
+    ring.push(numbered(1))
+    assert numbers(ring.read()) == [1]

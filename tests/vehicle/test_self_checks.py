@@ -66,3 +66,24 @@ def test_while_the_flight_loop_is_silent_the_disk_is_left_alone_and_said_so(
     assert disk.state == "unknown"
     assert disk.found == "not looked at: the flight loop is silent, and may be flying"
     assert disk.advice
+
+
+class FullLog:
+    """Of a vehicle whose disk is full."""
+
+    problem = ""
+    stop_bytes = 10**15
+
+
+def test_a_log_that_stopped_fails_until_the_next_flight_is_logged(tmp_path: Path) -> None:
+    log = FullLog()
+    checks = SelfChecks(tmp_path, log=log)
+    checks.heard(False)
+    found = lines(checks.answer(REQUEST))
+    assert (found["onboard log"].state, found["onboard log"].found) == ("ok", "nothing was lost")
+    assert found["log's disk"].state == "fail", "by the limit of this vehicle's log"
+    log.problem = "499 MB free, needs 500 MB"
+    stopped = lines(checks.answer(REQUEST))["onboard log"]
+    assert stopped.state == "fail"
+    assert stopped.found == "stopped: 499 MB free, needs 500 MB"
+    assert "make room on the vehicle's disk" in stopped.advice

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import os
 import select
 import signal
@@ -23,6 +25,7 @@ from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import RunStatistics, run
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import Put, TruthPublisher
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.node import Node, Received
@@ -100,6 +103,38 @@ def test_a_vehicle_may_leave_and_come_back(tmp_path: Path) -> None:
             assert mcu.connected
             for port in ports:
                 port.close()
+
+
+def test_several_vehicles_stand_apart_and_speak_for_themselves(tmp_path: Path) -> None:
+    stop, names = threading.Event(), ("a", "b", "c")
+    thread = threading.Thread(
+        target=run,
+        args=(SimulatorParameters(), tmp_path, None),
+        kwargs={"vehicles": names, "stop": stop},
+    )
+    thread.start()
+    for name in names:
+        ports = open_ports(tmp_path / name)
+        mcu = Microcontroller(ports)
+        assert len(receive(mcu, 20)) >= 20
+        assert mcu.connected
+        for port in ports:
+            port.close()
+    stop.set()
+    thread.join(BOUND)
+    assert [os.listdir(tmp_path / name) for name in names] == [[], [], []]
+
+
+def test_vehicles_side_by_side_are_a_metre_apart_with_noise_of_their_own() -> None:
+    stands = process.side_by_side(SimulatorParameters(), 8)
+    places = [(one.start_x, one.start_y) for one in stands]
+    assert places[0] == (-1.5, -0.5)
+    assert places[7] == (1.5, 0.5)
+    assert len({one.seed for one in stands}) == 8
+    nearest = min(math.dist(a, b) for a, b in itertools.combinations(places, 2))
+    assert nearest == pytest.approx(1.0)
+    truth = SimulatedVehicle(stands[7]).truth["position_w"][0]
+    assert truth[:2] == pytest.approx((1.5, 0.5))
 
 
 def test_it_goes_on_while_the_station_is_away(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from vehicle_link.log.quick_writer import MessageBatch, QuickWriter
+from vehicle_link.log.quick_writer import MessageBatch, OneMessage, QuickWriter
 
 
 def written(kind: type[Any], chunk_size: int) -> bytes:
@@ -39,6 +39,33 @@ def test_the_librarys_reader_finds_every_message_by_time() -> None:
     found = [m.sequence for _, _, m in reader.iter_messages(start_time=100_000, end_time=200_000)]
     assert len(found) == pytest.approx(100, abs=2)
     assert len(list(make_reader(io.BytesIO(written(QuickWriter, 1000))).iter_messages())) == 500
+
+
+def test_many_at_once_make_the_file_of_them_one_by_one() -> None:
+    random = np.random.default_rng(7)
+    rows = [
+        OneMessage(1 + k % 3, random.bytes(int(random.integers(0, 90))), 1000 + 7 * k % 40, k)
+        for k in range(50)
+    ]
+
+    def new() -> tuple[io.BytesIO, QuickWriter]:
+        file = io.BytesIO()
+        writer = QuickWriter(file, chunk_size=60_000, compression=CompressionType.LZ4)
+        writer.start("ros2", "quadlab")
+        schema = writer.register_schema("a/A", "ros2msg", b"float64 x")
+        for k in range(3):
+            writer.register_channel(f"/t{k}", "cdr", schema, {})
+        return file, writer
+
+    together, writer = new()
+    writer.add_messages(rows[:20], 1)
+    writer.add_messages(rows[20:], 21)
+    writer.finish()
+    one_by_one, writer = new()
+    for number, (channel, payload, log_ns, publish_ns) in enumerate(rows, 1):
+        writer.add_message(channel, log_ns, payload, publish_ns, number)
+    writer.finish()
+    assert together.getvalue() == one_by_one.getvalue()
 
 
 def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time() -> None:

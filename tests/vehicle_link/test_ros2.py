@@ -21,7 +21,8 @@ from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import encode, header, new
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
-from vehicle_link.session import station_session, vehicle_session, wait_connected
+from vehicle_link.radio import Radio
+from vehicle_link.session import hub_session, vehicle_session
 from vehicle_link.topics import SERVICES, TOPICS, decode_joy, decode_pose
 
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed")
@@ -126,13 +127,14 @@ def vehicle_and_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple
     """A vehicle's node, and the loopback port of the station that routes to it."""
     tls = ensure_certificates(tmp_path_factory.mktemp("tls"))
     udp, tcp = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
-    station = station_session(f"127.0.0.1:{udp}", tcp, tls)
-    vehicle = vehicle_session(udp, tls)
-    assert wait_connected(station, WAIT)
+    hub, vehicle = hub_session(tcp), vehicle_session(udp, tls)
+    radio = Radio(f"127.0.0.1:{udp}", tls, tcp, lambda: 0.0)
+    assert radio.wait(WAIT)
     node = Node(vehicle, "/quad1", "vehicle")
     yield node, tcp
     node.close()
-    for session in (station, vehicle):
+    radio.close(WAIT)
+    for session in (hub, vehicle):
         session.close()
 
 

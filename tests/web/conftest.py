@@ -74,6 +74,7 @@ class ScriptedStation(Station):
         self.present: set[str] = set()
         self.said: dict[str, Any] = {}  # fields of the status that are other than usual
         self.refusal = ""
+        self.answers: dict[str, dict[str, Any]] = {}  # fields of a service's answer
         self.away = False
         self.compared = False
         self.residuals: dict[int, float] | None = None
@@ -177,7 +178,7 @@ class ScriptedStation(Station):
         )  # fmt: skip
 
     def _read_parameters(self, remote: str) -> Any:
-        if remote != "/quad1/vehicle":
+        if remote != f"/{self._vehicle}/vehicle":
             raise LinkError("no such node")
         return list(self.store.descriptions()), self.store.values()
 
@@ -190,7 +191,7 @@ class ScriptedStation(Station):
         if self.refusal:
             return new(kind, accepted=False, reason=self.refusal)
         if service != "change_parameters":
-            return new(kind, accepted=True)
+            return new(kind, accepted=True, **self.answers.get(service, {}))
         try:
             applied = self.store.set(from_parameters(request.parameters))
         except QuadlabError as error:
@@ -213,6 +214,8 @@ class Site:
     clock: list[float] = field(default_factory=list)
     tls: Tls | None = None
     vehicle: Any = None
+    stations: list[ScriptedStation] = field(default_factory=list)
+    """Of all vehicles."""
 
     @property
     def verify(self) -> Any:
@@ -375,31 +378,38 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         tls: Tls | None = None,
         kind: Callable[..., Station] = ScriptedStation,
         open_session: Callable[[], Any] = lambda: None,
+        vehicles: tuple[str, ...] = ("quad1",),
     ) -> None:
         self._listener = listen("127.0.0.1", port)
         base = url_of("127.0.0.1", self._listener.getsockname()[1], has_tls=tls is not None)
         made: list[Any] = []
         links: list[str] = []
 
-        def connect(live: Any, hub: Any) -> Station:
-            made.append(kind(open_session, "quad1", live, hub))
-            return made[0]
+        def connect(vehicle: str, live: Any, hub: Any) -> Station:
+            made.append(kind(open_session, vehicle, live, hub))
+            return made[-1]
 
         def show(url: str, signed_in: str | None = None) -> None:
             links.append(url)
 
-        view_server = ViewServer()
+        view_servers: list[ViewServer] = []
+
+        def new_view_server() -> ViewServer:
+            view_servers.append(ViewServer())
+            return view_servers[-1]
+
         now = [0.0]  # s, of the sign-in limits; a test moves it
         app = assemble(
             attempts=Attempts(lambda: now[0]), passwords=Passwords(1, 8),
-            data=data, base_url=base, vehicle="quad1", token=token, connect=connect,
-            catalogue=catalogue, show_link=show, view_server=view_server,
+            data=data, base_url=base, vehicles=vehicles, token=token, connect=connect,
+            catalogue=catalogue, show_link=show, new_view_server=new_view_server,
         )  # fmt: skip
         self._server: uvicorn.Server = server(_with_view(app), tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True
         )
-        self.site = Site(base, data, made[0], view_server, app, links, now, tls)
+        self.site = Site(base, data, made[0], view_servers[0], app, links, now, tls)
+        self.site.stations = made
 
     def __enter__(self) -> Site:
         self._thread.start()
@@ -423,7 +433,7 @@ def _with_view(app: ASGIApp) -> ASGIApp:
 
 
 def _is_view(scope: Scope) -> bool:
-    return str(scope["path"]).startswith("/viser/")
+    return str(scope["path"]).endswith("/viser/")
 
 
 def wait_until(condition: Callable[[], bool], bound: float = 20.0) -> None:

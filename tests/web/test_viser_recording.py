@@ -138,7 +138,7 @@ def test_a_run_deleted_meanwhile_leaves_no_recording_behind(
     exports: ViserExports, flight: Path, until: Callable[..., None]
 ) -> None:
     export = exports.ask("r1", flight)
-    until(lambda: exports._process is not None)
+    until(lambda: exports.workshop.process is not None)
     flight.rename(flight.with_name("elsewhere"))
     until(lambda: export.name == "failed", 60.0)
     assert [path.name for path in flight.parent.iterdir()] == ["elsewhere"]
@@ -150,8 +150,8 @@ def test_stopping_ends_the_process_and_leaves_nothing_half(
     log = tmp_path / "r1.mcap"
     write_flight(log, 30.0)
     exports.ask("r1", log)
-    until(lambda: exports._process is not None)
-    process = exports._process
+    until(lambda: exports.workshop.process is not None)
+    process = exports.workshop.process
     assert process is not None
     exports.stop()
     until(lambda: process.poll() is not None)

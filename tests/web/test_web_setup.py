@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
 import pytest
 
+from console.catalogue import Catalogue
+from console.known_vehicles import KnownVehicles
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
 from web.access.tls import private_tls
 from web.setup.page_checks import page_checks
+from web.setup.vehicles import known_vehicles
 
 FOUND = [
     Check("clock", "warn", "not synchronised", "synchronised", "start chrony"),
@@ -87,6 +92,16 @@ def test_the_vehicles_of_the_catalogue_are_known_beside_ours(
     assert ours["last_seen"] == pytest.approx(time.time(), abs=30)
     assert ours["runs"] == 2
     assert all(not one["ours"] for one in others)
+
+
+def test_an_enrolled_vehicle_is_known_before_it_ever_flew(tmp_path: Path) -> None:
+    KnownVehicles(tmp_path).add("quad7", "quad7.local")
+    live: Any = SimpleNamespace(age=lambda topic: math.inf, current=lambda topic: None)
+    ours, enrolled = known_vehicles({"quad1": live}, Catalogue(tmp_path), 0.0)
+    assert (ours["name"], ours["address"]) == ("quad1", "")
+    assert (enrolled["name"], enrolled["ours"], enrolled["address"]) == (
+        "quad7", False, "quad7.local",
+    )  # fmt: skip
 
 
 def test_everybody_sees_who_is_signed_in_and_only_that(site: Any, viewer: httpx.Client) -> None:

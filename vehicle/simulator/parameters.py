@@ -33,6 +33,14 @@ class SimulatorParameters(VehicleModel):
         description="IMU samples a second, over both ports, until the vehicle asks for its own "
         "rate; `quadlab fly` asks for this one",
     )  # fmt: skip
+    start_x: float = parameter(
+        0.0, unit="m", ge=-10.0, le=10.0, step=0.1, read_only=True,
+        description="where it stands on the floor at the start, in W",
+    )  # fmt: skip
+    start_y: float = parameter(
+        0.0, unit="m", ge=-10.0, le=10.0, step=0.1, read_only=True,
+        description="where it stands on the floor at the start, in W",
+    )  # fmt: skip
     thrust_efficiency: float = parameter(
         1.0, ge=0.5, le=1.2, step=0.001,
         description="true thrust over the motor law's; 0.938 gives the paper's 1.394 kg (Sec. 7)",

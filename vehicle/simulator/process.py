@@ -14,8 +14,11 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.parameters import SimulatorParameters
@@ -23,10 +26,14 @@ from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
+from vehicle_link.shared_session import SharedSession
 
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
-TRUTH_RATE = 100
+TOGETHER_NS = 200_000
+"""Steps of several vehicles that are due within so much are done at once."""
+ROW, APART = 4, 1.0
+"""Vehicles in a row on the floor, and m between them."""
 MIN_PAUSE_S = 0.0004
 """s between two steps when behind: leaves the flight stack time to answer each sample."""
 GIVE_UP_NS = 1_000_000_000
@@ -50,88 +57,181 @@ def run(
     folder: Path,
     loopback_port: int | None,
     *,
-    vehicle: str = "quad1",
+    vehicles: Sequence[str] = ("quad1",),
     stop: threading.Event | None = None,
 ) -> RunStatistics:
     """Fly until `stop` is set, or without one until SIGTERM or SIGINT.
 
     Args:
-        folder: where the links `mcu0` and `mcu1` to the serial devices are made.
+        parameters: of one vehicle; of several each gets its own place and noise.
+        folder: where the links `mcu0` and `mcu1` to the serial devices are made; of several
+            vehicles in a folder of their name.
         loopback_port: of the station's router; None publishes no truth.
 
     Raises StorageError when the links cannot be made.
     """
     if stop is None:
         stop = _stop_on_signals()
-    terminals: list[PseudoTerminal] = []
-    lines: list[Uart] = []
-    publisher = None
     # Before there are devices: who finds one may take it that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
+    pace = ALONE if len(vehicles) == 1 else TOGETHER
+    session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
+    robots: list[_Robot] = []
     try:
-        for index in (0, 1):
-            terminals.append(PseudoTerminal(folder / f"mcu{index}"))
-            lines.append(Uart(terminals[-1]))
-        simulated = SimulatedVehicle(parameters, lines)
-        live = LiveParameters(parameters)
-        if loopback_port is not None:
-            connect = connect_to_station(loopback_port, vehicle, live)
-            publisher = TruthPublisher(connect, vehicle)
-        _say(
-            f"microcontroller at {terminals[0].link} and {terminals[1].link}, "
-            f"{parameters.imu_rate} Hz{_ask_for_priority()}"
-        )
+        for truth, name in zip(side_by_side(parameters, len(vehicles)), vehicles, strict=True):
+            place = folder if len(vehicles) == 1 else folder / name
+            place.mkdir(exist_ok=True)
+            robots.append(_Robot(name, truth, place, session, pace))
+        where = f"microcontroller at {robots[0].place}"
+        if len(robots) > 1:
+            where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
+        _say(f"{where}, {parameters.imu_rate} Hz{_ask_for_priority()}")
         gc.collect()
         gc.freeze()
-        statistics = _loop(simulated, lines, live, publisher, stop)
-        statistics.dropped_bytes = sum(line.terminal.dropped for line in lines)
-        statistics.overruns = sum(line.overruns for line in lines)
-        if publisher is not None:
-            statistics.dropped_truth = publisher.dropped
+        statistics = RunStatistics()
+        _loop(robots, statistics, stop)
+        for robot in robots:
+            robot.add_to(statistics)
         return statistics
     finally:
-        if publisher is not None:
-            publisher.close()
-        for terminal in terminals:
+        for robot in robots:
+            robot.close()
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Args: `periods` of the microcontroller moved at once; `truth_rate` in Hz."""
+
+    periods: int
+    truth_rate: int
+
+
+ALONE = Pace(1, 100)
+TOGETHER = Pace(5, 30)
+"""Of several on one processor: commands then take up to 4 ms longer to the motors."""
+
+
+class _Robot:
+    """One vehicle: its plant, its serial devices, its truth's way to the station."""
+
+    def __init__(
+        self,
+        name: str,
+        parameters: SimulatorParameters,
+        folder: Path,
+        session: SharedSession | None,
+        pace: Pace,
+    ) -> None:
+        self._pace = pace
+        self._name = name
+        self._publisher: TruthPublisher | None = None
+        self._terminals: list[PseudoTerminal] = []
+        self._lines: list[Uart] = []
+        self._epoch_ns = self._start_ns = self._truth_due_ns = 0
+        try:
+            for index in (0, 1):
+                self._terminals.append(PseudoTerminal(folder / f"mcu{index}"))
+                self._lines.append(Uart(self._terminals[-1]))
+        except BaseException:
+            self.close()
+            raise
+        self._simulated = SimulatedVehicle(parameters, self._lines)
+        self._live = LiveParameters(parameters)
+        if session is not None:
+            connect = connect_to_station(session, name, self._live)
+            self._publisher = TruthPublisher(connect, name)
+
+    @property
+    def place(self) -> str:
+        return " and ".join(str(terminal.link) for terminal in self._terminals)
+
+    @property
+    def due_ns(self) -> int:
+        """On the steady clock: when to `step` next."""
+        return self._start_ns + self._simulated.due_ns(self._pace.periods)
+
+    def begin(self) -> None:
+        self._epoch_ns, self._start_ns = time.time_ns(), time.monotonic_ns()
+
+    def lose(self, behind_ns: int) -> int:
+        """Give up so much time; how many samples that were."""
+        lost = behind_ns // self._simulated.sample_period_ns
+        self._simulated.skip(lost)
+        return lost
+
+    def step(self) -> None:
+        simulated = self._simulated
+        changed = self._live.take()
+        if changed is not None:
+            simulated.configure(changed)
+        before_ns = simulated.stamp_ns
+        for line in self._lines:
+            line.advance((simulated.due_ns(self._pace.periods) - before_ns) * 1e-9)
+        simulated.step_periods(self._pace.periods)
+        if self._publisher is None:
+            return
+        reading = simulated.bench_reading()
+        if reading is not None:
+            self._publisher.offer_reading(self._epoch_ns + reading.stamp_ns, reading)
+        if simulated.stamp_ns >= self._truth_due_ns:
+            self._truth_due_ns = simulated.stamp_ns + SECOND_NS // self._pace.truth_rate
+            self._publisher.offer(self._epoch_ns + simulated.stamp_ns, simulated.truth)
+
+    def add_to(self, statistics: RunStatistics) -> None:
+        statistics.dropped_bytes += sum(line.terminal.dropped for line in self._lines)
+        statistics.overruns += sum(line.overruns for line in self._lines)
+        if self._publisher is not None:
+            statistics.dropped_truth += self._publisher.dropped
+
+    def close(self) -> None:
+        if self._publisher is not None:
+            self._publisher.close()
+        for terminal in self._terminals:
             terminal.close()
 
 
-def _loop(
-    simulated: SimulatedVehicle,
-    lines: list[Uart],
-    live: LiveParameters,
-    publisher: TruthPublisher | None,
-    stop: threading.Event,
-) -> RunStatistics:
-    statistics = RunStatistics()
-    truth_due_ns = 0
-    epoch_ns, start_ns = time.time_ns(), time.monotonic_ns()
+def _loop(robots: Sequence[_Robot], statistics: RunStatistics, stop: threading.Event) -> None:
+    for robot in robots:
+        robot.begin()
     while not stop.is_set():
-        due_ns = start_ns + simulated.next_period_ns
+        due_ns = min(robot.due_ns for robot in robots)
         wait_ns = due_ns - time.monotonic_ns()
         if wait_ns < -GIVE_UP_NS:
-            lost = -wait_ns // simulated.sample_period_ns
-            simulated.skip(lost)
+            lost = sum(robot.lose(-wait_ns) for robot in robots)
             statistics.lost_samples += lost
             _say(f"this machine stopped for {-wait_ns * 1e-9:.1f} s; {lost} samples are lost")
             continue
         time.sleep(max(wait_ns * 1e-9, MIN_PAUSE_S))
-        changed = live.take()
-        if changed is not None:
-            simulated.configure(changed)
-        for line in lines:
-            line.advance(simulated.period)
-        simulated.step_period()
-        statistics.periods += 1
-        if publisher is None:
-            continue
-        reading = simulated.bench_reading()
-        if reading is not None:
-            publisher.offer_reading(epoch_ns + reading.stamp_ns, reading)
-        if simulated.stamp_ns >= truth_due_ns:
-            truth_due_ns = simulated.stamp_ns + SECOND_NS // TRUTH_RATE
-            publisher.offer(epoch_ns + simulated.stamp_ns, simulated.truth)
-    return statistics
+        for robot in robots:
+            if robot.due_ns <= due_ns + TOGETHER_NS:  # one wake-up for all of them
+                robot.step()
+                statistics.periods += 1
+
+
+def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorParameters]:
+    """As many vehicles in rows of four on the floor, 1 m apart, each with noise of its own."""
+    if count == 1:
+        return [parameters]
+    rows = -(-count // ROW)
+    columns = min(count, ROW)
+    return [
+        parameters.model_copy(
+            deep=True,
+            update={
+                "seed": parameters.seed + number,
+                "start_x": parameters.start_x + APART * (number % ROW - 0.5 * (columns - 1)),
+                "start_y": parameters.start_y + APART * (number // ROW - 0.5 * (rows - 1)),
+            },
+        )
+        for number in range(count)
+    ]
+
+
+def _open(loopback_port: int) -> Any:
+    # Imported here: Zenoh takes a while, the plant need not wait.
+    from vehicle_link.session import loopback_session
+
+    return loopback_session(loopback_port)
 
 
 def _ask_for_priority() -> str:

@@ -94,6 +94,7 @@ class SimulatedVehicle:
         self._pace()
         self._miss(parameters.missing_motor)
         self.truth: Record = self._plant["x"].view(STATE).reshape(1)
+        self.truth["position_w"][0, :2] = parameters.start_x, parameters.start_y
 
     @property
     def battery_voltage(self) -> float:
@@ -116,8 +117,16 @@ class SimulatedVehicle:
 
     def step_period(self) -> None:
         """As `step`, but for one period of the microcontroller only, the first one included."""
+        self.step_periods(1)
+
+    def step_periods(self, most: int) -> None:
+        """As `step_period`, but for so many at once; it ends with the next sample at the latest."""
         self._obey()
-        self._advance(1)
+        self._advance(self._at_once(most))
+
+    def _at_once(self, most: int) -> int:
+        left = self._periods - (self._count - 1) % self._periods
+        return min(most, left) if self._count else 1
 
     def _pace(self) -> None:
         """Take over how often samples are wanted; the periods are counted anew from now."""
@@ -161,10 +170,9 @@ class SimulatedVehicle:
             port_index, frame = firmware.next_data()
             self._wires[port_index].write(frame)
 
-    @property
-    def next_period_ns(self) -> int:
-        """Time of the microcontroller's next period."""
-        return self._time_ns(self._count)
+    def due_ns(self, most: int = 1) -> int:
+        """Time up to which `step_periods` would go."""
+        return self._time_ns(self._count + self._at_once(most) - 1)
 
     @property
     def period(self) -> float:

@@ -21,6 +21,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
+from vehicle_link.shared_session import SharedSession
 
 KEPT = 8
 PRIORITY = 10
@@ -130,7 +131,7 @@ def _hurry(on: bool) -> None:
 
 
 def connect_to_station(
-    loopback_port: int, vehicle: str, live: LiveParameters
+    shared: SharedSession, vehicle: str, live: LiveParameters
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
     """`connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
 
@@ -142,11 +143,9 @@ def connect_to_station(
         from vehicle_link.node import Node
         from vehicle_link.parameter_messages import from_parameters, to_parameters
         from vehicle_link.parameter_service import serve_parameters
-        from vehicle_link.session import loopback_session
         from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
 
-        session = loopback_session(loopback_port)
-        node = Node(session, f"/{vehicle}", "simulator")
+        node = Node(shared.open(), f"/{vehicle}", "simulator")
         publishers = {topic: node.advertise(TOPICS[topic]) for topic in PUBLISHED}
         changes = node.advertise(TOPICS["parameter_changes"])
 
@@ -179,7 +178,7 @@ def connect_to_station(
         def close() -> None:
             live.on_change = lambda *_: None
             node.close()
-            session.close()  # type: ignore[no-untyped-call]
+            shared.close()
 
         def put(payload: bytes, source_ns: int, topic: str = "truth", /) -> None:
             publishers[topic].put(payload, source_ns)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
-from vehicle_link.log.recovery import is_closed
+from vehicle_link.log.index_check import index_problem
 from vehicle_link.log.summary import LogSummary, summarize
 from vehicle_link.log.topic_columns import ColumnReader, Columns
 from vehicle_link.topics.table import TOPICS
@@ -78,21 +78,23 @@ def check_log(path: Path, progress: Callable[[float], None] = lambda share: None
     Raises LogFormatError or StorageError when it is no log or cannot be read.
     """
     found = LogCheck(path)
-    if not is_closed(path):
-        found.problems.append(
-            "it has no index: its writer was killed; mend it: quadlab log recover"
-        )
+    index = index_problem(path)
     reader = ColumnReader(path)
     for batch in reader:
         for columns in batch.columns:
             topic = found.topics.setdefault(columns.topic, TopicCheck(columns.type_name))
             _look(topic, columns)
         progress(batch.share)
-    if reader.log.tear:
-        found.problems.append(f"it is torn: it {reader.log.tear}")
+    if reader.log.tear or index:
+        why = f"is torn: it {reader.log.tear}" if reader.log.tear else index
+        found.problems.append(f"it {why}; mend it: quadlab log recover {path}")
     if reader.log.damaged_chunks:
         found.problems.append(
             f"{reader.log.damaged_chunks} damaged chunks, whose messages are lost"
+        )
+    if reader.log.damaged_records:
+        found.problems.append(
+            f"{reader.log.damaged_records} damaged records: attachments, metadata or descriptions"
         )
     found.notes += [
         f"{name} has other fields here than in this version of quadlab: another one recorded it"

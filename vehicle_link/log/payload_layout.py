@@ -50,7 +50,13 @@ class PayloadLayout:
 
 
 class SchemaLayouts:
-    """Layouts of one schema. Raises LogFormatError when it is of a kind not read here."""
+    """Layouts of one schema.
+
+    Attributes:
+        grows: whether a message may have more numbers than another one.
+
+    Raises LogFormatError when it is of a kind not read here.
+    """
 
     def __init__(self, schema: Schema) -> None:
         if schema.encoding != "ros2msg":
@@ -64,6 +70,14 @@ class SchemaLayouts:
             raise LogFormatError(f"the description of {schema.name} cannot be read") from error
         self._types: Mapping[str, Any] = {**typestore().fielddefs, **found}
         self._found = found
+        try:
+            self.grows = self._grows(self._name)
+        except KeyError as error:
+            raise LogFormatError(
+                f"{schema.name} is made of {error}, which the log does not describe"
+            ) from error
+        except RecursionError as error:
+            raise LogFormatError(f"{schema.name} is made of itself; no message can be") from error
 
     @property
     def foreign(self) -> list[str]:
@@ -72,12 +86,8 @@ class SchemaLayouts:
         return [name for name, (_, fields) in self._found.items()
                 if name in ours and list(fields) != list(ours[name][1])]  # fmt: skip
 
-    @property
-    def grows(self) -> bool:
-        """Whether a message may have more numbers than another one."""
-        return self._grows(self._name)
-
     def _grows(self, name: str) -> bool:
+        """Whether a message may have more numbers than another one."""
         return any(
             (kind == Nodetype.SEQUENCE and details[0] != (Nodetype.BASE, ("string", 0)))
             or (kind == Nodetype.NAME and self._grows(str(details)))

@@ -11,6 +11,7 @@ against the installed version.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ _FIELDS = [
     ("log_ns", "<u8"),
     ("publish_ns", "<u8"),
 ]
+_HEAD_BYTES = _HEAD.size
 _ENTRY = struct.Struct("<QQ")  # of an index: log time, place in the chunk
 _OPCODE = int(Opcode.MESSAGE)
 _FIXED = 22  # bytes of a message record before its payload
@@ -43,6 +45,15 @@ class MessageBatch(NamedTuple):
     payloads: npt.NDArray[Any]  # (N,), the payload is the item's bytes
     log_ns: npt.NDArray[np.int64]  # (N,)
     publish_ns: npt.NDArray[np.int64]  # (N,)
+
+
+class OneMessage(NamedTuple):
+    """Times in ns."""
+
+    channel_id: int
+    payload: bytes
+    log_ns: int
+    publish_ns: int
 
 
 class _QuickIndex(MessageIndex):
@@ -80,6 +91,34 @@ class QuickWriter(Writer):
             )
         )  # fmt: skip
         buffer.write(data)
+        self._close_full(buffer)
+
+    def add_messages(self, messages: Sequence[OneMessage], sequence: int) -> None:
+        """At least one, in this order, numbered from `sequence` on: 1 µs each.
+
+        A chunk is closed behind the last one only.
+        """
+        times = [message.log_ns for message in messages]
+        earliest_ns, latest_ns = min(times), max(times)
+        for channel, count in Counter(message.channel_id for message in messages).items():
+            chunk = self._count(channel, count, earliest_ns, latest_ns)
+        place = chunk.record_writer._buffer.tell()
+        parts: list[bytes] = []
+        entries: dict[int, bytearray] = {}
+        for number, (channel, payload, log_ns, publish_ns) in enumerate(messages, sequence):
+            if channel not in entries:
+                entries[channel] = self._index(chunk, channel).entries
+            entries[channel] += _ENTRY.pack(log_ns, place)
+            size = len(payload)
+            place += _HEAD_BYTES + size
+            parts.append(
+                _HEAD.pack(
+                    _OPCODE, _FIXED + size, channel, number & 0xFFFF_FFFF, log_ns, publish_ns
+                )
+            )
+            parts.append(payload)
+        buffer = chunk.record_writer._buffer
+        buffer.write(b"".join(parts))
         self._close_full(buffer)
 
     def add_batches(self, batches: Sequence[MessageBatch], sequence: int) -> None:

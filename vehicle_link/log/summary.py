@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 from mcap.records import Attachment, Metadata
 
 from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log.file import open_log
+from vehicle_link.log.index_check import DAMAGED, NO_END, index_problem
 from vehicle_link.log.reader import read_log
 from vehicle_link.log.records import RawMessage, ReadState, records
-from vehicle_link.log.recovery import RECOVERED_METADATA, is_closed
-from vehicle_link.log.writer import RUN_METADATA
+from vehicle_link.log.recovery import RECOVERED_METADATA
+from vehicle_link.log.walk import UNREADABLE
+from vehicle_link.log.writer import FILLED_METADATA, RUN_METADATA
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +41,7 @@ class LogSummary:
     topics: dict[str, TopicSummary] = field(default_factory=dict)
     attachments: dict[str, int] = field(default_factory=dict)  # name → bytes
     run: dict[str, str] = field(default_factory=dict)  # `quadlab.run`
+    filled: dict[str, str] = field(default_factory=dict)  # `quadlab.filled`
 
     @property
     def message_count(self) -> int:
@@ -49,17 +53,19 @@ def summarize(path: Path) -> LogSummary:
 
     Raises LogFormatError or StorageError.
     """
-    if not is_closed(path):
+    problem = index_problem(path)
+    if problem == NO_END:
         return _by_reading(path)
     try:
-        with path.open("rb") as stream:
+        if problem:
+            raise ValueError(problem)
+        with open_log(path) as stream:
             return _by_index(path, make_reader(stream))
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
-    except (McapError, ValueError) as error:
-        raise LogFormatError(
-            f"{path} has a damaged index ({error}); try: quadlab log recover"
-        ) from error
+    except (*UNREADABLE, KeyError) as error:
+        why = problem or f"{DAMAGED} ({error!r:.80})"
+        raise LogFormatError(f"{path} {why}; try: quadlab log recover") from error
 
 
 def _by_index(path: Path, reader: McapReader) -> LogSummary:
@@ -70,10 +76,12 @@ def _by_index(path: Path, reader: McapReader) -> LogSummary:
     topics: dict[str, TopicSummary] = {}
     for channel in index.channels.values():
         count = statistics.channel_message_counts.get(channel.id, 0)
-        name = index.schemas[channel.schema_id].name
+        name = index.schemas[channel.schema_id].name if channel.schema_id else ""
         before = topics[channel.topic].count if channel.topic in topics else 0
         topics[channel.topic] = TopicSummary(name, before + count)
-    metadata = {m.name: dict(m.metadata) for m in reader.iter_metadata()}
+    metadata: dict[str, dict[str, str]] = {}
+    with suppress(*UNREADABLE):  # a damaged one
+        metadata.update((m.name, dict(m.metadata)) for m in reader.iter_metadata())
     return LogSummary(
         path=path,
         bytes=path.stat().st_size,
@@ -85,6 +93,7 @@ def _by_index(path: Path, reader: McapReader) -> LogSummary:
         topics=topics,
         attachments={a.name: a.data_size for a in index.attachment_indexes},
         run=metadata.get(RUN_METADATA, {}),
+        filled=metadata.get(FILLED_METADATA, {}),
     )
 
 
@@ -116,4 +125,5 @@ def _by_reading(path: Path) -> LogSummary:
         topics={topic: TopicSummary(name, count) for topic, (name, count) in counts.items()},
         attachments=attachments,
         run=metadata.get(RUN_METADATA, {}),
+        filled=metadata.get(FILLED_METADATA, {}),
     )

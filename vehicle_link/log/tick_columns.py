@@ -159,7 +159,7 @@ class _Reader:
                 break
             if opcode == Opcode.CHUNK:
                 try:
-                    self._take(_content(os.pread(file, length, place)), channels)
+                    self._take(chunk_content(os.pread(file, length, place)), channels)
                 except (RuntimeError, ValueError, struct.error):
                     self.damaged += 1
             place += length
@@ -206,7 +206,7 @@ class _Reader:
             self._counts[topic] += int(wanted.sum())
 
 
-def _content(record: bytes) -> bytes:
+def chunk_content(record: bytes) -> bytes:
     """What is in a chunk record. Raises RuntimeError or ValueError when it is damaged."""
     _, _, size, checksum, length = _CHUNK.unpack_from(record)
     place = _CHUNK.size + length

@@ -6,10 +6,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log.file import open_log
+from vehicle_link.log.walk import UNREADABLE
 
 
 def read_topic(path: Path, name: str) -> Iterator[bytes]:
@@ -18,7 +19,7 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
     Raises LogFormatError or StorageError; a log without the topic has none.
     """
     try:
-        with path.open("rb") as stream:
+        with open_log(path) as stream:
             reader = make_reader(stream)
             index = reader.get_summary()
             if index is None:
@@ -30,7 +31,7 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
                 yield message.data
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
-    except (McapError, ValueError) as error:
+    except (*UNREADABLE, KeyError) as error:
         raise LogFormatError(
             f"{path} has a damaged index ({error}); try: quadlab log recover"
         ) from error

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from mcap.records import Schema
 
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.log.blocks import HEAD_BYTES, Block, BlockReader, Bytes, Places, field_at
@@ -21,6 +22,8 @@ from vehicle_link.messages import decode
 
 MOST_LAYOUTS = 200
 """Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
+
+NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 
 Floats = npt.NDArray[np.floating[Any]]
 Stamps = npt.NDArray[np.int64]
@@ -95,12 +98,19 @@ class ColumnReader:
             return self._topics[channel_id]
         reader: _TopicReader | None = None
         channel = self.log.channels.get(channel_id)
-        schema = self.log.schemas.get(channel.schema_id) if channel else None
+        if channel is None:
+            self.problems[f"channel {channel_id}"] = "its description was in a damaged chunk"
+        schema = self.log.schemas.get(channel.schema_id, NO_SCHEMA) if channel else None
         chosen = channel is not None and (self._chosen is None or channel.topic in self._chosen)
         if channel is not None and schema is not None and chosen:
             try:
                 if channel.message_encoding != "cdr":
-                    raise LogFormatError(f"messages in {channel.message_encoding!r}; only cdr")
+                    raise LogFormatError(
+                        f"its messages are in {channel.message_encoding!r:.40}; only 'cdr' (ROS 2) "
+                        "is read"
+                    )
+                if schema is NO_SCHEMA:
+                    raise LogFormatError("the log does not describe its messages")
                 layouts = SchemaLayouts(schema)
                 self.foreign.update(layouts.foreign)
                 paths = None

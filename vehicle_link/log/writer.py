@@ -7,6 +7,7 @@ at most that. The index at the end is written by `close`; a file without it is `
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -18,12 +19,23 @@ from mcap.writer import CompressionType
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 from vehicle_link.log.file import LogFile
-from vehicle_link.log.quick_writer import MessageBatch, QuickWriter
+from vehicle_link.log.quick_writer import MessageBatch, OneMessage, QuickWriter
 
 RUN_METADATA = "quadlab.run"
+FILLED_METADATA = "quadlab.filled"
 CHUNK_BYTES = 65536
 CHUNK_AGE_NS = 40_000_000
 MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": "text/x-python"}
+
+
+class Message(NamedTuple):
+    """As `LogWriter.write` takes them."""
+
+    topic: str
+    type_name: str
+    payload: bytes
+    log_ns: int
+    publish_ns: int
 
 
 class Batch(NamedTuple):
@@ -78,6 +90,12 @@ class LogWriter:
         """Bytes in the file so far."""
         return self._file.size
 
+    @property
+    def channels(self) -> dict[int, tuple[str, str]]:
+        """id → topic and type of those that have messages so far; from any thread."""
+        found = self._channels.copy()
+        return {k: (topic, messages.ros_name(kind)) for (topic, kind), k in found.items()}
+
     def is_in_place(self) -> bool:
         """False when somebody removed the file or its folder."""
         return self._file.is_in_place()
@@ -85,7 +103,10 @@ class LogWriter:
     def write(
         self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int
     ) -> None:
-        """One message: `payload` in CDR, reception and source stamp in ns."""
+        """One message: `payload` in CDR, reception and source stamp in ns.
+
+        A source's stamp before the epoch, which no log can hold, is written as 0.
+        """
         if self._broken is not None:
             raise self._broken
         try:
@@ -93,8 +114,31 @@ class LogWriter:
             if channel is None:
                 channel = self._register(topic, type_name)
             self.message_count += 1
-            self._add_message(channel, log_ns, payload, publish_ns, self.message_count)
+            self._add_message(channel, log_ns, payload, max(0, publish_ns), self.message_count)
             self._close_old_chunk(log_ns)
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def write_many(self, messages: Sequence[Message]) -> None:
+        """Many messages in this order; a chunk may become larger by all of them."""
+        self._guard()
+        if not messages:
+            return
+        try:
+            found = self._channels
+            rows = [
+                OneMessage(
+                    found.get((topic, kind)) or self._register(topic, kind),
+                    payload,
+                    log,
+                    publish if publish > 0 else 0,
+                )
+                for topic, kind, payload, log, publish in messages
+            ]
+            self._writer.add_messages(rows, self.message_count + 1)
+            self.message_count += len(rows)
+            self._close_old_chunk(rows[-1].log_ns)
         except StorageError as error:
             self._broken = error
             raise
@@ -120,24 +164,44 @@ class LogWriter:
             self._broken = error
             raise
 
-    def flush(self) -> None:
-        """Close the chunk and send everything to the disk itself (fdatasync)."""
+    def close_chunk(self) -> None:
+        """What was written so far is the kernel's: a killed process does not lose it."""
         self._guard()
         try:
             self._writer.flush()
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def flush(self) -> None:
+        """Close the chunk and send everything to the disk itself (fdatasync)."""
+        self.close_chunk()
+        try:
             self._file.sync()
         except StorageError as error:
             self._broken = error
             raise
 
+    def sync(self) -> None:
+        """Send closed chunks to the disk itself (fdatasync); from any thread."""
+        self._file.sync()
+
     def attach(self, name: str, data: bytes) -> None:
         """One more attachment, at the present place of the file."""
         self._guard()
-        self._writer.add_attachment(0, 0, name, MEDIA_TYPES.get(Path(name).suffix, ""), data)
+        try:
+            self._writer.add_attachment(0, 0, name, MEDIA_TYPES.get(Path(name).suffix, ""), data)
+        except StorageError as error:
+            self._broken = error
+            raise
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         self._guard()
-        self._writer.add_metadata(name, dict(values))
+        try:
+            self._writer.add_metadata(name, dict(values))
+        except StorageError as error:
+            self._broken = error
+            raise
 
     def close(self) -> bool:
         """Write the index and close; the second call does nothing.
@@ -185,8 +249,9 @@ class LogWriter:
             for name, data in attachments.items():
                 self.attach(name, data)
         except StorageError:
-            self._file.close()
-            self.path.unlink(missing_ok=True)  # it holds nothing yet
+            with suppress(OSError, StorageError):
+                self.path.unlink(missing_ok=True)  # it holds nothing yet
+                self._file.close()
             raise
 
     def _register(self, topic: str, type_name: str) -> int:

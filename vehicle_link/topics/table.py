@@ -114,5 +114,5 @@ SERVICES: dict[str, str] = {
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment`, `control` and
-`transfer`, the vehicle alone `time_sync`, `whoami`, `lane`, `calibrate`,
-`bench` and the three about the files of its log."""
+`transfer`, and hands `onboard_files` and `onboard_log` on; the vehicle alone has `time_sync`,
+`whoami`, `lane`, `calibrate`, `bench` and the rest about the files of its log."""

@@ -1,7 +1,8 @@
 """`/replay/{run_id}` and what its page asks for.
 
 All of it is reading: viewers may replay. Runs are found by the catalogue; the vehicle's own logs,
-which are in no catalogue, as `onboard:NAME` among the files of the folder `onboard`.
+which are in no catalogue, as `onboard:NAME` among the files of the folder `onboard`, and those
+fetched from a vehicle as `onboard:VEHICLE:NAME`.
 """
 
 from __future__ import annotations
@@ -30,13 +31,21 @@ Seconds = Annotated[float, Query(ge=-1e7, le=1e7, allow_inf_nan=False)]
 def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     """The routes. An unknown run is a StorageError, answered with 404."""
 
+    onboard = catalogue.folder.parent / ONBOARD
+
+    def onboard_logs() -> list[Path]:
+        """Of a vehicle simulated here, and those fetched, in a folder a vehicle."""
+        return [*onboard.glob(f"*{SUFFIX}"), *onboard.glob(f"*/*{SUFFIX}")]
+
+    def onboard_id(path: Path) -> str:
+        return ":".join((*path.parent.relative_to(onboard.parent).parts, path.stem))
+
     def find(run_id: str) -> Path:
         kind, _, name = run_id.partition(":")
         if kind != ONBOARD or not name:
             return catalogue.resolve(run_id)
-        folder = catalogue.folder.parent / ONBOARD
-        for path in folder.glob(f"*{SUFFIX}"):
-            if path.stem == name and path.is_file():  # never a path made of what came
+        for path in onboard_logs():
+            if onboard_id(path) == run_id and path.is_file():  # never a path made of what came
                 return path
         raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
 
@@ -47,10 +56,9 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:
         """The vehicle's own logs that lie on this computer, newest first; runs: /api/runs."""
-        folder = catalogue.folder.parent / ONBOARD
-        found = [(path.stat().st_mtime, path) for path in folder.glob(f"*{SUFFIX}")]
+        found = [(path.stat().st_mtime, path) for path in onboard_logs()]
         return [
-            {"id": f"{ONBOARD}:{path.stem}", "bytes": path.stat().st_size}
+            {"id": onboard_id(path), "bytes": path.stat().st_size}
             for _, path in sorted(found, reverse=True)[:200]
         ]
 

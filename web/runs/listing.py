@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from console.catalogue import Catalogue, RunEntry
+from console.catalogue_completeness import as_json, completeness_of
 from console.catalogue_marks import mark_counts
 from console.catalogue_notes import Note, newest_notes
 from console.catalogue_tags import tags_of
@@ -18,10 +19,12 @@ from vehicle_link.log.file import is_being_written
 
 
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:
-    """Of each run: its row, tags, number of marks, who wrote the notes, verdict of its report."""
+    """Of each run: its row, tags, number of marks, who wrote the notes, verdict of its report,
+    and how it compares with the vehicle's own log (null: not at all)."""
     ids = [entry.id for entry in entries]
     tags, notes = tags_of(catalogue, ids), newest_notes(catalogue, ids)
     marks = mark_counts(catalogue, ids)
+    completeness = completeness_of(catalogue, ids)
     return [
         {
             **asdict(entry),
@@ -29,6 +32,7 @@ def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, A
             "marks": marks.get(entry.id, 0),
             "notes_by": about(notes.get(entry.id)),
             **_report(catalogue.folder / Path(entry.file).name),
+            "completeness": as_json(completeness.get(entry.id)),
             "recording": not entry.complete and _is_recorded(catalogue, entry),
         }
         for entry in entries

@@ -20,6 +20,7 @@ from web.asking import Operator
 from web.runs.bodies import MarkBody, NotesBody, TagsBody
 from web.runs.changes import tell_changed
 from web.runs.listing import about, lines
+from web.runs.onboard import add_onboard
 from web.runs.sharing import add_sharing
 from web.runs.trash import add_trash
 
@@ -34,12 +35,14 @@ Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
 
 
 def add_runs(app: FastAPI, parts: Parts) -> None:
-    """/runs and the routes below /api/runs, /api/tags, /api/marks, /api/trash, /api/storage."""
+    """/runs and the routes below /api/runs, /api/tags, /api/marks, /api/trash, /api/storage,
+    /api/onboard."""
     _add_list(app, parts)
     _add_notes(app, parts)
     _add_tags_and_marks(app, parts)
     add_trash(app, parts)
     add_sharing(app, parts)
+    add_onboard(app, parts)
 
 
 def _add_list(app: FastAPI, parts: Parts) -> None:

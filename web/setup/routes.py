@@ -21,12 +21,13 @@ from web.setup.preflight import check_fields
 from web.setup.vehicles import known_vehicles
 
 if TYPE_CHECKING:
+    from web.fleet import Fleet
     from web.parts import Parts
 
 STATIC = Path(__file__).parent.parent / "static"
 
 
-def add_setup(app: FastAPI, parts: Parts) -> None:
+def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     station, people = parts.station, parts.people
 
     @app.get("/setup", include_in_schema=False)
@@ -36,9 +37,7 @@ def add_setup(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/setup/vehicles")
     async def vehicles() -> list[dict[str, Any]]:
         """Known vehicles; `last_seen` in s, epoch, null = never."""
-        return await asyncio.to_thread(
-            known_vehicles, parts.vehicle, parts.live, parts.catalogue, time.time()
-        )
+        return await asyncio.to_thread(known_vehicles, fleet.lives, parts.catalogue, time.time())
 
     @app.get("/api/setup/people")
     async def signed_in() -> list[dict[str, Any]]:

@@ -1,11 +1,13 @@
-"""The vehicles this station knows: the one it is set up for, and those of its runs."""
+"""The vehicles this station knows: those it dials, those of its runs, those enrolled."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from console.catalogue import Catalogue, RunEntry
+from console.known_vehicles import KnownVehicles
 from web.live import Live
 
 SCANNED = 1000
@@ -19,22 +21,25 @@ class KnownVehicle:
     link: str  # good, degraded, lost; empty for another station's
     runs: int  # of the newest `SCANNED`
     last_seen: float | None  # s, epoch; of its newest run where it is not connected
+    address: str = ""  # where it was enrolled (`quadlab link enrol`)
 
 
 def known_vehicles(
-    name: str, live: Live, catalogue: Catalogue, now: float
+    dialled: Mapping[str, Live], catalogue: Catalogue, now: float
 ) -> list[dict[str, object]]:
-    """Ours first. `now`: s, epoch. Raises StorageError."""
-    age = live.age("status")
-    link = live.current("link_status")
-    ours = KnownVehicle(
-        name, True, str(link.state) if link else "", 0, now - age if math.isfinite(age) else None
-    )
-    found = {name: ours}
+    """Ours first: what came of each, by name. `now`: s, epoch. Raises StorageError."""
+    found = {}
+    for name, live in dialled.items():
+        age, link = live.age("status"), live.current("link_status")
+        seen = now - age if math.isfinite(age) else None
+        found[name] = KnownVehicle(name, True, str(link.state) if link else "", 0, seen)
     for run in catalogue.runs(limit=SCANNED):
         known = found.setdefault(run.vehicle, KnownVehicle(run.vehicle, False, "", 0, None))
         known.runs += 1
         known.last_seen = max(known.last_seen or 0.0, _end(run))
+    for enrolled in KnownVehicles(catalogue.folder.parent).all().values():
+        empty = KnownVehicle(enrolled.name, False, "", 0, None)
+        found.setdefault(enrolled.name, empty).address = enrolled.address
     return [asdict(one) for one in found.values()]
 
 

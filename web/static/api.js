@@ -1,9 +1,11 @@
 // Requests to our own API. An error's message is the one line the server gave.
 
+import { here } from "./vehicle_path.js";
+
 export async function request(method, path, body) {
   let response;
   try {
-    response = await fetch(path, {
+    response = await fetch(here(path), {
       method,
       headers: body === undefined ? {} : { "Content-Type": "application/json" },
       body: body === undefined ? undefined : JSON.stringify(body),

@@ -24,6 +24,7 @@ import { addSticks } from "./stick_panel.js";
 import { StateTable } from "./table.js";
 import { tabs } from "./tabs.js";
 import { Tune } from "./tune.js";
+import { addVehicleStrip } from "./vehicle_strip.js";
 import { View } from "./view.js";
 
 const $ = (id) => document.getElementById(id);
@@ -35,6 +36,7 @@ async function start() {
   const telemetry = new Telemetry(description);
   const isOperator = session.role !== "viewer"; // admins may do all that operators may
   $("vehicle").textContent = session.vehicle;
+  addVehicleStrip(session, $("bar"));
   document.title = `${session.vehicle} · quadlab`;
 
   const fly = new Fly(events, behaviors, isOperator);

@@ -3,6 +3,7 @@
 
 import { request } from "./api.js";
 import { element, exact } from "./format.js";
+import { here } from "./vehicle_path.js";
 
 // As it is, with three decimals at least, so that the points stand under each other.
 const metres = (value) => { const text = exact(value); return /^-?\d+(\.\d{0,2})?$/.test(text) ? value.toFixed(3) : text; };
@@ -75,7 +76,7 @@ export class Layout {
     this.file.value = "";
     if (!file) return;
     await this.attempt(async () => {
-      const response = await fetch(`/api/beacons?name=${encodeURIComponent(file.name.slice(0, 100))}`, { method: "PUT", headers: { "Content-Type": "text/csv" }, body: file });
+      const response = await fetch(here(`/api/beacons?name=${encodeURIComponent(file.name.slice(0, 100))}`), { method: "PUT", headers: { "Content-Type": "text/csv" }, body: file });
       const answer = await response.json().catch(() => ({}));
       if (!response.ok) throw new Error(answer.error ?? `error ${response.status}`);
       return answer;

@@ -1,5 +1,7 @@
 // Numbers, times and sizes as people read them; "–" for what is not known.
 
+import { here } from "./vehicle_path.js";
+
 export const NONE = "–";
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 
@@ -41,7 +43,8 @@ export const words = (name) => (name ? String(name).toLowerCase().replace("near_
 export function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [key, value] of Object.entries(attributes)) {
-    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    if (key === "href" || key === "src") made.setAttribute(key, here(value));
+    else if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
     else if (key in made && key !== "list") made[key] = value;
     else made.setAttribute(key, value);
   }

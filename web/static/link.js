@@ -8,6 +8,7 @@ const TOPIC = "link_status";
 const SIGNS = { good: "●", degraded: "◐", lost: "○" };
 const SAMPLE = 200; // ms
 const SLOW = 0.15, FRAMES = 20; // s, Hz: of this page's own link
+const PATHS = { datagram: "datagrams beside the link", quic: "the link itself" };
 const GREY = 0.3; // s, deadline of what telemetry shows
 
 export class LinkPanel {
@@ -16,9 +17,11 @@ export class LinkPanel {
     this.state = element("output", { className: "state" });
     this.since = element("span");
     this.outages = element("p");
+    this.problem = element("p", { className: "problem", role: "alert", hidden: true });
+    this.way = element("p", { className: "way" });
     this.reaction = element("p", { className: "reaction" });
     this.verdict = element("p", { className: "verdict", role: "status", hidden: true });
-    this.state.dataset.topic = this.outages.dataset.topic = TOPIC;
+    this.state.dataset.topic = this.outages.dataset.topic = this.way.dataset.topic = TOPIC;
     const ms = (value) => `${fixed(1e3 * value, Math.abs(value) < 0.01 ? 1 : 0)} ms`, percent = (value) => `${fixed(100 * value, 1)} %`, hertz = (value) => `${fixed(value, 0)} Hz`;
     const strip = (label, options) => new LinkStrip(label, { topic: TOPIC, ...options });
     this.strips = {
@@ -34,7 +37,7 @@ export class LinkPanel {
       rate: new LinkStrip("Frames", { format: hertz, least: 30, title: "telemetry frames that reached this page; 25 a second are sent" }),
     };
     place.append(
-      element("div", { className: "link-state" }, element("span", {}, "Radio"), this.state, this.since), this.outages, this.reaction,
+      element("div", { className: "link-state" }, element("span", {}, "Radio"), this.state, this.since), this.outages, this.problem, this.way, this.reaction,
       ...Object.values(this.strips).map(({ place: line }) => line),
       element("h2", {}, "This page to the station"), this.verdict, ...Object.values(this.page).map(({ place: line }) => line),
       element("p", { className: "span" }, "last five minutes · in the log as link_status, this page's own link is not"));
@@ -76,6 +79,9 @@ export class LinkPanel {
     this.state.classList.toggle("warn", Boolean(link) && link.state !== "good" && !isOld);
     set(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");
     set(this.outages, link ? outages(link) : "");
+    set(this.way, link ? way(link) : "");
+    this.problem.hidden = !link?.problem || isOld;
+    set(this.problem, link?.problem ? `⚠ Not commanded from here: ${link.problem}.` : "");
     set(this.reaction, this.reactionText());
     const verdict = this.verdictText(link, isOld);
     this.verdict.hidden = !verdict;
@@ -104,6 +110,13 @@ function outages({ outages: count, outage_last: last, outage_longest: longest, o
   if (!count) return "No outage of 0.3 s or more since the vehicle was first heard.";
   if (count === 1) return `1 outage since the vehicle was first heard: ${spoken(last)}.`;
   return `${count} outages since the vehicle was first heard: the last ${spoken(last)}, the longest ${spoken(longest)}, together ${spoken(total)}.`;
+}
+
+// Where the vehicle is, as whom it lets the station in, and how telemetry comes.
+function way({ address, access, path, reopened }) {
+  const parts = [address && `dialled at ${address}`, access && `let in as ${access}`, path && `telemetry by ${PATHS[path] ?? path}`, reopened && `opened anew ${reopened === 1 ? "once" : `${reopened} times`}, because nothing came`].filter(Boolean);
+  const text = parts.join(", ");
+  return text && `${text[0].toUpperCase()}${text.slice(1)}.`;
 }
 
 function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,6 +1,7 @@
 // Values to a TOML file and back; a file is compared first, and the chosen lines are applied.
 
 import { element } from "./format.js";
+import { here } from "./vehicle_path.js";
 
 const PATH = "/api/parameters/file";
 
@@ -24,7 +25,7 @@ export class Files {
     if (!file) return;
     this.reason.hidden = true;
     try {
-      const response = await fetch(PATH, { method: "POST", body: await file.arrayBuffer(), headers: { "Content-Type": "application/toml" } });
+      const response = await fetch(here(PATH), { method: "POST", body: await file.arrayBuffer(), headers: { "Content-Type": "application/toml" } });
       const content = await response.json().catch(() => ({}));
       if (!response.ok) throw new Error(content.error ?? `error ${response.status}`);
       this.show({ title: `Load ${file.name}`, empty: "The file has nothing that would change.", ...content });

@@ -13,10 +13,11 @@ import { Run } from "./replay_run.js";
 import { ReplayScene } from "./replay_scene.js";
 import { ReplayTable } from "./replay_table.js";
 import { Transport } from "./replay_transport.js";
+import { pathname } from "./vehicle_path.js";
 
 const $ = (id) => document.getElementById(id);
 const main = document.querySelector("main");
-const ID = decodeURIComponent(location.pathname.split("/")[2]);
+const ID = decodeURIComponent(pathname.split("/")[2]);
 const WITH = new URLSearchParams(location.search).get("with");
 const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
 const LINK_PERIOD = 300; // ms between two changes of the address

@@ -4,8 +4,9 @@ import { get } from "./api.js";
 import { figures } from "./experiment.js";
 import { element, exact, words } from "./format.js";
 import { RunReport } from "./runs_report.js";
+import { pathname } from "./vehicle_path.js";
 
-const run = decodeURIComponent(location.pathname.split("/")[2]);
+const run = decodeURIComponent(pathname.split("/")[2]);
 const base = `/api/runs/${encodeURIComponent(run)}`;
 const main = document.querySelector("main");
 

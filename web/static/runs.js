@@ -6,10 +6,12 @@ import { onKey } from "./keys.js";
 import { head } from "./page.js";
 import { RunDetail } from "./runs_detail.js";
 import { RunList } from "./runs_list.js";
+import { Onboard } from "./runs_onboard.js";
 import { Gauge } from "./runs_storage.js";
 import { Trash } from "./runs_trash.js";
 import { query } from "./runs_words.js";
 import { Events } from "./sockets.js";
+import { here } from "./vehicle_path.js";
 
 const $ = (id) => document.getElementById(id);
 const TYPING_PAUSE = 200; // ms
@@ -18,17 +20,21 @@ class RunsPage {
   constructor(session, events) {
     this.isOperator = session.role !== "viewer";
     this.gauge = new Gauge($("gauge"));
-    this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${query($("search").value, $("tag").value)}&offset=${offset}&limit=${limit}`));
+    this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${query($("search").value, $("tag").value, $("of-vehicle").value)}&offset=${offset}&limit=${limit}`));
     this.trash = new Trash($("trash"), $("open-trash"), session, (text, undo) => this.say(text, undo));
+    this.onboard = new Onboard($("onboard"), $("open-onboard"), this, events);
+    $("open-trash").addEventListener("click", () => { if (!$("trash").hidden) this.only(this.trash); });
     this.detail = new RunDetail($("detail"), this, events);
     this.list.addEventListener("choice", () => this.detail.show(this.list.current, this.list.chosen));
     this.list.addEventListener("loaded", () => this.loaded());
-    this.list.addEventListener("open", () => { if (this.list.current) location.assign(`/replay/${encodeURIComponent(this.list.current.id)}`); });
+    this.list.addEventListener("open", () => { if (this.list.current) location.assign(here(`/replay/${encodeURIComponent(this.list.current.id)}`)); });
     this.list.addEventListener("remove", () => this.remove());
     this.list.addEventListener("edit", ({ detail }) => this.detail.edit(detail));
     let typing = null;
     $("search").addEventListener("input", () => { clearTimeout(typing); typing = setTimeout(() => this.list.reset(), TYPING_PAUSE); });
-    $("tag").addEventListener("change", () => this.list.reset());
+    for (const id of ["tag", "of-vehicle"]) $(id).addEventListener("change", () => this.list.reset());
+    $("of-vehicle").append(...session.vehicles.map((name) => element("option", { value: name }, name)));
+    $("of-vehicle").parentElement.hidden = session.vehicles.length < 2;
     onKey("/", "search runs", () => $("search").focus());
     this.follow(events);
     this.list.reset();
@@ -44,7 +50,22 @@ class RunsPage {
       this.recording = station.recording;
       if (!isFirst) setTimeout(() => this.changed(true), 500); // the catalogue is a little behind
     });
+    events.on("summary", ({ transfers }) => this.transferred(transfers));
     events.addEventListener("open", () => this.changed(true));
+  }
+
+  // A run was compared or filled: its line says so.
+  transferred(transfers) {
+    if (!transfers) return;
+    const phases = JSON.stringify(transfers.filter(({ kind }) => kind === "backfill").map(({ name, phase }) => [name, phase]));
+    if (this.phases !== undefined && phases !== this.phases) this.list.refresh();
+    this.phases = phases;
+  }
+
+  // One of the panels that lie over the list.
+  only(panel) {
+    for (const other of [this.trash, this.onboard]) if (other !== panel && !other.place.hidden) other.open(false);
+    $("list").hidden = true;
   }
 
   // One round at a time, so that an old answer never follows a newer one.

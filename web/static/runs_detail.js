@@ -2,6 +2,7 @@
 
 import { get, request } from "./api.js";
 import { element, fixed } from "./format.js";
+import { RunFill } from "./runs_fill.js";
 import { RunNotes } from "./runs_notes.js";
 import { RunReport } from "./runs_report.js";
 import { RunSharing } from "./runs_sharing.js";
@@ -16,12 +17,13 @@ export class RunDetail {
     this.links = element("div", { className: "links" });
     this.sharing = new RunSharing();
     this.report = new RunReport(page.isOperator);
+    this.fill = new RunFill(page, events);
     this.known = element("datalist", { id: "known-tags" });
     this.tags = element("div", { className: "tags" });
     this.tagInput = element("input", { placeholder: "add a tag", ariaLabel: "add a tag", maxLength: 40, disabled: !page.isOperator, list: "known-tags", onkeydown: (event) => this.tagKey(event), onchange: () => this.addTag() });
     this.notes = new RunNotes(page);
     this.marks = element("ol", { className: "marks" });
-    this.single = element("div", {}, this.report.place, this.sharing.place, element("h3", {}, "Tags"), element("div", { className: "tag-row" }, this.tags, this.tagInput, this.known), this.notes.place, element("h3", {}, "Marks"), this.marks);
+    this.single = element("div", {}, this.fill.place, this.report.place, this.sharing.place, element("h3", {}, "Tags"), element("div", { className: "tag-row" }, this.tags, this.tagInput, this.known), this.notes.place, element("h3", {}, "Marks"), this.marks);
     this.nothing = element("p", { className: "empty" }, "Choose a run to see what can be done with it.");
     this.content = element("div", {}, this.title, this.facts, this.links, this.single);
     place.append(this.nothing, this.content);
@@ -39,10 +41,11 @@ export class RunDetail {
     this.title.textContent = several ? `${chosen.length} runs chosen` : startOf(run);
     const [text, , why] = state(run);
     this.facts.textContent = several ? chosen.map((one) => one.id).slice(0, 3).join(", ") + (chosen.length > 3 ? ", …" : "")
-      : [run.id, run.operator, experiment(run), run.problem || text !== "complete" ? `${text}: ${why}` : ""].filter(Boolean).join(" · ");
+      : [run.id, run.operator, experiment(run), run.problem || run.recovered || !run.complete ? `${text}: ${why}` : ""].filter(Boolean).join(" · ");
     this.drawLinks(run, chosen);
     this.sharing.show(several ? null : run, isOther);
     const wanted = several ? null : run;
+    this.fill.show(wanted);
     if (wanted?.id !== this.reported?.id || wanted?.recording !== this.reported?.recording) this.report.show(wanted);
     this.reported = wanted;
     this.drawTags();

@@ -12,19 +12,25 @@ const day = (date) => [date.getFullYear(), date.getMonth() + 1, date.getDate()].
 export const moment = (stamp) => { const date = stamp instanceof Date ? stamp : new Date(stamp * 1e3); return `${day(date)} ${clock(date)}`; };
 export const startOf = (run) => moment(run.start_ns / 1e9);
 
-// [text, class, why]: complete, recovered, what is wrong; never by colour alone.
+const inSeconds = (value) => (value < 0.05 ? "< 0.1 s" : value < 100 ? `${value.toFixed(1)} s` : duration(value));
+
+// [text, class, why]: complete, filled, missing, recovered, what is wrong; never by colour alone.
 export function state(run) {
   if (run.recording) return ["● recording", "going", "being recorded now"];
   if (run.problem) return ["problem", "warn", run.problem];
+  const { state: ticks, missing, filled, line } = run.completeness ?? {};
+  if (ticks === "missing") return [`${inSeconds(missing)} missing`, "warn", line];
+  if (ticks === "filled") return [`filled ${inSeconds(filled)}`, "", line];
   if (run.recovered) return ["recovered", "", "its end was lost; what was recorded until then is here"];
-  return run.complete ? ["complete", "", "closed with its index"] : ["not closed", "warn", "the recording was cut off; it is mended when the station starts"];
+  if (run.complete) return ticks === "complete" ? ["complete", "", line] : ["closed", "", line ?? "closed with its index; not compared with the vehicle's own log"];
+  return ["not closed", "warn", "the recording was cut off; it is mended when the station starts"];
 }
 
 export const lasted = (run) => (run.complete || run.duration ? duration(run.duration) : "–");
 export const experiment = (run) => (run.report ? `${words(run.experiment)}: ${run.verdict || "?"}` : "");
 
 // Query of /api/runs/search: dates (2026, 2026-01, 2026-01-31, first..last) are of this browser's clock.
-export function query(text, tag) {
+export function query(text, tag, vehicle = "") {
   const given = new URLSearchParams(), rest = [];
   for (const word of text.trim().split(/\s+/).filter(Boolean)) {
     const span = spanOf(word);
@@ -34,6 +40,7 @@ export function query(text, tag) {
   }
   if (rest.length) given.set("words", rest.join(" ").slice(0, 300));
   if (tag) given.set("tag", tag);
+  if (vehicle) given.set("vehicle", vehicle);
   return given;
 }
 

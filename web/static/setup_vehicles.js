@@ -18,6 +18,7 @@ export function ago(stamp) {
 
 export class VehicleSection {
   constructor(place, session, events, parameters) {
+    this.session = session;
     this.events = events;
     this.parameters = parameters;
     this.body = element("tbody");
@@ -42,9 +43,9 @@ export class VehicleSection {
     }
   }
 
-  row({ name, ours, link, runs, last_seen }) {
+  row({ name, ours, link, runs, last_seen, address }) {
     const { status } = this.events.summary, isHere = ours && (link === "good" || link === "degraded");
-    const state = !ours ? "of earlier runs" : isHere && status ? `${words(status.mode)}${status.airborne ? ", in the air" : ""}` : "not connected";
+    const state = !ours ? address ? `enrolled at ${address}` : "of earlier runs" : !isHere ? "not connected" : name !== this.session.vehicle ? "connected" : status ? `${words(status.mode)}${status.airborne ? ", in the air" : ""}` : "not connected";
     return element("tr", { className: isHere ? "" : "away" },
       element("td", {}, element("b", {}, name)), element("td", {}, ours ? link || "not heard" : "–"),
       element("td", {}, state), element("td", {}, String(runs)), element("td", {}, isHere ? "now" : ago(last_seen)));

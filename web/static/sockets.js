@@ -1,5 +1,7 @@
 // Websockets that come back by themselves.
 
+import { here } from "./vehicle_path.js";
+
 const PAUSES = [250, 500, 1000, 2000]; // ms
 const PING = 1000; // ms
 const FRAME = 120; // ms without a frame that add nothing to an age: three frames
@@ -17,7 +19,7 @@ export class Socket extends EventTarget {
 
   open() {
     if (this.isClosed) return;
-    const url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.path}`;
+    const url = `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${here(this.path)}`;
     this.socket = new WebSocket(url);
     if (this.binary) this.socket.binaryType = "arraybuffer";
     this.socket.onopen = () => { this.failures = 0; this.dispatchEvent(new Event("open")); };

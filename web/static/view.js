@@ -2,6 +2,7 @@
 
 import { request } from "./api.js";
 import { element, seconds, words } from "./format.js";
+import { here } from "./vehicle_path.js";
 import { isAlone, landing } from "./who_flies.js";
 
 const $ = (id) => document.getElementById(id);
@@ -10,8 +11,8 @@ export class View {
   constructor(events) {
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
-    const socket = `${scheme}://${location.host}/viser?view=${this.name}`;
-    $("scene").src = `/viser/?darkMode&websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
+    const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
+    $("scene").src = `${here("/viser/")}?darkMode&websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
     $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
     events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
     events.on("summary", ({ age }) => {

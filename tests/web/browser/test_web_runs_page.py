@@ -4,6 +4,8 @@ keyboard."""
 from __future__ import annotations
 
 import json
+import os
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,11 +14,13 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 
 from console.catalogue import Catalogue
+from console.catalogue_completeness import Completeness, keep_completeness
 from console.catalogue_marks import Mark, keep_mark
 from console.catalogue_notes import notes_history, write_notes
 from console.catalogue_tables import RunRow
 from console.catalogue_tags import change_tags, tags_of
 from console.run_trash import deleted_runs
+from vehicle_link.messages import header, new
 
 MANY = 450
 FIRST, SECOND, THIRD = (f"run{number:04}" for number in range(3))
@@ -123,7 +127,7 @@ def test_states_are_words_and_a_report_shows_its_verdict(
     (folder / "result.json").write_text(json.dumps(result))
     page = open_runs()
     sees = look_at(page)
-    for row, words in enumerate(("complete", "not closed", "recovered")):
+    for row, words in enumerate(("closed", "not closed", "recovered")):
         sees.text(f"#run-{row} .state", f"^{words}$")
     sees.text("#run-0 .experiment", "^bearings: failed$")
     sees.text("#detail .links a >> nth=1", "^Report$")
@@ -362,3 +366,94 @@ def test_a_report_is_made_on_request_and_one_that_cannot_be_says_why(
     runs_page.click("#detail button:text-is('Make report')")
     sees.text("#detail .made", f"^No report: .*{FIRST}.mcap")
     assert runs_page.is_enabled("#detail button:text-is('Make report')")
+
+
+LOGS = ("quad1_20260131T093042_120Z.mcap", "quad1_20260131T090211_480Z.mcap")
+
+
+def transfer(kind: str, name: str, phase: str, came: int, problem: str = "") -> Any:
+    return new(
+        "quadlab_msgs/Transfer", kind=kind, name=name, phase=phase, bytes=came, problem=problem,
+        total_bytes=24_000_000, rate=310_000.0,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def under_way(lab: Any) -> Iterator[Any]:
+    """`under_way(transfers…)`: what the station tells from now on, twice a second."""
+    told: list[Any] = []
+    going = threading.Event()
+
+    def tell() -> None:
+        while not going.wait(0.1):
+            if told:
+                message = new("quadlab_msgs/Transfers", header=header(1), transfers=list(told))
+                lab.station.put("transfers", message)
+
+    thread = threading.Thread(target=tell)
+    thread.start()
+    yield lambda *transfers: told.__setitem__(slice(None), transfers)
+    going.set()
+    thread.join()
+
+
+def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
+    lab: Any, runs: Catalogue, open_runs: Any, look_at: Any, under_way: Any, until: Any
+) -> None:
+    log = "the vehicle's log"
+    for name, found in (
+        (FIRST, Completeness("missing", 0.0, 3.2, 61.0, f"{log} of it was overwritten")),
+        (SECOND, Completeness("filled", 3.2, 0.0, 62.0, f"31000 ticks, compared with {log}")),
+        (THIRD, Completeness("complete", 0.0, 0.0, 63.0, f"31500 ticks, compared with {log}")),
+    ):
+        runs.update(name, complete=True, recovered=False)
+        keep_completeness(runs, name, found)
+    page = open_runs()
+    sees = look_at(page)
+    for row, words in enumerate(("3.2 s missing", "filled 3.2 s", "complete", "closed")):
+        sees.text(f"#run-{row} .state", f"^{words}$")
+    sees.text("#detail .fill .ticks", "^Ticks: 3.2 s missing of 61.0 s: .* was overwritten.$")
+    page.click("#detail .fill button >> text=Compare again")
+    until(lambda: lab.station.requests and lab.station.requests[-1][0] == "transfer")
+    assert (lab.station.requests[-1][1].action, lab.station.requests[-1][1].name) == (
+        "backfill", FIRST,
+    )  # fmt: skip
+    under_way(transfer("backfill", FIRST, "fetching", 6_000_000))
+    sees.text("#detail .fetching span", r"^Fetching 6.0 MB of 24 MB, 310 kB/s$")
+    assert page.locator("#detail .fetching progress").get_attribute("value") == "0.25"
+    page.click("#detail .fill button >> text=Cancel")
+    until(lambda: lab.station.requests[-1][1].action == "cancel")
+
+
+def test_logs_on_board_are_fetched_from_the_page(
+    lab: Any, open_runs: Any, look_at: Any, under_way: Any, until: Any
+) -> None:
+    start = 1_769_851_842_000_000_000
+    lab.station.answers["onboard_files"] = {
+        "free_bytes": 12_400_000_000,
+        "files": [
+            new("quadlab_msgs/OnboardFile", name=name, size=24_000_000, identity=k, closed=True,
+                start_ns=start, end_ns=start + 62_000_000_000)
+            for k, name in enumerate(LOGS)
+        ],
+    }  # fmt: skip
+    page = open_runs()
+    sees = look_at(page)
+    page.click("#open-onboard")
+    sees.text("#onboard tbody tr:first-child td:first-child", LOGS[0])
+    assert not page.is_visible("#list")
+    page.click(f"#onboard button[aria-label='Download {LOGS[0]}']")
+    until(lambda: lab.station.requests[-1][0] == "transfer")
+    assert lab.station.requests[-1][1].name == LOGS[0]
+    under_way(transfer("download", LOGS[0], "fetching", 12_000_000))
+    sees.text("#onboard .fetching span", "^Fetching 12 MB of 24 MB, 310 kB/s$")
+    page.wait_for_selector(f"#onboard button[aria-label='Cancel {LOGS[0]}']")
+    copy = lab.data / "onboard" / "quad1" / LOGS[0]
+    copy.parent.mkdir(parents=True)
+    copy.write_bytes(b"")
+    os.truncate(copy, 24_000_000)
+    under_way(transfer("download", LOGS[0], "done", 24_000_000))
+    link = page.locator("#onboard tbody tr:first-child a")
+    assert link.get_attribute("href") == f"/replay/onboard%3Aquad1%3A{LOGS[0][:-5]}"
+    page.click("#open-onboard")
+    page.wait_for_selector("#list", state="visible")

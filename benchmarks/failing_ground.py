@@ -1,0 +1,209 @@
+"""The ground of a flight that fails: a station or none, the truth, and what is asked of all.
+
+The truth comes over a router of this process, which no failure touches.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zenoh
+
+from quadrotor.errors import LinkError
+from quadrotor.records import POSE_SAMPLE
+from vehicle_link import messages, topics
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.messages import Message
+from vehicle_link.node import Node, Received
+from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.session import loopback_session, station_session
+
+PATIENCE = 60.0
+BEAT_S = 0.05
+NAME, REQUESTER = "quad1", "benchmark"
+
+
+class NotFlownError(Exception):
+    """It did not come as far as the failure."""
+
+
+def until(what: str, look: Callable[[], Any], patience: float = PATIENCE) -> Any:
+    """The first true answer. Raises NotFlownError after `patience` (s)."""
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        found = look()
+        if found:
+            return found
+        time.sleep(0.01)
+    raise NotFlownError(f"waited {patience:.0f} s for {what} in vain")
+
+
+def free_port() -> int:
+    """Free for TCP and UDP on loopback right now."""
+    while True:
+        with (
+            socket.socket(socket.AF_INET, socket.SOCK_STREAM) as tcp,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as udp,
+        ):
+            tcp.bind(("127.0.0.1", 0))
+            port: int = tcp.getsockname()[1]
+            with suppress(OSError):
+                udp.bind(("127.0.0.1", port))
+                return port
+
+
+class Ground:
+    """Everything that is not on board, and the truth.
+
+    Attributes:
+        stamp, truth: time (s) and STATE (1,) of the newest truth; each is given to `watch`, too.
+        status: the vehicle's newest status.
+    """
+
+    def __init__(self, stack: ExitStack, folder: Path, link_port: int, real_station: bool) -> None:
+        self.stamp = 0.0
+        self.truth: Any = None
+        self.status: Any = None
+        self.status_at = 0.0
+        self.watch: Callable[[float, Any], None] = lambda *_: None
+        self.truth_port = free_port()
+        files = ensure_certificates(folder / "certificates", ["127.0.0.1"])
+        self._asks = "station/" if real_station else ""
+        self._closing = threading.Event()
+        if real_station:
+            self.station_port = free_port()
+            own = stack.enter_context(_router(self.truth_port))
+            bridge = self._bridge(stack)
+            threading.Thread(target=bridge, daemon=True).start()
+        else:
+            own = station_session(f"127.0.0.1:{link_port}", self.truth_port, files)
+            stack.callback(own.close)
+        stack.callback(self._closing.set)
+        self._node: Node | None = None if real_station else Node(own, f"/{NAME}", "ground")
+        self._truth_node = self._node or Node(own, f"/{NAME}", "truth")
+        self._poses: Any = None
+        self._relay: Any = None
+        self._simulator = self._truth_node.client(
+            "simulator/change_parameters", topics.SERVICES["change_parameters"]
+        )
+        self._truth_node.subscribe("truth", topics.TOPICS["truth"].type_name, self._see)
+        if self._node is not None:
+            self._poses = self._node.advertise(topics.TOPICS["tracker_pose"])
+            self._beats = self._node.advertise(topics.TOPICS["station_heartbeat"])
+            self._follow(self._node)
+            threading.Thread(target=self._beat, daemon=True).start()
+
+    def _bridge(self, stack: ExitStack) -> Callable[[], None]:
+        """Hands the truth on to the station's router, whenever that is there."""
+
+        def run() -> None:
+            while not self._closing.is_set():
+                try:
+                    session = loopback_session(self.station_port)
+                except LinkError:
+                    continue
+                stack.callback(session.close)
+                self._relay = Node(session, f"/{NAME}", "simulator").advertise(
+                    topics.TOPICS["truth"]
+                )
+                self._node = Node(session, f"/{NAME}", "ground")
+                self._follow(self._node)
+                return
+
+        return run
+
+    def _follow(self, node: Node) -> None:
+        node.subscribe("status", topics.TOPICS["status"].type_name, self._hear)
+
+    def _hear(self, received: Received) -> None:
+        self.status = messages.decode(received.payload, topics.TOPICS["status"].type_name)
+        self.status_at = time.monotonic()
+
+    def _see(self, received: Received) -> None:
+        stamp_ns, state = topics.decode_odometry(received.payload)
+        self.stamp, self.truth = stamp_ns * 1e-9, state
+        if self._relay is not None:
+            with suppress(LinkError):
+                self._relay.put(received.payload, stamp_ns)
+        if self._poses is not None:
+            sample = np.zeros(1, POSE_SAMPLE)
+            sample["stamp_ns"] = stamp_ns
+            sample["position_w"] = state["position_w"]
+            sample["quaternion_wb"] = state["quaternion_wb"]
+            with suppress(LinkError):
+                self._poses.put(topics.encode_poses(sample)[0], stamp_ns)
+        self.watch(self.stamp, state)
+
+    def _beat(self) -> None:
+        number = 0
+        while not self._closing.wait(BEAT_S):
+            number += 1
+            now_ns = time.time_ns()
+            with suppress(LinkError):
+                self._beats.put(topics.encode_heartbeat(number, now_ns), now_ns)
+
+    # ------------------------------------------------------------------ asking
+    def ask(self, service: str, **fields: Any) -> Message | None:
+        """The answer; None when nobody gave one."""
+        if self._node is None:
+            return None
+        kind = topics.SERVICES[service]
+        request = messages.new(
+            f"{kind}_Request", request_id=secrets.token_hex(6), requester=REQUESTER, **fields
+        )
+        try:
+            return self._node.client(self._asks + service, kind).call(request, 2.0)
+        except LinkError:
+            return None
+
+    def do(self, service: str, **fields: Any) -> None:
+        """Ask until it is accepted. Raises NotFlownError with the last reason."""
+        said = ["no answer"]
+
+        def accepted() -> bool:
+            answer = self.ask(service, **fields)
+            if answer is not None and not answer.accepted:
+                said[0] = str(answer.reason)
+            return answer is not None and bool(answer.accepted)
+
+        try:
+            until(service, accepted, 30.0)
+        except NotFlownError as error:
+            raise NotFlownError(f"{error}: {said[0]}") from None
+
+    def start(self, behavior: str, **arguments: Any) -> None:
+        self.do("start_behavior", name=behavior, arguments=to_parameters(arguments))
+
+    def change_simulator(self, **values: Any) -> None:
+        """Raises LinkError."""
+        request = messages.new(
+            "quadlab_msgs/srv/ChangeParameters_Request", request_id=secrets.token_hex(6),
+            requester=REQUESTER,
+            parameters=to_parameters({f"simulator.{name}": v for name, v in values.items()}),
+        )  # fmt: skip
+        self._simulator.call(request, 2.0)
+
+    def told(self, **wanted: Any) -> bool:
+        """Whether a status younger than a second says so."""
+        status = self.status
+        return time.monotonic() - self.status_at < 1.0 and all(
+            getattr(status, name) == value for name, value in wanted.items()
+        )
+
+
+def _router(port: int) -> Any:
+    config = {
+        "mode": "router",
+        "listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
+        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
+    }
+    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))

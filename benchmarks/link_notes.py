@@ -1,0 +1,103 @@
+"""What the two ends of `python -m benchmarks link` noted, and the figures that follow.
+
+All times are ns of CLOCK_MONOTONIC, which the ends share.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+MS = 1e-6
+Rows = npt.NDArray[Any]
+
+
+class Notebook:
+    """Rows of int64 in memory taken at once, so that noting does not look like a leak.
+
+    Args:
+        most: rows; later ones are not kept.
+    """
+
+    def __init__(self, most: int, columns: int) -> None:
+        self._rows = np.full((most, columns), -1, np.int64)
+        self._count = 0
+
+    def add(self, *values: int) -> None:
+        if self._count < len(self._rows):
+            self._rows[self._count] = values
+            self._count += 1
+
+    @property
+    def rows(self) -> Rows:
+        return self._rows[: self._count]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Attributes:
+    telemetry: number, sent, heard, 1 if it was to be shown, 1 if it came as a datagram.
+    udp, poses, udp_poses: number, sent, heard; poses are heard at the vehicle.
+    calls: asked, ns until answered or -1.
+    states: when the station's view of the link changed, 0 good 1 degraded 2 lost.
+    silences: when the vehicle began or ceased to miss the station, 1 or 0.
+    download: when a piece came, its bytes.
+    """
+
+    telemetry: Rows
+    udp: Rows
+    poses: Rows
+    udp_poses: Rows
+    calls: Rows
+    states: Rows
+    silences: Rows
+    download: Rows
+
+    def between(self, begin: float, end: float) -> Found:
+        """What was sent, asked or noted from `begin` until `end`."""
+        when = {"telemetry": 1, "udp": 1, "poses": 1, "udp_poses": 1}
+        kept = {}
+        for name, rows in vars(self).items():
+            at = rows[:, when.get(name, 0)]
+            kept[name] = rows[(at >= begin) & (at < end)]
+        return Found(**kept)
+
+
+def delays(rows: Rows) -> npt.NDArray[np.float64]:
+    """ms, of what came."""
+    return np.asarray((rows[:, 2] - rows[:, 1]) * MS, np.float64)
+
+
+def ages(rows: Rows) -> npt.NDArray[np.float64]:
+    """ms, how old the newest is at each millisecond."""
+    heard = rows[np.argsort(rows[:, 2], kind="stable")]
+    newest = np.maximum.accumulate(heard[:, 1])
+    moments = np.arange(heard[0, 2], heard[-1, 2], 1_000_000)
+    at = np.searchsorted(heard[:, 2], moments, side="right") - 1
+    return np.asarray((moments - newest[at]) * MS, np.float64)
+
+
+def lost(rows: Rows) -> float:
+    """%, of those between the first and the last that came."""
+    numbers = np.unique(rows[:, 0])
+    return float(100.0 * (1.0 - len(numbers) / (numbers[-1] - numbers[0] + 1)))
+
+
+def p50(values: npt.NDArray[np.float64]) -> float:
+    return float(np.percentile(values, 50))
+
+
+def p99(values: npt.NDArray[np.float64]) -> float:
+    return float(np.percentile(values, 99))
+
+
+def answers(calls: Rows) -> npt.NDArray[np.float64]:
+    """ms until those that were answered were."""
+    return np.asarray(calls[calls[:, 1] >= 0, 1] * MS, np.float64)
+
+
+def unanswered(calls: Rows) -> int:
+    return int((calls[:, 1] < 0).sum())

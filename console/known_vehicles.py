@@ -1,0 +1,84 @@
+"""The vehicles that were enrolled on this base: `known_vehicles.toml` in the data folder."""
+
+from __future__ import annotations
+
+import datetime
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadrotor.errors import StorageError, UsageError
+from vehicle_link.session import parse_endpoint
+
+FILE = "known_vehicles.toml"
+
+
+@dataclass(frozen=True, slots=True)
+class KnownVehicle:
+    name: str
+    address: str  # host:port, or host
+    enrolled: str  # date
+
+
+class KnownVehicles:
+    """Read at each question: another process may have enrolled one. Raises StorageError."""
+
+    def __init__(self, data: Path) -> None:
+        self.path = data / FILE
+
+    def all(self) -> dict[str, KnownVehicle]:
+        """By name, in the order in which they were enrolled."""
+        try:
+            text = self.path.read_text()
+        except FileNotFoundError:
+            return {}
+        except (OSError, UnicodeDecodeError) as error:
+            raise StorageError(f"cannot read {self.path}: {error}") from error
+        try:
+            rows = tomllib.loads(text)
+            found = {
+                name: KnownVehicle(name, str(row["address"]), str(row.get("enrolled", "")))
+                for name, row in rows.items()
+            }
+            for one in found.values():
+                parse_endpoint(one.address)
+        except (tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError, UsageError) as error:
+            raise StorageError(
+                f"{self.path} cannot be understood ({error}); mend it, or delete it and enrol the "
+                "vehicles again"
+            ) from error
+        return found
+
+    def resolved(self, words: Iterable[str]) -> list[str]:
+        """Words of a command line, `name=host:port` for each that is a known vehicle's name."""
+        known = self.all()
+        return [f"{word}={known[word].address}" if word in known else word for word in words]
+
+    def add(self, name: str, address: str) -> None:
+        """Add, or give a new address. Raises UsageError for an address that cannot be read."""
+        parse_endpoint(address)
+        vehicles = self.all()
+        today = datetime.date.today().isoformat()
+        self._write({**vehicles, name: KnownVehicle(name, address, today)})
+
+    def forget(self, name: str) -> None:
+        """Raises UsageError: no such vehicle."""
+        vehicles = self.all()
+        if name not in vehicles:
+            known = ", ".join(vehicles) or "none"
+            raise UsageError(f"no vehicle is called {name!r}; known are: {known}")
+        del vehicles[name]
+        self._write(vehicles)
+
+    def _write(self, vehicles: dict[str, KnownVehicle]) -> None:
+        lines = [
+            f'[{one.name}]\naddress = "{one.address}"\nenrolled = "{one.enrolled}"\n'
+            for one in vehicles.values()
+        ]
+        part = self.path.with_name(f".{FILE}.part")
+        try:
+            part.write_text("\n".join(lines))
+            part.replace(self.path)
+        except OSError as error:
+            raise StorageError(f"cannot write {self.path}: {error.strerror or error}") from error

@@ -1,0 +1,93 @@
+"""Where this station stands with its vehicle: whether it may command it, and if not, why.
+
+Judged by the vehicle's heartbeats (which process, whose station it listens to), by its answer to
+`whoami`, and by the radio. Emergencies pass whatever is wrong, unless the vehicle would not let
+them in.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vehicle_link.instance import spoken
+from vehicle_link.protocol import disagreement
+from vehicle_link.topics.measurements import Heartbeat
+
+OBSERVER = "observer"
+TWINS_NS = 1_000_000_000
+"""Two processes heard within this time are two vehicles: a restart takes longer."""
+
+
+class Standing:
+    """Fed from several threads; every method is a few assignments on plain objects.
+
+    Args:
+        vehicle: the name it is known by here.
+        instance: of this station's process.
+    """
+
+    def __init__(self, vehicle: str, instance: int) -> None:
+        self._vehicle = vehicle
+        self.instance = instance
+        self._heard_ns: dict[int, int] = {}
+        self._twins_ns: int | None = None
+        self._holder = 0
+        self._newest: int | None = None  # instance
+        self.access = ""
+        """pilot or observer, once the vehicle has said so."""
+        self.stranger = ""
+        """Why the vehicle at this address cannot be talked to; set by who asks it."""
+        self.unreachable = ""
+        """Why there has been no link for a while; likewise."""
+
+    def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
+        """One of the vehicle's, at this time of any steady clock."""
+        recent = {k: at for k, at in self._heard_ns.items() if now_ns - at < TWINS_NS}
+        recent[beat.instance] = now_ns
+        self._heard_ns = recent
+        if len(recent) > 1:
+            self._twins_ns = now_ns
+        self._holder, self._newest = beat.holder, beat.instance
+
+    def introduced(self, whoami: Any) -> None:
+        """The vehicle's answer to `whoami`."""
+        self.access = str(whoami.access)
+        self.stranger = disagreement(str(whoami.protocol), str(whoami.version))
+
+    def gone(self) -> None:
+        """The link is down: who comes back may be another."""
+        self.access = self.stranger = ""
+
+    @property
+    def beats(self) -> bool:
+        """Whether the vehicle is to hear that we are here: not while it listens to another."""
+        return self._holder in (0, self.instance) and self.access != OBSERVER
+
+    @property
+    def speaks(self) -> bool:
+        """Whether it takes poses, bearings and sticks from us: not before it has said so. One that
+        does not say whom it listens to (no instance) takes them from anybody."""
+        return self._holder == self.instance or self._newest == 0
+
+    def problem(self, now_ns: int) -> str:
+        """Why nothing is commanded although the link stands; "" when all is well."""
+        if self.stranger:
+            return self.stranger
+        if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:
+            both = " and ".join(sorted(map(spoken, self._heard_ns)))
+            return (
+                f"two vehicles are called {self._vehicle} ({both}): their data is mixed; land, "
+                "then start one of them with another --name"
+            )
+        if self.access == OBSERVER:
+            return f"this station's certificate lets it observe {self._vehicle}, not command it"
+        if self._holder not in (0, self.instance):
+            return f"another station ({spoken(self._holder)}) flies {self._vehicle}"
+        return ""
+
+    def refusal(self, command: str, now_ns: int) -> str:
+        """Why this command is not sent; "" when it is."""
+        if command == "emergency" and self.access != OBSERVER:
+            return ""
+        reason = self.problem(now_ns)
+        return f"{reason}; nothing was sent" if reason else ""

@@ -1,0 +1,282 @@
+"""What is fetched from the vehicle, one thing at a time: the service `transfer`, the topic
+`transfers`, and each run's comparison with the vehicle's own log.
+
+A thread of its own waits for vehicle and disk. Nothing is forgotten with the station: a run that
+is not compared yet stands in the catalogue, a download beside its part file.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from console.catalogue import Catalogue
+from console.catalogue_completeness import (
+    Completeness,
+    end_of_run_before,
+    keep_completeness,
+    open_runs,
+)
+from console.disk import free_bytes
+from console.parameters import RecorderParameters
+from console.run_files import enter_again
+from console.transfers.backfill import Backfill
+from console.transfers.download import download
+from console.transfers.fetcher import ChangedError, Fetcher, Rate
+from console.transfers.job import CancelledError, Job, Kind, NotYetError
+from console.transfers.part_file import NoRoomError, PartFile, remove_old, wanted_downloads
+from console.transfers.vehicle_files import VehicleFiles, check_name
+from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.messages import encode, header, new
+
+log = logging.getLogger(__name__)
+
+ONBOARD = "onboard"
+KEPT = 7 * 86_400.0
+"""s for which pieces of a run that was not filled to the end are kept."""
+SHOWN = 5.0
+"""s for which something that ended is still told."""
+LOOK = 1.0
+"""s between two looks whether what is waited for is there."""
+TRIES = 600
+"""A run that was tried so often is compared at the next start."""
+ROOM_EVERY = 64
+"""Pieces between two looks at the disk."""
+INFO, WARN = 20, 30
+
+
+class TransferDesk:
+    """Thread-safe; `start` begins to work.
+
+    Args:
+        files: of the vehicle.
+        link_state: of the link to it, now.
+        clock_known: whether the vehicle was ever heard.
+        say: takes (level, line) of an event.
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        vehicle: str,
+        files: VehicleFiles,
+        link_state: Callable[[], LinkState],
+        parameters: RecorderParameters,
+        say: Callable[[int, str], None],
+    ) -> None:
+        self._catalogue, self._vehicle, self._files = catalogue, vehicle, files
+        self._link_state, self._parameters, self._say = link_state, parameters, say
+        self.folder = catalogue.folder.parent / ONBOARD / vehicle
+        self._jobs: list[Job] = []
+        self._lock = threading.Lock()
+        self._wake = threading.Event()
+        self._closing = threading.Event()
+        self._pieces = 0
+        self._thread = threading.Thread(target=self._run, name="transfers", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """What is under way stays as far as it came, and goes on at the next start."""
+        self._closing.set()
+        self._wake.set()
+        if self._thread.ident is not None:
+            self._thread.join(5.0)
+
+    # ------------------------------------------------------------------ any thread
+    def run_closed(self, run_id: str) -> None:
+        """A run came to its end."""
+        if self._parameters.backfill:
+            self.ask("backfill", run_id)
+
+    def ask(self, kind: Kind, name: str, by_person: bool = False) -> None:
+        """Once, however often it is asked for. Raises RefusedError or StorageError."""
+        if kind == "download":
+            check_name(name)
+        elif by_person:
+            self._catalogue.resolve(name)
+            if (whose := self._catalogue.get(name).vehicle) != self._vehicle:
+                raise RefusedError(f"run {name} is of {whose}, not {self._vehicle}; ask its page")
+            keep_completeness(self._catalogue, name, Completeness("open"))
+        with self._lock:
+            if any(job.kind == kind and job.name == name and not job.is_over for job in self._jobs):
+                return
+            self._jobs = [job for job in self._jobs if (job.kind, job.name) != (kind, name)]
+            self._jobs.append(Job(kind, name, by_person))
+        self._wake.set()
+
+    def cancel(self, name: str) -> None:
+        """Raises RefusedError when nothing of that name is under way."""
+        with self._lock:
+            found = [job for job in self._jobs if job.name == name and not job.is_over]
+            for job in found:
+                job.cancelled.set()
+        if not found:
+            raise RefusedError(f"nothing of {name!r:.80} is being fetched")
+        self._wake.set()
+
+    def jobs(self) -> list[Job]:
+        """Under way or just ended."""
+        now = time.monotonic()
+        with self._lock:
+            self._jobs = [j for j in self._jobs if not j.is_over or now - j.ended < SHOWN]
+            return list(self._jobs)
+
+    def message(self, stamp_ns: int) -> bytes | None:
+        """quadlab_msgs/Transfers; None when there is nothing to tell."""
+        jobs = self.jobs()
+        if not jobs:
+            return None
+        told = [job.message() for job in jobs]
+        return encode(new("quadlab_msgs/Transfers", header=header(stamp_ns), transfers=told))
+
+    # ------------------------------------------------------------------ its own thread
+    def _run(self) -> None:
+        self._take_up_again()
+        while not self._closing.is_set():
+            job = self._next()
+            if job is None:
+                self._wake.wait(LOOK)
+                self._wake.clear()
+                continue
+            try:
+                self._work(job)
+            except Exception as error:  # the others wait for this thread
+                log.exception("transfers")
+                job.end("failed", f"a defect, see the station's log: {error!r}")
+            if not job.is_over:
+                job.tries += 1
+                if job.kind == "backfill" and job.tries >= TRIES:
+                    job.end("failed", job.problem)
+                self._closing.wait(LOOK)
+
+    def _take_up_again(self) -> None:
+        try:
+            remove_old(self.folder, KEPT)
+            for name in wanted_downloads(self.folder):
+                self.ask("download", name)
+            if self._parameters.backfill:
+                for run_id in open_runs(self._catalogue, self._vehicle):
+                    self.ask("backfill", run_id)
+        except (QuadlabError, OSError) as error:
+            self._say(WARN, f"what was being fetched is not taken up again: {error}")
+
+    def _next(self) -> Job | None:
+        """Cancelled ones first, then downloads, then the newest run; those that wait for
+        something else than the link after the others."""
+        with self._lock:
+            jobs = [job for job in self._jobs if not job.is_over]
+        for job in jobs:
+            if job.cancelled.is_set():
+                return job
+        if self._link_state() is LinkState.LOST:
+            for job in jobs:
+                job.phase, job.rate = "waiting", 0.0
+                job.problem = "the link to the vehicle is lost; it goes on when it is back"
+            return None
+        jobs.sort(key=lambda job: job.name, reverse=True)
+        jobs.sort(key=lambda job: (bool(job.problem), job.kind != "download"))
+        return jobs[0] if jobs else None
+
+    def _work(self, job: Job) -> None:
+        fetcher = Fetcher(self._files, self._came(job))
+        try:
+            job.check()
+            if job.kind == "download":
+                download(job, self.folder, self._files, fetcher, self._room, self._wait)
+            else:
+                self._backfill(job, fetcher)
+        except CancelledError:
+            self._cancelled(job)
+        except ChangedError as error:
+            self._waits(job, f"{error}; begun again")
+        except (NotYetError, LinkError) as error:
+            self._waits(job, str(error))
+        except NoRoomError as error:
+            self._waits(job, f"{error}; it goes on when there is room")
+        except QuadlabError as error:
+            if self._closing.is_set():
+                return
+            if job.kind == "backfill":
+                self._keep(job.name, Completeness("unknown", why=f"not compared: {error}"))
+            job.end("failed", str(error))
+            self._say(WARN, f"{job.kind} of {job.name} failed: {error}")
+        else:
+            if job.kind == "download":
+                self._say(INFO, f"the vehicle's log {job.name} is here")
+        finally:
+            fetcher.close()
+
+    def _backfill(self, job: Job, fetcher: Fetcher) -> None:
+        path = self._catalogue.resolve(job.name)
+        before_ns = end_of_run_before(self._catalogue, job.name)
+
+        def check() -> None:
+            job.check()
+            self._check_open()
+
+        found = Backfill(
+            job, path, self.folder, self._files, fetcher, self._room, self._wait, before_ns, check
+        )()
+        enter_again(self._catalogue, path)
+        keep_completeness(self._catalogue, job.name, found)
+        if found.state == "missing":
+            job.end("incomplete", found.line)
+        else:
+            job.end("done")
+        if found.state != "complete" or job.asked:
+            self._say(WARN if found.missing else INFO, f"run {job.name}: {found.line}")
+
+    def _cancelled(self, job: Job) -> None:
+        if job.kind == "backfill":
+            self._keep(job.name, Completeness("unknown", why="filling it was cancelled"))
+        else:
+            PartFile.discard(self.folder, job.name)
+        job.end("cancelled")
+
+    def _keep(self, run_id: str, found: Completeness) -> None:
+        try:
+            keep_completeness(self._catalogue, run_id, found)
+        except StorageError:
+            log.debug("not kept", exc_info=True)
+
+    def _waits(self, job: Job, why: str) -> None:
+        job.phase, job.problem, job.rate = "waiting", why, 0.0
+
+    def _came(self, job: Job) -> Callable[[int], None]:
+        rate = Rate()
+
+        def came(count: int) -> None:
+            job.bytes += count
+            job.rate = rate.came(count)
+            job.problem = ""
+            job.check()
+            self._check_open()
+            self._pieces += 1
+            if self._pieces % ROOM_EVERY == 0:
+                self._room(0)
+
+        return came
+
+    def _room(self, count: int) -> None:
+        """Raises NoRoomError when so many more bytes leave less than the recorder keeps free."""
+        keep = round(self._parameters.keep_free * 1e6)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        free = free_bytes(self.folder)
+        if free - count < keep:
+            raise NoRoomError(
+                f"only {free // 10**6} MB are free in {self.folder}, {keep // 10**6} MB are kept "
+                f"and {max(1, count // 10**6)} MB are needed; delete or move runs"
+            )
+
+    def _wait(self, seconds: float) -> None:
+        self._closing.wait(seconds)
+        self._check_open()
+
+    def _check_open(self) -> None:
+        if self._closing.is_set():
+            raise LinkError("the station is closing")

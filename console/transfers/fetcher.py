@@ -1,0 +1,95 @@
+"""Brings ranges of a file on board into its part file: two questions in the air, no more.
+
+Two are enough to keep a slow link full, and few enough that telemetry never waits behind them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+
+from console.transfers.part_file import PartFile, Range
+from console.transfers.vehicle_files import VehicleFile, VehicleFiles
+from quadrotor.errors import LinkError, QuadlabError
+
+IN_THE_AIR = 2
+RATE_WINDOW = 3.0
+"""s over which the rate is taken."""
+
+
+class ChangedError(QuadlabError):
+    """Under the same name there is another content on board now: `file`."""
+
+    def __init__(self, file: VehicleFile) -> None:
+        super().__init__(f"{file.name} is another file on board now")
+        self.file = file
+
+
+class Rate:
+    """Bytes a second, of what came within the last RATE_WINDOW."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._came: deque[tuple[float, int]] = deque([(clock(), 0)])
+        self._total = 0
+
+    def came(self, count: int) -> float:
+        now = self._clock()
+        self._total += count
+        self._came.append((now, self._total))
+        while len(self._came) > 2 and now - self._came[0][0] > RATE_WINDOW:
+            self._came.popleft()
+        since, before = self._came[0]
+        return (self._total - before) / max(now - since, 1e-3)
+
+
+class Fetcher:
+    """Args: `files`, asked from two threads; `came`, told the bytes of each piece that is kept,
+    which may raise to end the fetch."""
+
+    def __init__(self, files: VehicleFiles, came: Callable[[int], None]) -> None:
+        self._files = files
+        self._came = came
+        self._pool = ThreadPoolExecutor(IN_THE_AIR, thread_name_prefix="fetch")
+
+    def close(self) -> None:
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def fetch(self, part: PartFile, ranges: Sequence[Range]) -> None:
+        """What `part` lacks of the ranges; what came stays, whatever is raised.
+
+        Raises ChangedError, LinkError, RefusedError, StorageError.
+        """
+        pieces = part.pieces(ranges)
+        asked: deque[tuple[int, int, Future[tuple[VehicleFile, bytes]]]] = deque()
+        try:
+            while True:
+                while len(asked) < IN_THE_AIR and (piece := next(pieces, None)) is not None:
+                    question = self._pool.submit(self._files.part, part.file.name, *piece)
+                    asked.append((*piece, question))
+                if not asked:
+                    return
+                offset, length, question = asked.popleft()
+                self._keep(part, offset, length, *question.result())
+        finally:
+            for _, _, question in asked:
+                question.cancel()
+
+    def read(self, part: PartFile, offset: int, length: int) -> bytes:
+        """As a file's read. Raises as `fetch`."""
+        self.fetch(part, [(offset, offset + length)])
+        return part.read(offset, length)
+
+    def _keep(
+        self, part: PartFile, offset: int, length: int, file: VehicleFile, data: bytes
+    ) -> None:
+        if file.identity != part.file.identity:
+            raise ChangedError(file)
+        if len(data) != length:
+            raise LinkError(
+                f"{len(data)} bytes of {part.file.name} at {offset} came instead of {length}"
+            )
+        part.put(offset, data)
+        self._came(length)

@@ -1,0 +1,68 @@
+"""What the station fetches, as it stands."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from quadrotor.errors import QuadlabError
+from vehicle_link.messages import new
+
+Kind = Literal["download", "backfill"]
+Phase = Literal[
+    "waiting", "fetching", "checking", "merging", "done", "incomplete", "failed", "cancelled"
+]
+ENDED = ("done", "incomplete", "failed", "cancelled")
+
+
+class CancelledError(QuadlabError):
+    """Somebody asked for it."""
+
+
+class NotYetError(QuadlabError):
+    """What it needs is not there yet, with the reason; it is tried again."""
+
+
+@dataclass
+class Job:
+    """One thread works on it, others look and cancel.
+
+    Attributes:
+        name: of the file on board, or of the run.
+        asked: by a person, who gets what is missing told again.
+        rate: bytes/s.
+        tries: so often it came to nothing yet.
+        ended: s, monotonic, when it came to its end.
+    """
+
+    kind: Kind
+    name: str
+    asked: bool = False
+    phase: Phase = "waiting"
+    bytes: int = 0
+    total_bytes: int = 0
+    rate: float = 0.0
+    problem: str = ""
+    tries: int = 0
+    ended: float = 0.0
+    cancelled: threading.Event = field(default_factory=threading.Event)
+
+    def end(self, phase: Phase, problem: str = "") -> None:
+        self.problem, self.rate, self.ended = problem, 0.0, time.monotonic()
+        self.phase = phase
+
+    def check(self) -> None:
+        """Raises CancelledError when it is not wanted any more."""
+        if self.cancelled.is_set():
+            raise CancelledError("cancelled")
+
+    @property
+    def is_over(self) -> bool:
+        return self.phase in ENDED
+
+    def message(self) -> Any:
+        """quadlab_msgs/Transfer."""
+        names = ("kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
+        return new("quadlab_msgs/Transfer", **{name: getattr(self, name) for name in names})

@@ -1,0 +1,211 @@
+"""A file that comes in pieces: the pieces at their places, and a journal of which are there.
+
+A piece is written before its line in the journal, and every line carries the piece's checksum. So
+after an end at any byte, of the process or of the machine, what the journal tells and what has its
+checksum is there; the rest is asked for again.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import time
+import zlib
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from console.transfers.vehicle_files import PIECE, VehicleFile
+from quadrotor.errors import StorageError
+
+Range = tuple[int, int]
+"""Begin and end."""
+
+
+class NoRoomError(StorageError):
+    """The disk is full; it can go on when there is room again."""
+
+
+class PartFile:
+    """`<name>.part` and `<name>.part.journal` in a folder.
+
+    Args:
+        file: on board; what is there of another content under the same name is thrown away.
+
+    Attributes:
+        restarted: another content was there.
+        wanted: it is fetched as a whole, also after a new start.
+    """
+
+    def __init__(self, folder: Path, file: VehicleFile, wanted: bool = False) -> None:
+        self.path = folder / f"{file.name}.part"
+        self.journal = folder / f"{file.name}.part.journal"
+        self.file = file
+        self.restarted = False
+        self._ranges: list[Range] = []
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._data = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._lines = os.open(self.journal, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            self._resume(wanted)
+        except OSError as error:
+            raise _storage_error(self.path, error) from error
+
+    @property
+    def size(self) -> int:
+        """Bytes that are there."""
+        return sum(end - begin for begin, end in self._ranges)
+
+    def lacks(self, begin: int, end: int) -> list[Range]:
+        """What is not there of a range, in order."""
+        found, place = [], begin
+        for first, last in self._ranges:
+            if last <= place:
+                continue
+            if first >= end:
+                break
+            if first > place:
+                found.append((place, first))
+            place = last
+        if place < end:
+            found.append((place, end))
+        return found
+
+    def pieces(self, ranges: Sequence[Range]) -> Iterator[tuple[int, int]]:
+        """Offset and length of what is to be asked for."""
+        for begin, end in ranges:
+            for first, last in self.lacks(begin, end):
+                for offset in range(first, last, PIECE):
+                    yield offset, min(PIECE, last - offset)
+
+    def put(self, offset: int, data: bytes) -> None:
+        """A piece that came. Raises StorageError, NoRoomError when the disk is full."""
+        try:
+            _write(self._data, data, offset)
+            self._append(f"{offset} {len(data)} {zlib.crc32(data):08x}\n")
+        except OSError as error:
+            raise _storage_error(self.path, error) from error
+        self._add(offset, offset + len(data))
+
+    def read(self, offset: int, length: int) -> bytes:
+        return os.pread(self._data, length, offset)
+
+    def sync(self) -> None:
+        os.fdatasync(self._data)
+
+    def close(self) -> None:
+        for descriptor in (self._data, self._lines):
+            if descriptor >= 0:
+                os.close(descriptor)
+        self._data = self._lines = -1
+
+    def remove(self) -> None:
+        self.close()
+        self.path.unlink(missing_ok=True)
+        self.journal.unlink(missing_ok=True)
+
+    @staticmethod
+    def discard(folder: Path, name: str) -> None:
+        """What came of a file that nobody wants any more."""
+        for ending in ("part", "part.journal"):
+            (folder / f"{name}.{ending}").unlink(missing_ok=True)
+
+    def _resume(self, wanted: bool) -> None:
+        lines = Path(self.journal).read_bytes().splitlines(keepends=True)
+        head = _head(lines[0]) if lines else {}
+        if head.get("identity") != self.file.identity:
+            self.restarted = bool(head)
+            os.ftruncate(self._data, 0)
+            os.ftruncate(self._lines, 0)
+            self._append(_head_line(self.file, wanted))
+            return
+        kept = len(lines[0])
+        for line in lines[1:]:
+            piece = _piece(line)
+            if piece is None:
+                break
+            kept += len(line)
+            offset, length, checksum = piece
+            data = os.pread(self._data, length, offset)
+            if len(data) == length and zlib.crc32(data) == checksum:
+                self._add(offset, offset + length)
+        os.ftruncate(self._lines, kept)  # a line cut off must not spoil the next one
+        if wanted and not head.get("wanted"):
+            self._append(_head_line(self.file, wanted))
+
+    def _append(self, line: str) -> None:
+        _write(self._lines, line.encode(), os.fstat(self._lines).st_size)
+
+    def _add(self, begin: int, end: int) -> None:
+        """Joins what it touches."""
+        first = bisect_left(self._ranges, (begin, begin))
+        if first and self._ranges[first - 1][1] >= begin:
+            first -= 1
+        last = first
+        while last < len(self._ranges) and self._ranges[last][0] <= end:
+            begin, end = min(begin, self._ranges[last][0]), max(end, self._ranges[last][1])
+            last += 1
+        self._ranges[first:last] = [(begin, end)]
+
+
+def remove_old(folder: Path, age: float) -> None:
+    """Parts of what is not wanted as a whole, that nobody has added to for `age` s."""
+    wanted = wanted_downloads(folder)
+    for journal in folder.glob("*.part.journal"):
+        name = journal.name.removesuffix(".part.journal")
+        if name not in wanted and time.time() - journal.stat().st_mtime > age:
+            PartFile.discard(folder, name)
+
+
+def wanted_downloads(folder: Path) -> list[str]:
+    """Names of files whose fetching was cut off, the newest first."""
+    found = []
+    for journal in folder.glob("*.part.journal"):
+        try:
+            lines = journal.read_bytes().splitlines(keepends=True)
+            if any(_head(line).get("wanted") for line in lines):
+                found.append(
+                    (journal.stat().st_mtime_ns, journal.name.removesuffix(".part.journal"))
+                )
+        except OSError:
+            continue
+    return [name for _, name in sorted(found, reverse=True)]
+
+
+def _head_line(file: VehicleFile, wanted: bool) -> str:
+    return json.dumps({"identity": file.identity, "size": file.size, "wanted": wanted}) + "\n"
+
+
+def _head(line: bytes) -> dict[str, int]:
+    if not line.startswith(b"{") or not line.endswith(b"\n"):
+        return {}
+    try:
+        return dict(json.loads(line))
+    except ValueError:
+        return {}
+
+
+def _piece(line: bytes) -> tuple[int, int, int] | None:
+    """Offset, length and checksum; a head is an empty piece, None is no line of a journal."""
+    if _head(line):
+        return (0, 0, 0)
+    try:
+        offset, length, checksum = line.removesuffix(b"\n").split(b" ")
+        piece = int(offset), int(length), int(checksum, 16)
+    except ValueError:
+        return None
+    is_whole = line.endswith(b"\n") and len(checksum) == 8
+    return piece if is_whole and piece[0] >= 0 and 0 < piece[1] <= PIECE else None
+
+
+def _write(file: int, data: bytes, offset: int) -> None:
+    left = memoryview(data)
+    while left:
+        written = os.pwrite(file, left, offset)
+        left, offset = left[written:], offset + written
+
+
+def _storage_error(path: Path, error: OSError) -> StorageError:
+    kind = NoRoomError if error.errno in (errno.ENOSPC, errno.EDQUOT) else StorageError
+    return kind(f"cannot write {path}: {error.strerror}")

@@ -1,0 +1,84 @@
+"""The desk on the link: `/<vehicle>/station/transfer`, the vehicle's list of files, `transfers`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from console.catalogue import Catalogue
+from console.parameters import RecorderParameters
+from console.transfers.desk import TransferDesk
+from console.transfers.vehicle_files import LinkedFiles
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.idempotent import Idempotent
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES, TOPICS
+
+BEATS = 10
+"""Of the station's 20 a second between two messages."""
+
+
+class Transfers:
+    """Works from its making on.
+
+    Args:
+        link_state: of the link to the vehicle, now.
+        say: takes (level, line) of an event.
+        vehicle_ns: the vehicle's clock.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        catalogue: Catalogue,
+        vehicle: str,
+        parameters: RecorderParameters,
+        link_state: Callable[[], LinkState],
+        say: Callable[[int, str], None],
+        vehicle_ns: Callable[[], int],
+    ) -> None:
+        self._link_state, self._vehicle_ns = link_state, vehicle_ns
+        self._files = LinkedFiles(node)
+        self.desk = TransferDesk(catalogue, vehicle, self._files, link_state, parameters, say)
+        self._publisher = node.advertise(TOPICS["transfers"])
+        node.serve("station/transfer", SERVICES["transfer"], Idempotent(self._transfer))
+        node.serve("station/onboard_files", SERVICES["onboard_files"], self._list)
+        self.desk.start()
+
+    def close(self) -> None:
+        self.desk.close()
+
+    def tick(self, count: int) -> None:
+        """Each beat. Raises LinkError when the session is closed."""
+        if count % BEATS == 0:
+            stamp_ns = self._vehicle_ns()
+            if (payload := self.desk.message(stamp_ns)) is not None:
+                self._publisher.put(payload, stamp_ns)
+
+    def _transfer(self, request: Any) -> Any:
+        kind = f"{SERVICES['transfer']}_Response"
+        name = str(request.name)
+        try:
+            if request.action == "cancel":
+                self.desk.cancel(name)
+            elif request.action in ("download", "backfill"):
+                self.desk.ask(request.action, name, by_person=True)
+            else:
+                raise RefusedError(
+                    f"transfer: no action {request.action!r:.40}; allowed are download, backfill "
+                    "and cancel"
+                )
+        except QuadlabError as error:
+            return new(kind, accepted=False, reason=str(error))
+        return new(kind, accepted=True)
+
+    def _list(self, request: Any) -> Any:
+        reason = "the link to the vehicle is lost; its logs cannot be listed"
+        if self._link_state() is not LinkState.LOST:
+            try:
+                return self._files.listed(request)
+            except LinkError as error:
+                reason = f"the vehicle did not answer: {error}"
+        return new(f"{SERVICES['onboard_files']}_Response", accepted=False, reason=reason)

@@ -1,0 +1,112 @@
+"""The files of the vehicle's log, asked for over the link at the lowest priority."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from quadrotor.errors import LinkError, RefusedError
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES
+
+PIECE = 2800
+"""Bytes of an answer: what flies always comes between two of them."""
+TIMEOUT = 3.0
+SUM_TIMEOUT = 60.0
+"""s; the vehicle reads the whole file for its checksum."""
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,150}\.mcap")
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleFile:
+    """A log on board; times are of the vehicle's clock, 0 where not known."""
+
+    name: str
+    size: int
+    identity: int  # of its content
+    start_ns: int
+    end_ns: int
+    closed: bool
+    recovered: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Bytes of whole chunks, and the channels of the file: id → (topic, type)."""
+
+    file: VehicleFile
+    begin: int
+    end: int  # 0: what was asked for is not written yet
+    channels: dict[int, tuple[str, str]]
+
+
+class VehicleFiles(Protocol):
+    """Every method raises LinkError without an answer, RefusedError with the vehicle's reason."""
+
+    def files(self) -> list[VehicleFile]: ...
+
+    def part(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]: ...
+
+    def sha256(self, name: str) -> tuple[VehicleFile, bytes]: ...
+
+    def index(self, name: str, start_ns: int, end_ns: int) -> Stretch: ...
+
+
+class LinkedFiles:
+    """VehicleFiles of the vehicle of `node`. Its methods may be called from several threads."""
+
+    def __init__(self, node: Node) -> None:
+        self._clients = {
+            name: node.client(name, SERVICES[name], priority="background")
+            for name in ("onboard_files", "onboard_part", "onboard_index")
+        }
+
+    def listed(self, request: Any) -> Any:
+        """The vehicle's own answer. Raises LinkError."""
+        return self._clients["onboard_files"].call(request, timeout=TIMEOUT)
+
+    def files(self) -> list[VehicleFile]:
+        """Newest first."""
+        return [_file(one) for one in self._ask("onboard_files").files]
+
+    def part(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]:
+        answer = self._ask("onboard_part", name=name, offset=offset, length=length)
+        data = bytes(answer.data)
+        if zlib.crc32(data) != int(answer.crc32):
+            raise LinkError(f"{len(data)} bytes of {name} at {offset} came damaged")
+        return _file(answer.file), data
+
+    def sha256(self, name: str) -> tuple[VehicleFile, bytes]:
+        answer = self._ask("onboard_part", SUM_TIMEOUT, name=name, offset=0, length=0)
+        return _file(answer.file), bytes(answer.sha256)
+
+    def index(self, name: str, start_ns: int, end_ns: int) -> Stretch:
+        answer = self._ask("onboard_index", name=name, start_ns=start_ns, end_ns=end_ns)
+        numbers = (int(number) for number in answer.channels)
+        told = zip(numbers, answer.topics, answer.types, strict=True)
+        channels = {number: (str(topic), str(kind)) for number, topic, kind in told}
+        return Stretch(_file(answer.file), int(answer.begin), int(answer.end), channels)
+
+    def _ask(self, service: str, timeout: float = TIMEOUT, **fields: Any) -> Any:
+        request = new(f"{SERVICES[service]}_Request", requester="station", **fields)
+        answer = self._clients[service].call(request, timeout=timeout)
+        if not answer.accepted:
+            raise RefusedError(str(answer.reason) or f"the vehicle refused {service}")
+        return answer
+
+
+def check_name(name: str) -> str:
+    """A name from outside becomes a path only when it is one of a log. Raises RefusedError."""
+    if not NAME.fullmatch(name):
+        raise RefusedError(f"{name!r:.80} is no name of a log; those on board end in .mcap")
+    return name
+
+
+def _file(message: Any) -> VehicleFile:
+    return VehicleFile(
+        str(message.name), int(message.size), int(message.identity), int(message.start_ns),
+        int(message.end_ns), bool(message.closed), bool(message.recovered),
+    )  # fmt: skip

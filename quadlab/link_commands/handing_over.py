@@ -1,0 +1,43 @@
+"""A folder or tar of certificates for another machine, and what to say of it."""
+
+from __future__ import annotations
+
+import tarfile
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from quadrotor.errors import StorageError
+from vehicle_link.authority import TlsFiles
+
+THERE = ".local/share/quadlab/certificates"
+"""Where another machine looks for them, unless it is given --data."""
+
+
+def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
+    """Where the files are: a folder, or a file ending in .tar.
+
+    Raises StorageError or LinkError.
+    """
+    out = out.expanduser().absolute()
+    if out.suffix != ".tar":
+        return issue(out).folder
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as folder:
+            files = issue(Path(folder))
+            out.touch(mode=0o600)
+            with tarfile.open(out, "w") as tar:
+                for path in sorted(files.folder.iterdir()):
+                    tar.add(path, path.name)
+    except OSError as error:
+        raise StorageError(f"cannot write {out}: {error.strerror or error}") from error
+    return out
+
+
+def how_to_copy(made: Path, host: str) -> list[str]:
+    """Lines with commands for a machine `host` that can be reached with ssh."""
+    begin = f"ssh {host} 'mkdir -p -m 700 {THERE}"
+    if made.suffix == ".tar":
+        return [f"{begin} && tar -x -C {THERE}' < {made}"]
+    return [f"{begin}'", f"scp -p {made}/* {host}:{THERE}/"]

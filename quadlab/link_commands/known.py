@@ -1,0 +1,77 @@
+"""`quadlab link list` and `quadlab link forget NAME`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from quadlab.data_folder import open_data_folder
+from quadlab.processes import Folder
+
+STATES = {
+    "answers": "answers",
+    "closed": "no quadlab vehicle on this port",
+    "silent": "silent",
+    "nameless": "its name leads nowhere",
+}
+
+
+@dataclass
+class List:
+    """The vehicles known here and whether they answer."""
+
+    seek: bool = False
+    """also knock at every address of this machine's networks"""
+    data: Folder = None
+    """data folder"""
+
+    def run(self) -> int:
+        from console.known_vehicles import KnownVehicles
+        from vehicle_link.knock import Door, knock_at_all
+        from vehicle_link.local_networks import own_networks
+        from vehicle_link.session import VEHICLE_PORT, parse_endpoint
+
+        known = KnownVehicles(open_data_folder(self.data)).all()
+        places = {name: parse_endpoint(one.address) for name, one in known.items()}
+        for place, door in knock_at_all(list(places.values())).items():
+            for name, one in known.items():
+                if places[name] == place:
+                    state = STATES[door]
+                    print(f"{name:12} {one.address:24} {state:32} enrolled {one.enrolled}")
+        if not known:
+            print("no vehicle is known here; make one known with `quadlab link enrol NAME ADDRESS`")
+        if not self.seek:
+            return 0
+        networks = own_networks()
+        hosts = [(str(host), VEHICLE_PORT) for network in networks for host in network.hosts()]
+        found = [
+            host
+            for (host, port), door in knock_at_all(hosts).items()
+            if door is Door.ANSWERS and (host, port) not in places.values()
+        ]
+        for host in found:
+            print(f"{'?':12} {host:24} answers, not enrolled here")
+        print(
+            f"knocked at {len(hosts)} addresses of {', '.join(map(str, networks)) or 'no network'} "
+            f"on UDP port {VEHICLE_PORT}: {len(found)} further vehicles"
+        )
+        return 0
+
+
+@dataclass
+class Forget:
+    """Take a vehicle from the known ones. Its certificate stays good until it ends."""
+
+    name: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="NAME")]
+    """of the vehicle"""
+    data: Folder = None
+    """data folder"""
+
+    def run(self) -> int:
+        from console.known_vehicles import KnownVehicles
+
+        KnownVehicles(open_data_folder(self.data)).forget(self.name)
+        print(f"{self.name} is forgotten; its certificate is still accepted until it ends")
+        return 0

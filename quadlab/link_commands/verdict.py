@@ -1,0 +1,119 @@
+"""What the figures of a link mean: good, usable or bad, why, and what to try."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from vehicle_link.link_measurement import Figures
+
+Grade = Literal["good", "usable", "bad"]
+GRADES: tuple[Grade, ...] = ("good", "usable", "bad")
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Above `good` the link is usable, above `usable` it is bad."""
+
+    name: str
+    good: float
+    usable: float
+    scale: float
+    unit: str
+    advice: str
+
+
+ROUND_TRIP = Limit(
+    "round trip p99", 0.05, 0.25, 1e3, "ms",
+    "go nearer, use 5 GHz, and switch the WiFi's power saving off at both ends",
+)  # fmt: skip
+UNANSWERED = Limit(
+    "questions not answered", 0.0, 0.02, 100.0, "%",
+    "commands would have to be repeated: look for interference and for other traffic",
+)  # fmt: skip
+LOSS = Limit(
+    "telemetry lost", 0.02, 0.2, 100.0, "%",
+    "go nearer, or choose a channel that nobody else uses",
+)  # fmt: skip
+JITTER = Limit(
+    "jitter", 0.01, 0.05, 1e3, "ms",
+    "another sender holds the channel: choose another, and end downloads on it",
+)  # fmt: skip
+LEAST_THROUGHPUT = 1e6, 0.25e6  # bit/s, beside telemetry's own 0.9e6
+LATE_CLOCK = 1.0  # s
+
+
+def verdict(figures: Figures) -> tuple[Grade, list[str]]:
+    """The grade, and a line for each thing that is worth saying."""
+    worst, lines = 0, []
+    if figures.disagreement:
+        worst = 2
+        lines.append(f"bad: {figures.disagreement}")
+    for limit, value in _values(figures):
+        step = _step(limit, value)
+        if step:
+            worst = max(worst, step)
+            shown = "nothing measured" if math.isnan(value) else _shown(limit, value)
+            lines.append(
+                f"{GRADES[step]}: {limit.name} {shown}, good is up to "
+                f"{_shown(limit, limit.good)}: {limit.advice}"
+            )
+    if figures.throughput < LEAST_THROUGHPUT[0]:
+        step = 1 if figures.throughput >= LEAST_THROUGHPUT[1] else 2
+        worst = max(worst, step)
+        lines.append(
+            f"{GRADES[step]}: throughput {figures.throughput / 1e6:.1f} Mbit/s, good is from "
+            f"{LEAST_THROUGHPUT[0] / 1e6:g}: telemetry and downloads will hinder each other"
+        )
+    return GRADES[worst], [*lines, *_notes(figures)]
+
+
+def _values(figures: Figures) -> list[tuple[Limit, float]]:
+    asked = len(figures.round_trips) + figures.unanswered
+    return [
+        (ROUND_TRIP, percentile(figures.round_trips, 99)),
+        (UNANSWERED, figures.unanswered / asked if asked else math.nan),
+        (LOSS, figures.loss),
+        (JITTER, figures.jitter),
+    ]
+
+
+def _step(limit: Limit, value: float) -> int:
+    if math.isnan(value):
+        return 2
+    return 0 if value <= limit.good else 1 if value <= limit.usable else 2
+
+
+def _shown(limit: Limit, value: float) -> str:
+    return f"{value * limit.scale:.3g} {limit.unit}"
+
+
+def _notes(figures: Figures) -> list[str]:
+    notes = []
+    if abs(figures.clock_offset) > LATE_CLOCK:
+        notes.append(
+            f"note: the clocks differ by {abs(figures.clock_offset):.0f} s; all stamps are of the "
+            "vehicle's clock, so this does no harm, but logs will have its date"
+        )
+    if figures.held_by_another:
+        notes.append("note: another station has the vehicle; this was measured beside it")
+    if figures.access == "observer":
+        notes.append("note: our certificate lets us observe, not command")
+    if figures.armed:
+        notes.append("note: the vehicle is armed, so throughput was not measured")
+    elif math.isnan(figures.throughput):
+        notes.append("note: throughput could not be measured, the vehicle told no parameters")
+    if figures.packets and figures.rate < 50.0:
+        notes.append(
+            f"note: {figures.packets} packets of telemetry only; loss and jitter are rough"
+        )
+    return notes
+
+
+def percentile(values: list[float], percent: float) -> float:
+    """NaN of nothing."""
+    if not values:
+        return math.nan
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, round(percent / 100 * (len(ordered) - 1)))]

@@ -1,0 +1,90 @@
+"""The simulated vehicles of one `quadlab up`: names, ports, folders and what they fly at."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from quadlab.processes import THE_VEHICLE
+from quadrotor.errors import StorageError, UsageError
+from vehicle_link.authority import TlsFiles
+from vehicle_link.serial.capacity import DEFAULT_RATE
+
+MOST = 8
+REDUCED_RATE = 100
+"""Hz, of each of several, which share the processor."""
+REDUCED_TELEMETRY = 33
+"""Packets a second; a page shows 25 of them."""
+REDUCED = ("tracker.rate=30", "bearings.rate=10", "preflight.telemetry_rate_min=20")
+"""What the station measures of each of several, in `--set` words."""
+PORT_STEP = 2
+"""Between the link ports of two vehicles: the one after each is its telemetry's."""
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedFleet:
+    """`count` vehicles; one alone is called `name`, several quad1, quad2, …"""
+
+    count: int
+    name: str
+    link_port: int
+
+    def check(self) -> None:
+        """Raises UsageError."""
+        if not 1 <= self.count <= MOST:
+            raise UsageError(f"--vehicles {self.count} is not possible; allowed are 1 to {MOST}")
+        if self.count > 1 and self.name != THE_VEHICLE:
+            raise UsageError(
+                "several vehicles are called quad1, quad2, …; leave --name or --vehicles away"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        if self.count == 1:
+            return (self.name,)
+        return tuple(f"quad{number}" for number in range(1, self.count + 1))
+
+    @property
+    def ports(self) -> dict[str, int]:
+        """UDP, of each vehicle's link."""
+        return {name: self.link_port + PORT_STEP * k for k, name in enumerate(self.names)}
+
+    @property
+    def rate(self) -> int:
+        """Hz, when nobody chose."""
+        return DEFAULT_RATE if self.count == 1 else REDUCED_RATE
+
+    @property
+    def vehicle_words(self) -> list[str]:
+        return [] if self.count == 1 else ["--telemetry", str(REDUCED_TELEMETRY)]
+
+    @property
+    def station_words(self) -> list[str]:
+        if self.count == 1:
+            return []
+        return [word for setting in REDUCED for word in ("--set", setting)]
+
+    def folder(self, data: Path, name: str, files: TlsFiles) -> Path:
+        """The vehicle's own data folder, with the certificates a vehicle needs.
+
+        Raises StorageError.
+        """
+        if self.count == 1:
+            return data
+        folder = data / "vehicles" / name
+        copies = TlsFiles(folder / "certificates")
+        try:
+            copies.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            for source, copy in (
+                (files.authority, copies.authority),
+                (files.certificate("vehicle"), copies.certificate("vehicle")),
+                (files.key("vehicle"), copies.key("vehicle")),
+            ):
+                shutil.copy2(source, copy)
+            trajectories = folder / "trajectories"
+            if not trajectories.is_symlink() and not trajectories.exists():
+                trajectories.symlink_to(Path("..", "..", "trajectories"))
+        except OSError as error:
+            raise StorageError(f"cannot make {folder}: {error.strerror or error}") from error
+        return folder

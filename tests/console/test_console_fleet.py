@@ -1,0 +1,231 @@
+"""Several vehicles under one station: one hub, a radio and a base station each; nothing mixes."""
+
+from __future__ import annotations
+
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.base_station import BaseStation
+from console.catalogue import Catalogue
+from console.comparison import feed
+from console.comparison.parameters import ComparisonParameters
+from quadrotor.records import TICK
+from vehicle_link import topics
+from vehicle_link.authority import TlsFiles, ensure_certificates
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.instance import new_instance
+from vehicle_link.log import is_closed, summarize
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.node import Node
+from vehicle_link.radio import Radio
+from vehicle_link.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.telemetry import pack
+from vehicle_link.time_sync import serve_time_sync
+from vehicle_link.topics import SERVICES, TOPICS
+
+NAMES = ("quad1", "quad2")
+LIMIT = 60.0
+"""s, for a broken program only."""
+
+
+def free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    """Polls; returns what is true, or the last answer at the end of the bound."""
+    waiting, end = threading.Event(), time.monotonic() + LIMIT
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+class FakeVehicle:
+    """Beats, flies where it is told, and answers commands."""
+
+    def __init__(self, name: str, files: TlsFiles, x: float) -> None:
+        self.port = free_port(socket.SOCK_DGRAM)
+        self.requests: list[str] = []
+        self.armed = False
+        self._x = x
+        self._session = vehicle_session(self.port, files, "127.0.0.1")
+        self._node = Node(self._session, f"/{name}", "vehicle")
+        sent = ("vehicle_heartbeat", "status", "telemetry")
+        self._out = {topic: self._node.advertise(TOPICS[topic]) for topic in sent}
+        for service in ("arm", "disarm"):
+            self._node.serve(service, SERVICES[service], lambda _, s=service: self._answer(s))
+        serve_time_sync(self._node, time.time_ns)
+        self._instance, self._closing = new_instance(), threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(5)
+        self._node.close()
+        threading.Thread(target=self._session.close, daemon=True).start()
+
+    def _answer(self, service: str) -> Any:
+        self.requests.append(service)
+        self.armed = service == "arm"
+        return new(f"{SERVICES[service]}_Response", accepted=True)
+
+    def _run(self) -> None:
+        count = 0
+        while not self._closing.wait(0.05):
+            count += 1
+            now_ns = time.time_ns()
+            beat = topics.encode_heartbeat(count, now_ns, self._instance)
+            self._out["vehicle_heartbeat"].put(beat, now_ns)
+            status = new("quadlab_msgs/VehicleStatus", armed=self.armed)
+            self._out["status"].put(encode(status), now_ns)
+            ticks = np.zeros(1, TICK)
+            ticks["imu"]["stamp_ns"] = now_ns
+            ticks["state"]["quaternion_wb"][:, 0] = 1
+            ticks["state"]["position_w"][:, 0] = self._x
+            self._out["telemetry"].put(pack(ticks, count), now_ns)
+
+
+class Laboratory:
+    """Two vehicles, their stations in one process, and somebody who asks."""
+
+    def __init__(self, data: Path) -> None:
+        files, loopback = ensure_certificates(data / "certificates"), free_port(socket.SOCK_STREAM)
+        self.vehicles = {name: FakeVehicle(name, files, 1.0 + k) for k, name in enumerate(NAMES)}
+        self.catalogue = Catalogue(data)
+        self._hub, instance = hub_session(loopback), new_instance()
+        settings = {
+            "station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0,
+            "station.preflight.blocks": False,
+        }  # fmt: skip
+        self.stations = {
+            name: BaseStation(
+                self._hub, self.catalogue, name, settings=settings, keeps_house=name == NAMES[0],
+                compares_always=False, instance=instance,
+            )
+            for name in NAMES
+        }  # fmt: skip
+        self.radios = {
+            name: Radio(
+                f"127.0.0.1:{self.vehicles[name].port}", files, loopback, station.link.silent
+            )
+            for name, station in self.stations.items()
+        }
+        self._session = loopback_session(loopback)
+        self.pages = {name: Node(self._session, f"/{name}", "page") for name in NAMES}
+        self.heard: dict[str, list[Any]] = {name: [] for name in NAMES}
+        for name, page in self.pages.items():
+            state = TOPICS["state"]
+            page.subscribe("state", state.type_name, self._hear(name))
+
+    def _hear(self, name: str) -> Callable[[Any], None]:
+        kind = TOPICS["state"].type_name
+        return lambda received: self.heard[name].append(decode(received.payload, kind))
+
+    def is_linked(self, name: str) -> bool:
+        link = self.stations[name].link
+        return link.state(time.time_ns()) is LinkState.GOOD and link.clock_known
+
+    def call(self, name: str, service: str, requester: str, **fields: Any) -> Any:
+        request = new(
+            f"{SERVICES[service]}_Request", request_id=f"r{time.monotonic_ns()}",
+            requester=requester, **fields,
+        )  # fmt: skip
+        client = self.pages[name].client(f"station/{service}", SERVICES[service])
+        return client.call(request, timeout=5.0)
+
+    def close(self) -> None:
+        for page in self.pages.values():
+            page.close()
+        self._session.close()
+        for radio in self.radios.values():
+            radio.close()
+        for station in self.stations.values():
+            station.close()
+        for vehicle in self.vehicles.values():
+            vehicle.close()
+        self.catalogue.close()
+        threading.Thread(target=self._hub.close, daemon=True).start()
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Laboratory]:
+    made = Laboratory(tmp_path_factory.mktemp("fleet"))
+    assert until(lambda: all(map(made.is_linked, NAMES)))
+    yield made
+    made.close()
+
+
+def test_each_vehicle_s_state_comes_under_its_own_name(laboratory: Laboratory) -> None:
+    assert until(lambda: all(laboratory.heard.values()))
+    found = {
+        name: {one.pose.pose.position.x for one in list(heard)}
+        for name, heard in laboratory.heard.items()
+    }
+    assert found == {"quad1": {1.0}, "quad2": {2.0}}
+
+
+def test_commands_control_and_runs_are_each_vehicle_s_own(laboratory: Laboratory) -> None:
+    one, two = (laboratory.vehicles[name] for name in NAMES)
+    assert laboratory.call("quad1", "arm", "ada").accepted
+    assert laboratory.call("quad2", "arm", "bob").accepted
+    assert (one.requests, two.requests) == (["arm"], ["arm"])
+    refused = laboratory.call("quad2", "disarm", "ada")
+    assert not refused.accepted
+    assert "bob" in refused.reason
+    assert two.requests == ["arm"]
+    runs = {name: station.runs.recorder for name, station in laboratory.stations.items()}
+    assert until(lambda: all(one.run_id for one in runs.values()))
+    ids = {name: one.run_id for name, one in runs.items()}
+    assert laboratory.call("quad1", "disarm", "ada").accepted
+    assert until(lambda: not runs["quad1"].run_id)
+    assert runs["quad2"].run_id == ids["quad2"], "the other one's recording went on"
+    assert laboratory.call("quad2", "disarm", "bob").accepted
+    assert until(lambda: not runs["quad2"].run_id)
+    for name, operator in zip(NAMES, ("ada", "bob"), strict=True):
+        (run,) = laboratory.catalogue.runs(vehicle=name)
+        assert (run.id, run.operator) == (ids[name], operator)
+        path = laboratory.catalogue.resolve(run.id)
+        assert until(lambda path=path: is_closed(path))
+        written = {topic.split("/")[1] for topic in summarize(path).topics}
+        assert written == {name}
+
+
+def test_a_vehicle_that_goes_leaves_the_other_linked(laboratory: Laboratory) -> None:
+    laboratory.vehicles["quad2"].close()
+    assert until(lambda: not laboratory.is_linked("quad2"))
+    assert laboratory.is_linked("quad1")
+    assert laboratory.call("quad1", "arm", "ada").accepted
+
+
+def test_estimators_are_compared_only_while_somebody_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    reads_on = (sys.executable, "-c", "import sys; sys.stdin.buffer.read()")
+    for name, value in (("COMMAND", reads_on), ("LOOK", 0.0), ("LINGER", 0.01)):
+        monkeypatch.setattr(feed, name, value)
+    looking = threading.Event()
+    comparison = feed.ComparisonFeed(
+        ComparisonParameters(), lambda *_: None, lambda _: None, looking.is_set
+    )
+    try:
+        comparison.telemetry(b"")
+        assert until(lambda: not comparison._queue), "what nobody wants is not kept"
+        assert comparison._child is None
+        looking.set()
+        comparison.telemetry(b"")
+        child = until(lambda: comparison._child)
+        assert child.poll() is None
+        looking.clear()
+        assert until(lambda: comparison._child is None and child.poll() is not None)
+    finally:
+        comparison.close()

@@ -1,0 +1,158 @@
+"""Telemetry by the lane and back over Zenoh, between a vehicle's and a station's own sessions."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.lane_in import LaneIn
+from console.link_monitor import LinkMonitor
+from vehicle.comms_lane import CommsLane
+from vehicle.comms_radio import LinkRadio
+from vehicle_link.authority import ensure_certificates
+from vehicle_link.node import Node, Received
+from vehicle_link.session import (
+    loopback_session,
+    station_session,
+    vehicle_session,
+    wait_connected,
+)
+from vehicle_link.topics import TOPICS, encode_heartbeat
+
+WAIT = 15.0  # s: a bound, not an expectation
+
+
+def free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+class Ends:
+    """A vehicle's radio and lane, a station's, and a node of somebody else on the base."""
+
+    def __init__(self, folder: Path) -> None:
+        files = ensure_certificates(folder)
+        udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        self._sessions = [
+            vehicle_session(udp, files, "127.0.0.1"),
+            station_session(f"127.0.0.1:{udp}", tcp, files),
+            loopback_session(tcp),
+        ]
+        assert wait_connected(self._sessions[1], WAIT)
+        at_vehicle, at_station, base = (Node(s, "/quad1", n) for s, n in zip(
+            self._sessions, ("vehicle", "station", "mocap"), strict=True))  # fmt: skip
+        self._nodes = [base, at_station, at_vehicle]
+        self.radio = LinkRadio(at_vehicle)
+        self.at_vehicle: dict[str, list[Received]] = {}
+        self.vehicle = CommsLane(at_vehicle, 0)
+        self.vehicle.send(self.radio.publishers)
+        for name in ("tracker_pose", "joy"):
+            self.vehicle.take(name, self.at_vehicle.setdefault(name, []).append)
+        self.link = LinkMonitor()
+        self.telemetry: list[Received] = []
+        self.station = LaneIn(
+            at_station, "127.0.0.1", self.link, self.telemetry.append, lambda received: None
+        )
+        self.poses = base.advertise(TOPICS["tracker_pose"])
+        self.own_poses = at_station.advertise(TOPICS["tracker_pose"])
+        self.zenoh = self.radio.publishers["telemetry"]
+        self.sent = 0
+
+    def send(self) -> bytes:
+        """A heartbeat and a packet; returns what the packet says."""
+        self.sent += 1
+        now_ns = time.time_ns()
+        self.radio.put("vehicle_heartbeat", encode_heartbeat(self.sent, now_ns, 7), now_ns)
+        self.radio.put("telemetry", b"packet %d" % self.sent, now_ns)
+        return b"packet %d" % self.sent
+
+    def send_until(self, reached: Callable[[], Any]) -> None:
+        tick, end = threading.Event(), time.monotonic() + WAIT
+        while not reached():
+            assert time.monotonic() < end
+            self.send()
+            tick.wait(0.02)
+
+    def by_the_lane_alone(self) -> bool:
+        return self.link.path == "datagram" and not self.zenoh.is_heard
+
+    def block(self, is_blocked: bool) -> None:
+        """As a firewall would that lets no datagrams through, or the end of it."""
+        lane = self.vehicle._lane._socket
+        if is_blocked:
+            lane.send = lambda datagram, address: True  # type: ignore[method-assign]
+        else:
+            del lane.send
+
+    def close(self) -> None:
+        self.station.close()
+        self.vehicle.close()
+        self.radio.close()
+        for node in self._nodes:
+            node.close()
+        for session in reversed(self._sessions):
+            session.close()
+
+
+@pytest.fixture(scope="module")
+def ends(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ends]:
+    made = Ends(tmp_path_factory.mktemp("tls"))
+    yield made
+    made.close()
+
+
+def test_telemetry_comes_by_datagrams_and_no_longer_over_zenoh(ends: Ends) -> None:
+    ends.send_until(ends.by_the_lane_alone)
+    newest = ends.send()
+    ends.send_until(lambda: newest in [received.payload for received in ends.telemetry])
+    assert ends.link.silent() < WAIT  # heartbeats come over Zenoh as well
+
+
+def test_without_datagrams_it_comes_over_zenoh_and_with_them_back_again(ends: Ends) -> None:
+    ends.send_until(ends.by_the_lane_alone)
+    ends.block(True)
+    ends.send_until(lambda: ends.link.path == "quic")
+    ends.block(False)
+    ends.send_until(ends.by_the_lane_alone)
+
+
+def test_nothing_is_handed_on_twice_whatever_the_way(ends: Ends) -> None:
+    """Of what the tests before made change its way, too."""
+    ends.send_until(ends.by_the_lane_alone)
+    payloads = [received.payload for received in ends.telemetry]
+    assert len(set(payloads)) == len(payloads)
+
+
+@pytest.mark.parametrize("whose", ["own_poses", "poses"])
+def test_poses_of_station_and_ros_nodes_reach_the_vehicle_once(ends: Ends, whose: str) -> None:
+    ends.send_until(ends.by_the_lane_alone)
+    came, newest = ends.at_vehicle["tracker_pose"], ends.vehicle._newest
+    before, publisher = newest.late, getattr(ends, whose)
+    sent: list[bytes] = []
+
+    def came_by_both() -> bool:
+        sent.append(b"%s %d" % (whose.encode(), len(sent)))
+        publisher.put(sent[-1])
+        return newest.late > before
+
+    ends.send_until(came_by_both)
+    payloads = [received.payload for received in list(came)]
+    assert len(set(payloads)) == len(payloads)
+    assert set(payloads) & set(sent)
+
+
+def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -> None:
+    ends.send_until(ends.by_the_lane_alone)
+    before = set(ends.vehicle._lane._lanes)
+    ends.vehicle._lane._lanes = {}  # it knows of no keys, as after a start
+    ends.send_until(lambda: ends.vehicle._lane._lanes and ends.by_the_lane_alone())
+    assert len(ends.vehicle._lane._lanes) == 1
+    assert before.isdisjoint(ends.vehicle._lane._lanes)

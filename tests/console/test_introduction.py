@@ -1,0 +1,146 @@
+"""Who is at the other end, and what is said when nobody tells: real sessions, a real radio."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console import introduction
+from console.introduction import Introduction
+from console.link_monitor import LinkMonitor
+from vehicle_link import whoami
+from vehicle_link.authority import TlsFiles, ensure_certificates
+from vehicle_link.enrolment import issue_station
+from vehicle_link.node import Node
+from vehicle_link.radio import Radio
+from vehicle_link.serial.identity import THE_ONE
+from vehicle_link.session import hub_session, vehicle_session
+from vehicle_link.whoami import serve_whoami
+
+WAIT = 10.0  # s: a bound, not an expectation
+
+
+def _free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Station:
+    """Of one hub, one radio and the thread that asks."""
+
+    def __init__(self, port: int, tls: TlsFiles) -> None:
+        loopback = _free_port(socket.SOCK_STREAM)
+        self.hub: Any = hub_session(loopback)
+        self.link = LinkMonitor("quad1", 1)
+        self.link.radio = Radio(f"127.0.0.1:{port}", tls, loopback, lambda: 0.0)
+        asks = Introduction(Node(self.hub, "/quad1", "station"), "quad1", self.link)
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=asks.run, args=(self._closing, lambda act: act()))
+        self._thread.start()
+
+    def until(self, condition: Callable[[LinkMonitor], object]) -> None:
+        deadline = time.monotonic() + WAIT
+        while not condition(self.link):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join()
+        assert self.link.radio
+        self.link.radio.close(WAIT)
+        self.hub.close()
+
+
+@pytest.fixture
+def closed() -> Iterator[list[Any]]:
+    """What is to be closed, last first."""
+    things: list[Any] = []
+    yield things
+    while things:
+        things.pop().close()
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name, seconds in (("LOOK", 0.02), ("AGAIN", 0.1), ("STRANGE", 0.1)):
+        monkeypatch.setattr(introduction, name, seconds)
+
+
+def _vehicle(closed: list[Any], port: int, tls: TlsFiles, name: str = "quad1") -> Node:
+    closed.append(vehicle_session(port, tls, "127.0.0.1"))
+    closed.append(Node(closed[-1], f"/{name}", "vehicle"))  # gone with the last who holds it
+    return closed[-1]  # type: ignore[no-any-return]
+
+
+def _station(closed: list[Any], port: int, tls: TlsFiles) -> Station:
+    closed.append(Station(port, tls))
+    return closed[-1]  # type: ignore[no-any-return]
+
+
+def test_a_vehicle_says_what_we_may_and_is_forgotten_when_it_goes(
+    tmp_path: Path, closed: list[Any]
+) -> None:
+    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    station = _station(closed, port, tls)
+    vehicle: Any = vehicle_session(port, tls, "127.0.0.1")
+    serve_whoami(Node(vehicle, "/quad1", "vehicle"), "quad1", 5, THE_ONE)
+    station.until(lambda link: link.standing.access == "pilot" and not link.problem())
+    message = station.link.message(time.time_ns())
+    assert (message.address, message.access) == (f"127.0.0.1:{port}", "pilot")
+    vehicle.close()
+    station.until(lambda link: link.standing.access == "")
+
+
+def test_an_observer_is_told_that_it_is_one(tmp_path: Path, closed: list[Any]) -> None:
+    tls, port = ensure_certificates(tmp_path / "base"), _free_port(socket.SOCK_DGRAM)
+    serve_whoami(_vehicle(closed, port, tls), "quad1", 5, THE_ONE)
+    ben = issue_station(tls.folder, tmp_path / "ben", "ben", "observer")
+    station = _station(closed, port, ben)
+    station.until(lambda link: link.standing.access == "observer")
+    assert "observe quad1, not command" in station.link.problem()
+
+
+def test_another_protocol_is_a_problem(
+    tmp_path: Path, closed: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    monkeypatch.setattr(whoami, "protocol", lambda: "00000000")
+    monkeypatch.setattr(whoami, "version", lambda: "99.0")
+    serve_whoami(_vehicle(closed, port, tls), "quad1", 5, THE_ONE)
+    station = _station(closed, port, tls)
+    station.until(lambda link: "speaks protocol 00000000 (quadlab 99.0)" in link.problem())
+    assert station.link.problem().endswith("update quadlab on the station")
+
+
+def test_a_vehicle_that_does_not_understand_the_question_is_of_another_version(
+    tmp_path: Path, closed: list[Any]
+) -> None:
+    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    _vehicle(closed, port, tls)
+    station = _station(closed, port, tls)
+    station.until(lambda link: "speaks another version of quadlab" in link.problem())
+
+
+def test_a_vehicle_of_another_name_is_told_by_its_name(tmp_path: Path, closed: list[Any]) -> None:
+    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    serve_whoami(_vehicle(closed, port, tls, "quad7"), "quad7", 5, THE_ONE)
+    station = _station(closed, port, tls)
+    told = "is called quad7, not quad1: start it with --name quad1"
+    station.until(lambda link: told in link.problem())
+
+
+def test_no_link_is_told_with_its_likely_cause(tmp_path: Path, closed: list[Any]) -> None:
+    tls, port = ensure_certificates(tmp_path / "ours"), _free_port(socket.SOCK_DGRAM)
+    station = _station(closed, port, tls)
+    station.until(lambda link: "no `quadlab vehicle` listens" in link.standing.unreachable)
+    _vehicle(closed, port, ensure_certificates(tmp_path / "foreign"))
+    station.until(lambda link: "not accept the other's certificate" in link.standing.unreachable)
+    assert station.link.problem() == ""

@@ -1,0 +1,545 @@
+"""Fetching from the vehicle's disk: what is cut off goes on, and what came is what was there."""
+
+from __future__ import annotations
+
+import json
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from console.catalogue import Catalogue, RunEntry
+from console.catalogue_completeness import Completeness, completeness_of, keep_completeness
+from console.parameters import RecorderParameters
+from console.run_files import described
+from console.transfers import desk as desk_module
+from console.transfers import process
+from console.transfers.backfill import Backfill
+from console.transfers.desk import TransferDesk
+from console.transfers.fetcher import ChangedError, Fetcher
+from console.transfers.job import Job, NotYetError
+from console.transfers.part_file import NoRoomError, PartFile
+from console.transfers.service import Transfers
+from console.transfers.vehicle_files import LinkedFiles
+from quadrotor.errors import LinkError, RefusedError
+from quadrotor.records import TICK
+from tests.vehicle_link.drop_outs import START_NS, Flight, flown, with_holes
+from vehicle.onboard_files import OnboardFiles
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.log import read_log, read_metadata, recover
+from vehicle_link.log.run_index import index_run
+from vehicle_link.log.tick_columns import TICK_TOPICS
+from vehicle_link.log.writer import FILLED_METADATA
+from vehicle_link.messages import decode, new
+from vehicle_link.node import Node
+from vehicle_link.session import hub_session, loopback_session
+from vehicle_link.topics import SERVICES, TOPICS, encode_estimators, encode_status
+
+PATIENCE = 20.0  # s, for a broken program only
+
+
+class Link:
+    """As a node to its clients; the other end is the vehicle's own code over a real folder.
+
+    Attributes:
+        asked: pieces so far.
+        cut_at: of a piece that is not answered any more, nor any after it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.files = OnboardFiles(folder, list)
+        self.asked: list[tuple[int, int]] = []
+        self.cut_at: int | None = None
+        self.before_piece: Callable[[int], None] = lambda number: None
+
+    def client(self, name: str, _type: str, **_: Any) -> Any:
+        answer = getattr(self.files, name.removeprefix("onboard_"))
+        return SimpleNamespace(call=lambda request, timeout: self._call(name, answer, request))
+
+    def _call(self, name: str, answer: Callable[[Any], Any], request: Any) -> Any:
+        if name == "onboard_part" and request.length:
+            if self.cut_at is not None and len(self.asked) >= self.cut_at:
+                raise LinkError("the link is cut")
+            self.asked.append((int(request.offset), int(request.length)))
+            self.before_piece(len(self.asked))
+        try:
+            return answer(request)
+        except RefusedError as error:
+            return new(f"{SERVICES[name]}_Response", accepted=False, reason=str(error))
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Link:
+    return Link(tmp_path / "vehicle")
+
+
+@pytest.fixture
+def onboard(tmp_path: Path) -> Path:
+    return tmp_path / "vehicle"
+
+
+def in_process(job: dict[str, Any], check: Any, progress: Any = lambda share: None) -> Any:
+    """As run_process, without the second a new interpreter takes."""
+    found = process.look(job) if job["act"] == "look" else process.fill(job, progress)
+    return json.loads(json.dumps(found))
+
+
+def filler(run: Path, folder: Path, link: Link, **more: Any) -> Backfill:
+    files = LinkedFiles(link)  # type: ignore[arg-type]
+    more = {"room": lambda count: None, "wait": lambda s: None, "run": in_process, **more}
+    fetcher = Fetcher(files, lambda count: None)
+    return Backfill(Job("backfill", run.stem), run, folder, files, fetcher, **more)
+
+
+def ticks_of(run: Path) -> list[list[int]]:
+    return [[m.publish_ns for m in read_log(run, [f"/quad1/{t}"])] for t in TICK_TOPICS]
+
+
+# ---------------------------------------------------------------- a part file
+def random_file(folder: Path, size: int, seed: int = 1) -> bytes:
+    """Of bytes that are a log to the vehicle: closed, with an index."""
+    Flight(flown(size // 400, seed), np.ones(size // 400, np.bool_)).log_onboard(
+        folder / "flight.mcap"
+    )
+    return (folder / "flight.mcap").read_bytes()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_fetch_that_is_cut_off_anywhere_goes_on_with_what_is_lacking(
+    tmp_path: Path, link: Link, onboard: Path, seed: int
+) -> None:
+    print("seed", seed)
+    random = np.random.default_rng(seed)
+    data = random_file(onboard, 60_000, seed)
+    files = LinkedFiles(link)  # type: ignore[arg-type]
+    file = files.files()[0]
+    fetcher = Fetcher(files, lambda count: None)
+    came: set[tuple[int, int]] = set()
+    for _ in range(8):
+        link.cut_at = len(link.asked) + int(random.integers(1, 4))
+        part = PartFile(tmp_path / "here", file)
+        with pytest.raises(LinkError):
+            fetcher.fetch(part, [(0, file.size)])
+        kept = part.size
+        part.close()
+        # Killed in the middle of a line, or of a piece the machine had not put on the disk.
+        journal = part.journal.read_bytes()
+        cut = len(journal) - int(random.integers(0, 30))
+        if cut > journal.index(b"\n"):
+            part.journal.write_bytes(journal[:cut])
+        came.update(link.asked)
+        assert PartFile(tmp_path / "here", file).size >= kept - 2 * 2800
+    link.cut_at = None
+    before = len(link.asked)
+    part = PartFile(tmp_path / "here", file)
+    lacking = file.size - part.size
+    fetcher.fetch(part, [(0, file.size)])
+    assert sum(length for _, length in link.asked[before:]) == lacking
+    assert part.path.read_bytes() == data
+
+
+def test_bytes_that_do_not_have_their_checksum_are_asked_for_again(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    data = random_file(onboard, 40_000)
+    files = LinkedFiles(link)  # type: ignore[arg-type]
+    file = files.files()[0]
+    part = PartFile(tmp_path / "here", file)
+    fetcher = Fetcher(files, lambda count: None)
+    fetcher.fetch(part, [(0, file.size)])
+    part.close()
+    spoiled = bytearray(data)
+    spoiled[3000:3010] = bytes(10)  # the journal came to the disk and the data did not
+    part.path.write_bytes(spoiled)
+    link.asked.clear()
+    part = PartFile(tmp_path / "here", file)
+    fetcher.fetch(part, [(0, file.size)])
+    assert link.asked == [(2800, 2800)]
+    assert part.path.read_bytes() == data
+
+
+def test_another_content_under_the_name_is_begun_again(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    random_file(onboard, 40_000)
+    files = LinkedFiles(link)  # type: ignore[arg-type]
+
+    def replaced(number: int) -> None:
+        if number == 4:
+            other = onboard / "other"
+            other.mkdir()
+            random_file(other, 50_000, 9)
+            (other / "flight.mcap").replace(onboard / "flight.mcap")
+
+    link.before_piece = replaced
+    file = files.files()[0]
+    part = PartFile(tmp_path / "here", file)
+    fetcher = Fetcher(files, lambda count: None)
+    with pytest.raises(ChangedError) as changed:
+        fetcher.fetch(part, [(0, file.size)])
+    part.close()
+    part = PartFile(tmp_path / "here", changed.value.file)
+    assert part.restarted
+    fetcher.fetch(part, [(0, part.file.size)])
+    assert part.path.read_bytes() == (onboard / "flight.mcap").read_bytes()
+
+
+# ---------------------------------------------------------------- back-fill
+@pytest.mark.parametrize("seed", range(4))
+def test_a_run_with_holes_has_every_tick_after_its_back_fill_and_little_is_fetched(
+    tmp_path: Path, link: Link, onboard: Path, seed: int
+) -> None:
+    print("seed", seed)
+    count = 2000
+    flight = Flight(flown(count, seed), with_holes(count, seed, holes=2 if seed else 0))
+    run = tmp_path / "run.mcap"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run)
+    lacking = int((~flight.heard).sum())
+    found = filler(run, tmp_path / "here", link)()
+    assert ticks_of(run) == [flight.stamps.tolist()] * 4
+    assert found.state == ("filled" if lacking else "complete")
+    assert found.filled == pytest.approx(lacking * 0.002, rel=0.05)
+    assert list((tmp_path / "here").iterdir()) == []
+    fetched = sum(length for _, length in link.asked)
+    share = fetched / (onboard / "flight.mcap").stat().st_size
+    assert share < (0.5 if not lacking else lacking / count + 0.5)
+    if lacking:
+        told = read_metadata(run)[FILLED_METADATA]
+        assert json.loads(told["files"]) == ["flight.mcap"]
+        assert int(told["ticks"]) == lacking
+        assert told["missing"] == ""
+    again = filler(run, tmp_path / "here", link)()
+    assert again.line == found.line, "a second one changed something"
+
+
+def test_other_topics_that_were_lost_between_ticks_that_came_are_filled_in_too(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    others = [
+        ("estimator", encode_estimators(flown(1, k), "complementary")[0], START_NS + 20_000_000 * k)
+        for k in range(200)
+    ]
+    flight = Flight(flown(2000), np.ones(2000, np.bool_), others)
+    run = tmp_path / "run.mcap"
+    flight.log_onboard(onboard / "flight.mcap")
+    lost = {40, 41, 90, 150}
+    flight.record(run, frozenset(set(range(200)) - lost))
+    found = filler(run, tmp_path / "here", link)()
+    assert (found.state, found.filled) == ("complete", 0.0)
+    assert [m.publish_ns for m in read_log(run, ["/quad1/estimator"])] == [o[2] for o in others]
+
+
+def test_a_back_fill_that_is_cut_off_at_any_piece_comes_to_the_same_end(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    flight = Flight(flown(1000, 4), with_holes(1000, 4))
+    run = tmp_path / "run.mcap"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run)
+    before = run.read_bytes()
+    cuts = 0
+    while True:
+        link.cut_at = len(link.asked) + 3
+        try:
+            found = filler(run, tmp_path / "here", link)()
+            break
+        except LinkError:
+            cuts += 1
+            assert run.read_bytes() == before
+    assert cuts > 3
+    assert found.state == "filled"
+    assert ticks_of(run) == [flight.stamps.tolist()] * 4
+
+
+def test_what_the_vehicle_has_no_log_of_any_more_is_told_as_missing(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    heard = np.ones(1000, np.bool_)
+    heard[300:500] = False
+    flight = Flight(flown(1000), heard)
+    run = tmp_path / "run.mcap"
+    flight.record(run)
+    Flight(flown(100, 2, START_NS + 60_000_000_000), np.ones(100, np.bool_)).log_onboard(
+        onboard / "later.mcap"
+    )
+    found = filler(run, tmp_path / "here", link)()
+    assert found.line == "0.4 s missing of 2.0 s: the vehicle's log of it was overwritten"
+
+
+def test_what_was_lost_after_disarming_is_no_flaw_of_a_flight(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    heard = np.ones(2000, np.bool_)
+    heard[800:1800] = False  # the vehicle disarmed meanwhile, and logged no more
+    ticks = flown(2000)
+    status = np.zeros(1, TICK)
+    status["imu"]["stamp_ns"] = ticks["imu"]["stamp_ns"][1900]
+    for armed, words in ((False, "complete: "), (True, "1.6 s missing of 4.0 s: ")):
+        status["status"]["armed"] = armed
+        told = encode_status(status, "ready", "ground", ())
+        run = tmp_path / f"{armed}.mcap"
+        log = onboard / "flight.mcap"
+        log.unlink(missing_ok=True)
+        Flight(ticks[:1000], heard[:1000]).log_onboard(log)
+        others = [("status", told, int(status["imu"]["stamp_ns"][0]))]
+        Flight(ticks, heard, others).record(run, frozenset({0}))
+        found = filler(run, tmp_path / "here", link)()
+        assert found.line.startswith(words)
+        assert found.filled == pytest.approx(0.4, abs=0.01)
+
+
+def test_ticks_that_flight_itself_left_out_are_not_missing(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    ticks = flown(1000)
+    ticks = np.delete(ticks, slice(400, 450))
+    flight = Flight(ticks, np.ones(950, np.bool_))
+    run = tmp_path / "run.mcap"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run)
+    found = filler(run, tmp_path / "here", link)()
+    assert (found.state, found.missing, found.filled) == ("complete", 0.0, 0.0)
+
+
+def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    flight = Flight(flown(1000), with_holes(1000, 6))
+    run, log = tmp_path / "run.mcap", onboard / "flight.mcap"
+    flight.log_onboard(log)
+    flight.record(run)
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    with pytest.raises(NotYetError, match="mended"):
+        filler(run, tmp_path / "here", link)()
+    recover(log)
+    found = filler(run, tmp_path / "here", link)()
+    kept = set(index_run(log).ticks.tolist())
+    assert kept <= set(index_run(run).ticks.tolist())
+    assert found.state in ("missing", "filled", "complete")
+
+
+# ---------------------------------------------------------------- the desk
+class Bench:
+    """A station's data folder, a vehicle's, and a desk between them."""
+
+    def __init__(self, data: Path, link: Link) -> None:
+        self.catalogue = Catalogue(data)
+        self.parameters = RecorderParameters(keep_free=10.0)
+        self.link, self.state = link, LinkState.GOOD
+        self.lines: list[str] = []
+        self.desk = self.new_desk()
+
+    def new_desk(self, vehicle: str = "quad1") -> TransferDesk:
+        return TransferDesk(
+            self.catalogue, vehicle, LinkedFiles(self.link),  # type: ignore[arg-type]
+            lambda: self.state, self.parameters, lambda level, line: self.lines.append(line),
+        )  # fmt: skip
+
+    def enter(self, run: Path) -> None:
+        entry = described(run, None)
+        fields = {name: getattr(entry, name) for name in RunEntry.__slots__}
+        self.catalogue.add(RunEntry(**fields))
+        keep_completeness(self.catalogue, run.stem, Completeness("open"))
+
+
+@pytest.fixture
+def bench(tmp_path: Path, link: Link, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.setattr(desk_module, "LOOK", 0.02)
+    made = Bench(tmp_path / "data", link)
+    yield made
+    made.desk.close()
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    waiting, end = threading.Event(), time.monotonic() + PATIENCE
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+def ended(bench: Bench, name: str) -> Job:
+    found = until(lambda: [job for job in bench.desk.jobs() if job.name == name and job.is_over])
+    assert found, [(job.phase, job.problem) for job in bench.desk.jobs()]
+    job: Job = found[0]
+    return job
+
+
+def test_a_download_is_the_vehicle_s_file_and_stands_in_the_vehicle_s_folder(
+    bench: Bench, onboard: Path
+) -> None:
+    data = random_file(onboard, 40_000)
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap", by_person=True)
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    assert [path.name for path in bench.desk.folder.iterdir()] == ["flight.mcap"]
+    assert bench.desk.folder.name == "quad1"
+
+
+def test_a_log_of_the_same_name_and_another_vehicle_replaces_nothing(
+    bench: Bench, onboard: Path
+) -> None:
+    mine = bench.desk.folder / "flight.mcap"
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"another vehicle's")
+    data = random_file(onboard, 40_000)
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert mine.read_bytes() == b"another vehicle's"
+    assert mine.with_name("flight_2.mcap").read_bytes() == data
+
+
+def test_a_download_goes_on_when_the_link_is_back_and_after_a_new_start(
+    bench: Bench, onboard: Path, link: Link
+) -> None:
+    data = random_file(onboard, 60_000)
+    link.cut_at = 6
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    assert until(lambda: "cut" in bench.desk.jobs()[0].problem)
+    bench.desk.close()
+    bench.desk = bench.new_desk()
+    link.cut_at = len(link.asked) + 5
+    bench.state = LinkState.LOST
+    bench.desk.start()
+    assert until(lambda: bench.desk.jobs() and "lost" in bench.desk.jobs()[0].problem)
+    link.cut_at, bench.state = None, LinkState.GOOD
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+    lengths = sum(length for _, length in link.asked if length > 8)
+    assert lengths < len(data) + 4 * 2800, "much was fetched twice"
+
+
+def test_a_full_disk_is_said_and_waited_for(
+    bench: Bench, onboard: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = random_file(onboard, 40_000)
+    free = [0]
+    monkeypatch.setattr(desk_module, "free_bytes", lambda folder: free[0])
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    assert until(lambda: "delete or move runs" in bench.desk.jobs()[0].problem)
+    assert bench.desk.jobs()[0].phase == "waiting"
+    free[0] = 10**9
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+
+
+def test_no_room_for_a_piece_is_told_as_such(
+    tmp_path: Path, link: Link, onboard: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    random_file(onboard, 40_000)
+    part = PartFile(tmp_path / "here", LinkedFiles(link).files()[0])  # type: ignore[arg-type]
+
+    def full(*_: Any) -> int:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.pwrite", full)
+    with pytest.raises(NoRoomError, match="No space"):
+        part.put(0, b"x")
+
+
+def test_a_file_that_is_gone_meanwhile_is_one_clear_line(
+    bench: Bench, onboard: Path, link: Link
+) -> None:
+    random_file(onboard, 40_000)
+    link.before_piece = lambda number: (onboard / "flight.mcap").unlink() if number == 4 else None
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    job = ended(bench, "flight.mcap")
+    assert job.phase == "failed"
+    assert "no onboard log 'flight.mcap'" in job.problem
+
+
+def test_a_cancelled_download_leaves_nothing(bench: Bench, onboard: Path, link: Link) -> None:
+    random_file(onboard, 60_000)
+    link.before_piece = lambda n: bench.desk.cancel("flight.mcap") if n == 5 else None
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    assert ended(bench, "flight.mcap").phase == "cancelled"
+    assert list(bench.desk.folder.iterdir()) == []
+    with pytest.raises(RefusedError, match="nothing of"):
+        bench.desk.cancel("flight.mcap")
+
+
+@pytest.mark.parametrize("name", ["../secret.mcap", "a/b.mcap", "", "x.txt", ".mcap"])
+def test_a_name_that_is_no_log_s_is_refused(bench: Bench, name: str) -> None:
+    with pytest.raises(RefusedError, match="is no name of a log"):
+        bench.desk.ask("download", name)
+
+
+def test_runs_are_filled_by_a_real_process_also_those_of_before_the_start(
+    bench: Bench, onboard: Path
+) -> None:
+    flight = Flight(flown(1000, 8), with_holes(1000, 8))
+    run = bench.catalogue.folder / "r1.mcap"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run)
+    bench.enter(run)
+    entered = bench.catalogue.get("r1")
+    bench.desk.start()  # nobody asks
+    assert ended(bench, "r1").phase == "done"
+    assert ticks_of(run) == [flight.stamps.tolist()] * 4
+    after = bench.catalogue.get("r1")
+    assert after.messages - entered.messages == 4 * int((~flight.heard).sum())
+    assert completeness_of(bench.catalogue, ["r1"])["r1"].state == "filled"
+    assert after.bytes == run.stat().st_size
+
+
+def test_over_the_link_the_service_fetches_and_the_topic_tells(
+    tmp_path: Path, onboard: Path
+) -> None:
+    random_file(onboard, 40_000)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    hub = hub_session(port)
+    sessions: list[Any] = [hub, loopback_session(port), loopback_session(port)]
+    names = ("station", "vehicle", "page")
+    nodes = [Node(one, "/quad1", name) for one, name in zip(sessions, names, strict=True)]
+    station, vehicle, page = nodes
+    OnboardFiles(onboard, list).serve(vehicle)
+    catalogue = Catalogue(tmp_path / "data")
+    transfers = Transfers(
+        station, catalogue, "quad1", RecorderParameters(keep_free=10.0), lambda: LinkState.GOOD,
+        lambda level, line: None, time.time_ns,
+    )  # fmt: skip
+    heard: list[Any] = []
+    topic = TOPICS["transfers"]
+    page.subscribe(
+        topic.name, topic.type_name,
+        lambda received: heard.extend(decode(received.payload, topic.type_name).transfers),
+    )  # fmt: skip
+    client = page.client("station/transfer", SERVICES["transfer"])
+    assert client.wait(PATIENCE)
+    kind = f"{SERVICES['transfer']}_Request"
+    assert not client.call(new(kind, action="fly", name="x")).accepted
+    files = page.client("station/onboard_files", SERVICES["onboard_files"])
+    listed = files.call(new(f"{SERVICES['onboard_files']}_Request"), timeout=5.0)
+    assert [one.name for one in listed.files] == ["flight.mcap"]
+    answer = client.call(new(kind, request_id="a", action="download", name="flight.mcap"))
+    assert answer.accepted, answer.reason
+
+    def is_done_and_told() -> bool:
+        transfers.tick(0)
+        return any(one.phase == "done" for one in heard)
+
+    assert until(is_done_and_told)
+    assert heard[-1].bytes == heard[-1].total_bytes
+    there = tmp_path / "data" / "onboard" / "quad1" / "flight.mcap"
+    assert there.read_bytes() == (onboard / "flight.mcap").read_bytes()
+    transfers.close()
+    for node in nodes:
+        node.close()
+    for session in reversed(sessions):
+        session.close()
+    catalogue.close()

@@ -1,0 +1,179 @@
+"""What is no sound log gets one clear line from every command, and is left as it was."""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from quadlab.__main__ import main
+from vehicle_link.log import LogWriter
+from vehicle_link.messages import encode, header, new
+
+START = 1_769_851_842_000_000_000
+HUGE = 10 * 2**30
+COMMANDS = ("info", "check", "export", "report", "recover", "replay")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("log") / "whole.mcap"
+    with LogWriter(path, {"vehicle": "q"}, {"parameters.json": b"{}"}) as log:
+        for k in range(200):
+            stamp = START + k * 2_000_000
+            message = encode(new("sensor_msgs/Imu", header=header(stamp)))
+            log.write("/q/imu", "sensor_msgs/Imu", message, stamp, stamp)
+    return path.read_bytes()
+
+
+def foreign(
+    path: Path, encoding: str, schema: str, text: bytes, compression: CompressionType
+) -> None:
+    """By another program's hand."""
+    with path.open("wb") as stream:
+        writer = Writer(stream, compression=compression)
+        writer.start("", "other")
+        number = writer.register_schema("x/msg/Y", schema, text) if schema else 0
+        channel = writer.register_channel("/thing", encoding, number)
+        for k in range(10):
+            writer.add_message(channel, START + k, b"\0\1\0\0" + bytes(8), START + k)
+        writer.finish()
+
+
+LZ4, ZSTD = CompressionType.LZ4, CompressionType.ZSTD
+FOREIGN = {
+    "json": (("json", "jsonschema", b"{}", LZ4), "in 'json'; only 'cdr'"),
+    "protobuf": (("protobuf", "protobuf", b"\x08\x01", LZ4), "in 'protobuf'; only 'cdr'"),
+    "ros1": (("ros1", "ros1msg", b"float64 x\n", LZ4), "in 'ros1'; only 'cdr'"),
+    "without schema": (("cdr", "", b"", LZ4), "does not describe its messages"),
+    "idl": (("cdr", "ros2idl", b"module x {};", LZ4), "described in 'ros2idl'"),
+    "nonsense": (("cdr", "ros2msg", b"\xff\xfe", LZ4), "description of x/msg/Y cannot be read"),
+    "undescribed": (("cdr", "ros2msg", b"no/Such a\n", LZ4), "made of 'no/msg/Such'"),
+    "of itself": (("cdr", "ros2msg", b"x/msg/Y a\n", LZ4), "made of itself"),
+    "zstd": (("cdr", "ros2msg", b"float64 x\n", ZSTD), "compressed with 'zstd'"),
+}
+
+
+def broken(path: Path, kind: str, whole: bytes) -> None:
+    """Makes what no command can read."""
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "loop":
+        path.symlink_to(path.name)
+    elif kind == "zeros":
+        with path.open("wb") as file:
+            file.truncate(HUGE)
+    elif kind == "record":
+        path.write_bytes(whole[:36] + struct.pack("<BQ", 9, HUGE // 2))
+        with path.open("r+b") as file:
+            file.truncate(HUGE)
+    else:
+        path.write_bytes({"empty": b"", "text": b"hello\n" * 99, "magic": whole[:8]}[kind])
+
+
+BROKEN = {
+    "folder": "is a folder",
+    "pipe": "a pipe or a device",
+    "loop": "is no file",
+    "empty": "is empty: nothing was recorded",
+    "text": "is no MCAP log",
+    "zeros": "is no MCAP log",
+    "magic": "ends before its first record",
+    "record": "a record of 5369 MB",
+}
+
+
+@pytest.fixture
+def run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """A command on a log: its status, what it told, its complaint."""
+
+    def run(command: str, log: Path) -> tuple[int, str, str]:
+        words = [command, str(log)] if command == "replay" else ["log", command, str(log)]
+        if command in ("export", "report"):
+            words += ["--out", str(tmp_path / "out")]
+        if command == "report":
+            words.append("--no-pdf")
+        status = main(words)
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_what_cannot_be_read_is_one_line_of_every_command_and_stays(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, whole: bytes, kind: str
+) -> None:
+    log = tmp_path / "a.mcap"
+    broken(log, kind, whole)
+    before = log.lstat()
+    for command in COMMANDS:
+        status, out, complaint = run(command, log)
+        assert (status, out, complaint.count("\n")) == (1, "", 1), command
+        assert complaint.startswith("quadlab: ")
+        assert BROKEN[kind] in complaint, command
+    assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
+    after = log.lstat()
+    assert (after.st_size, after.st_mtime_ns) == (before.st_size, before.st_mtime_ns)
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_another_programs_log_is_named_for_what_it_is(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, kind: str
+) -> None:
+    log = tmp_path / "a.mcap"
+    words, expected = FOREIGN[kind]
+    foreign(log, *words)
+    before = log.read_bytes()
+    for command in ("check", "export", "report"):
+        status, out, complaint = run(command, log)
+        assert (status, (out + complaint).count("\n")) == (1, 1), command
+        assert expected in out + complaint
+    status, out, complaint = run("replay", log)
+    assert (status, complaint.count("\n")) == (1, 1)
+    assert run("recover", log)[0] == 0
+    assert log.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
+
+
+@pytest.mark.parametrize("kind", ["cut", "cut, then zeros", "zeros behind the end"])
+def test_a_torn_log_is_shown_exported_with_a_note_and_mended_to_be_sound(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, whole: bytes, kind: str
+) -> None:
+    log = tmp_path / "a.mcap"
+    log.write_bytes(whole if kind.startswith("zeros") else whole[: len(whole) // 2])
+    if "zeros" in kind:
+        with log.open("r+b") as file:
+            file.truncate(HUGE)
+    status, out, _ = run("info", log)
+    assert status == 0
+    assert "it is torn" in out
+    status, out, _ = run("check", log)
+    assert (status, out.count("not sound")) == (1, 1)
+    assert f"mend it: quadlab log recover {log}" in out
+    status, out, _ = run("export", log)
+    assert status == 0
+    assert ("the log is not whole" in out) is not kind.startswith("zeros"), "all messages are there"
+    status, _, complaint = run("replay", log)
+    assert (status, complaint.count("\n")) == (1, 1)
+    assert "mends it" in complaint
+    assert run("recover", log)[0] == 0
+    assert run("check", log)[0] == 0
+    assert log.stat().st_size < 2 * len(whole)
+
+
+def test_two_logs_in_one_file_are_not_mended_by_dropping_the_second(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, whole: bytes
+) -> None:
+    log = tmp_path / "a.mcap"
+    log.write_bytes(whole + whole)
+    status, _, complaint = run("recover", log)
+    assert (status, complaint.count("\n")) == (1, 1)
+    assert f"the second begins at byte {len(whole)}" in complaint
+    assert log.read_bytes() == whole + whole

@@ -1,0 +1,80 @@
+"""The command lines of several vehicles: addresses, names, ports and folders."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from console.dialled import dialled, remember_dialled
+from quadlab.processes import parse_names, parse_vehicles
+from quadlab.simulated_fleet import SimulatedFleet
+from quadrotor.errors import LinkError, UsageError
+from vehicle_link.authority import check_certificate, ensure_certificates
+
+
+def test_addresses_of_several_vehicles_are_read_with_their_names() -> None:
+    words = ("quad1=10.0.0.2:7447", "quad2=10.0.0.3")
+    assert parse_vehicles(words) == {"quad1": "10.0.0.2:7447", "quad2": "10.0.0.3"}
+    assert parse_vehicles(("10.0.0.2:7447",), "lab") == {"lab": "10.0.0.2:7447"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("quad1=10.0.0.2", "quad1=10.0.0.3"), "two vehicles would be called 'quad1'"),
+        (("10.0.0.2", "10.0.0.3"), "give each a name of its own"),
+        (("quad1=10.0.0.2", "quad2=10.0.0.2:7447"), "quad1 and quad2 would both be the vehicle"),
+        (("Quad 1=10.0.0.2",), "allowed are up to 32 small letters"),
+        (("quad1=",), "no address of a vehicle"),
+    ],
+)
+def test_addresses_that_cannot_be_meant_are_refused(words: tuple[str, ...], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        parse_vehicles(words)
+
+
+def test_a_name_is_given_once() -> None:
+    assert parse_names(()) == ("quad1",)
+    assert parse_names(("a", "b")) == ("a", "b")
+    with pytest.raises(UsageError, match="--name a is given twice"):
+        parse_names(("a", "a"))
+
+
+@pytest.mark.parametrize("count", [0, 9])
+def test_one_to_eight_vehicles_fly(count: int) -> None:
+    with pytest.raises(UsageError, match="allowed are 1 to 8"):
+        SimulatedFleet(count, "quad1", 7447).check()
+
+
+def test_several_vehicles_have_their_own_names_and_ports() -> None:
+    assert SimulatedFleet(1, "lab", 7447).ports == {"lab": 7447}
+    several = SimulatedFleet(3, "quad1", 7447)
+    assert several.ports == {"quad1": 7447, "quad2": 7449, "quad3": 7451}
+    with pytest.raises(UsageError, match="leave --name or --vehicles away"):
+        SimulatedFleet(3, "lab", 7447).check()
+
+
+def test_a_vehicle_s_folder_has_its_certificate_and_cannot_issue_others(tmp_path: Path) -> None:
+    files = ensure_certificates(tmp_path / "certificates", ["127.0.0.1"])
+    folder = SimulatedFleet(2, "quad1", 7447).folder(tmp_path, "quad2", files)
+    assert folder == tmp_path / "vehicles" / "quad2"
+    copies = ensure_certificates(folder / "certificates")
+    check_certificate(copies, "vehicle", "127.0.0.1")
+    assert copies.authority.read_bytes() == files.authority.read_bytes()
+    assert not copies.authority_key.exists()
+    with pytest.raises(LinkError):
+        check_certificate(copies, "station")
+
+
+def test_one_vehicle_alone_keeps_the_data_folder(tmp_path: Path) -> None:
+    files = ensure_certificates(tmp_path / "certificates")
+    assert SimulatedFleet(1, "quad1", 7447).folder(tmp_path, "quad1", files) == tmp_path
+
+
+def test_the_page_knows_whom_the_station_dialled_last(tmp_path: Path) -> None:
+    assert dialled(tmp_path) == ()
+    remember_dialled(tmp_path, ["a", "b"])
+    assert dialled(tmp_path) == ("a", "b")
+    (tmp_path / "station.json").write_text("torn {")
+    assert dialled(tmp_path) == ()

@@ -1,0 +1,340 @@
+"""The vehicle's logs as files: their list, their bytes, and stretches of whole chunks."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import lz4.frame
+import numpy as np
+import pytest
+
+from quadrotor.errors import StorageError
+from quadrotor.records import TICK, Record
+from vehicle.onboard_file import Batch, Message
+from vehicle.onboard_files import PART_BYTES, OnboardFiles, _Answering
+from vehicle.onboard_log import OnboardLog
+from vehicle.onboard_recovery import recover_logs, torn_logs
+from vehicle_link.log import read_log
+from vehicle_link.log.records import RawMessage, _split
+from vehicle_link.messages import decode, encode, new
+from vehicle_link.topics import SERVICES
+
+START_NS = 1_780_000_000_000_000_000
+STEP_NS = 2_000_000
+BATCH = 5
+BOUND = 10.0
+"""s, after which a test that waits has failed."""
+
+
+def ticks(first: int, count: int, *, armed: bool = True) -> Record:
+    """Ticks numbered from `first`, 2 ms apart, whose numbers do not compress to nothing."""
+    made = np.zeros(count, TICK)
+    made["imu"]["stamp_ns"] = START_NS + STEP_NS * np.arange(first, first + count)
+    made["state"]["quaternion_wb"][:, 0] = 1.0
+    made["state"]["position_w"] = np.random.default_rng(first).normal(size=(count, 3))
+    made["status"]["armed"] = armed
+    return made
+
+
+class Vehicle:
+    """A log, written at once and not by its thread, and its files; over the wire's format."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.start()
+
+    def start(self) -> None:
+        """Anew, as after a crash: nothing is known of the files but what stands on the disk."""
+        self.log = OnboardLog(
+            self.folder, "quad1", {"parameters.json": lambda: b"{}"}, lambda *_: None,
+            free=lambda _: 10**10,
+        )  # fmt: skip
+        self.files = OnboardFiles(self.log.folder, self.log.files, free=lambda _: 10**10)
+
+    def fly(self, first: int, count: int, *, late_ns: int = 1_000_000) -> None:
+        starts = range(first, first + count, BATCH)
+        parts = [ticks(start, min(BATCH, first + count - start)) for start in starts]
+        batches = [Batch(part, int(part["imu"]["stamp_ns"][-1]) + late_ns) for part in parts]
+        for number in range(0, len(batches), 3):  # as many as come until the next look
+            self.log._store(batches[number : number + 3])
+
+    def event(self, number: int) -> None:
+        stamp_ns = START_NS + STEP_NS * number
+        self.log._store([Message("events", "rcl_interfaces/Log", b"\0" * 40, stamp_ns, stamp_ns)])
+
+    def land(self) -> None:
+        self.log._finish()
+
+    def crash(self) -> None:
+        """The writer's file is left as it is; its lock goes with the process."""
+        file = self.log._file
+        assert file is not None
+        file._sync.end()
+        file._writer._file.close()
+        self.start()
+
+    def ask(self, service: str, **fields: object) -> Any:
+        kind = SERVICES[service]
+        answer: Callable[[Any], Any] = getattr(self.files, service.removeprefix("onboard_"))
+        request = decode(encode(new(f"{kind}_Request", **fields)), f"{kind}_Request")
+        return decode(encode(_Answering(kind, answer)(request)), f"{kind}_Response")
+
+    def index(self, first: int, last: int, name: str = "") -> Any:
+        return self.ask(
+            "onboard_index", name=name, start_ns=START_NS + STEP_NS * first,
+            end_ns=START_NS + STEP_NS * last,
+        )  # fmt: skip
+
+    def fetch(self, name: str, begin: int, end: int) -> bytes:
+        data = bytearray()
+        while begin + len(data) < end:
+            length = min(PART_BYTES, end - begin - len(data))
+            answer = self.ask("onboard_part", name=name, offset=begin + len(data), length=length)
+            assert answer.accepted, answer.reason
+            assert zlib.crc32(answer.data) == answer.crc32
+            data += answer.data.tobytes()
+        return bytes(data)
+
+    def messages(self, answer: Any) -> list[RawMessage]:
+        """Of a stretch, as a station reads it that knows only the answer."""
+        assert answer.accepted, answer.reason
+        content = (self.log.folder / answer.file.name).read_bytes()  # parts have their own test
+        data, place, found = content[answer.begin : answer.end], 0, []
+        while place < len(data):
+            opcode, length = struct.unpack_from("<BQ", data, place)
+            record = data[place + 9 : place + 9 + length]
+            assert len(record) == length, "ends with a whole record"
+            place += 9 + length
+            if opcode == 6:  # a chunk
+                (name,) = struct.unpack_from("<I", record, 28)
+                content = lz4.frame.decompress(record[40 + name :])
+                found += [one for one in _split(content) if isinstance(one, RawMessage)]
+        return found
+
+    def numbers(self, answer: Any, topic: str = "imu") -> list[int]:
+        (channel,) = (
+            number
+            for number, its in zip(answer.channels.tolist(), answer.topics, strict=True)
+            if its == f"/quad1/{topic}"
+        )
+        return [
+            (message.publish_ns - START_NS) // STEP_NS
+            for message in self.messages(answer)
+            if message.channel_id == channel
+        ]
+
+    def name(self) -> str:
+        (only,) = self.ask("onboard_files").files
+        return str(only.name)
+
+
+@pytest.fixture
+def vehicle(tmp_path: Path) -> Iterator[Vehicle]:
+    made = Vehicle(tmp_path)
+    yield made
+    made.land()
+
+
+def test_a_file_comes_over_byte_by_byte_with_its_checksum(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 1000)
+    vehicle.land()
+    (file,) = vehicle.ask("onboard_files").files
+    path = vehicle.log.folder / file.name
+    assert (file.size, file.closed, file.recovered) == (path.stat().st_size, True, False)
+    assert file.start_ns - START_NS == pytest.approx(4 * STEP_NS + 1_000_000)
+    assert file.end_ns == START_NS + 999 * STEP_NS + 1_000_000
+    assert vehicle.fetch(file.name, 0, file.size) == path.read_bytes()
+    end = time.monotonic() + BOUND
+    while not (digest := vehicle.ask("onboard_part", name=file.name).sha256.tobytes()):
+        assert time.monotonic() < end
+    assert digest == hashlib.sha256(path.read_bytes()).digest()
+
+
+@pytest.mark.parametrize("known", ["being written", "closed", "of an earlier process"])
+def test_any_stretch_has_every_tick_and_little_more(vehicle: Vehicle, known: str) -> None:
+    vehicle.fly(0, 400)
+    vehicle.event(400)
+    vehicle.fly(400, 600)
+    late = BATCH * 200  # read in one go after a pause of 2 s
+    part = ticks(1000, late)
+    vehicle.log._store([Batch(part, int(part["imu"]["stamp_ns"][-1]))])
+    vehicle.fly(1000 + late, 1000)
+    if known != "being written":
+        vehicle.land()
+    if known == "of an earlier process":
+        vehicle.start()
+    random = np.random.default_rng(1)
+    for _ in range(12):
+        first, last = sorted(random.integers(0, 2900, 2).tolist())
+        answer = vehicle.index(first, last)
+        found = vehicle.numbers(answer)
+        assert found == list(range(found[0], found[-1] + 1)), "no tick twice, none left out"
+        assert found[0] <= first
+        assert found[-1] >= last
+        is_by_log_time = known == "of an earlier process" and first < 1000 + late
+        if not is_by_log_time or last < 950:
+            assert found[-1] - found[0] < last - first + 200, "0.4 s more"
+    whole = vehicle.numbers(vehicle.index(0, 2900))
+    assert whole[:2900] == list(range(2900))
+
+
+def test_the_end_is_told_once_it_is_written(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 500)
+    assert vehicle.index(100, 600).end == 0
+    before = vehicle.index(100, 300)
+    assert before.end > before.begin
+    vehicle.fly(500, 200)
+    assert vehicle.numbers(vehicle.index(100, 600))[-1] >= 600
+    vehicle.land()
+    closed = vehicle.index(100, 10_000)
+    assert vehicle.numbers(closed)[-1] == 699, "what follows the flight is no hole"
+    assert vehicle.index(300, 400).begin < closed.end < closed.file.size
+
+
+def test_a_file_keeps_its_identity_while_it_grows_and_is_closed(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 500)
+    (begun,) = vehicle.ask("onboard_files").files
+    vehicle.fly(500, 500)
+    (grown,) = vehicle.ask("onboard_files").files
+    head = vehicle.fetch(grown.name, 0, begun.size)
+    vehicle.land()
+    (closed,) = vehicle.ask("onboard_files").files
+    assert begun.identity == grown.identity == closed.identity
+    assert (begun.closed, grown.closed, closed.closed) == (False, False, True)
+    assert begun.size < grown.size < closed.size
+    assert (vehicle.log.folder / closed.name).read_bytes().startswith(head)
+    assert grown.start_ns == START_NS
+    assert grown.end_ns > begun.end_ns
+
+
+def test_a_mended_file_is_another_content(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 1000)
+    vehicle.crash()
+    name = vehicle.name()
+    (torn,) = vehicle.ask("onboard_files").files
+    assert (torn.closed, torn.start_ns) == (False, 0)
+    for asked in (name, ""):
+        assert "is being mended; ask again" in vehicle.index(100, 200, asked).reason
+    assert "checksum comes after" in vehicle.ask("onboard_part", name=name).reason
+    list(recover_logs(torn_logs(vehicle.folder)))
+    (mended,) = vehicle.ask("onboard_files").files
+    assert mended.identity != torn.identity
+    assert (mended.closed, mended.recovered) == (True, True)
+    assert set(range(100, 201)) <= set(vehicle.numbers(vehicle.index(100, 200)))
+
+
+def test_the_channels_of_a_stretch_are_all_told(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 500)
+    assert "/quad1/events" not in vehicle.index(0, 300).topics
+    vehicle.event(500)
+    vehicle.fly(500, 500)
+    answer = vehicle.index(480, 520)
+    assert vehicle.numbers(answer, "events") == [500]
+    types = dict(zip(answer.topics, answer.types, strict=True))
+    name = answer.file.name
+    logged = {m.topic: m.type_name for m in read_log(vehicle.log.folder / name)}
+    assert types == logged
+    assert {m.channel_id for m in vehicle.messages(answer)} <= set(answer.channels.tolist())
+
+
+def test_without_a_name_it_is_the_flight_of_that_time(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 500)
+    vehicle.land()
+    vehicle.fly(5000, 500)
+    vehicle.land()
+    newest, oldest = (file.name for file in vehicle.ask("onboard_files").files)
+    assert vehicle.index(100, 200).file.name == oldest
+    assert vehicle.index(400, 5200).file.name == oldest, "the rest is asked for next"
+    assert vehicle.index(3000, 5200).file.name == newest
+    vehicle.start()
+    assert vehicle.index(3000, 5200).file.name == newest
+    assert "there is no onboard log of this time" in vehicle.index(2000, 3000).reason
+    assert "no stretch" in vehicle.index(300, 200).reason
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"name": "other.mcap", "length": 10}, "there is no onboard log 'other.mcap'"),
+        ({"name": "../secret.mcap", "length": 10}, "there is no onboard log '../secret.mcap'"),
+        ({"name": "link.mcap", "length": 10}, "there is no onboard log 'link.mcap'"),
+        ({"name": "folder.mcap", "length": 10}, "folder.mcap is no file"),
+        ({"name": "notes.txt", "length": 10}, "there is no onboard log 'notes.txt'"),
+        ({"name": "", "length": 10}, "there is no onboard log ''"),
+        ({"length": PART_BYTES + 1}, "2801 bytes at once are too many; allowed are 2800"),
+        ({"length": 10, "offset": 10**9}, "none from 1000000000 on"),
+    ],
+)
+def test_a_part_that_is_none_is_refused_with_its_reason(
+    vehicle: Vehicle, fields: dict[str, object], reason: str
+) -> None:
+    vehicle.fly(0, 100)
+    vehicle.land()
+    name = vehicle.name()
+    (vehicle.folder / "secret.mcap").write_bytes(b"x" * 100)
+    (vehicle.log.folder / "notes.txt").write_bytes(b"x" * 100)
+    (vehicle.log.folder / "link.mcap").symlink_to(vehicle.folder / "secret.mcap")
+    (vehicle.log.folder / "folder.mcap").mkdir()
+    answer = vehicle.ask("onboard_part", **({"name": name} | fields))
+    assert not answer.accepted
+    assert reason in answer.reason
+
+
+def test_a_file_that_is_removed_during_its_download_is_said(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 500)
+    vehicle.land()
+    name = vehicle.name()
+    size = (vehicle.log.folder / name).stat().st_size
+    assert vehicle.ask("onboard_part", name=name, offset=size, length=9).data.size == 0
+    (vehicle.log.folder / name).unlink()
+    answer = vehicle.ask("onboard_part", name=name, offset=100, length=10)
+    assert "it may have been removed to make room" in answer.reason
+
+
+def test_files_that_are_no_logs_are_not_listed(vehicle: Vehicle) -> None:
+    assert list(vehicle.ask("onboard_files").files) == [], "nor a folder that is not there"
+    vehicle.fly(0, 10)
+    magic = b"\x89MCAP0\r\n"
+    (vehicle.log.folder / "foreign.mcap").write_bytes(magic + b"no index" * 9 + magic)
+    (vehicle.log.folder / "text.mcap").write_text("not a log at all")
+    (vehicle.log.folder / "empty.mcap").touch()
+    assert vehicle.ask("onboard_part", name="text.mcap", length=9).reason.endswith("is no MCAP log")
+    answer = vehicle.ask("onboard_files")
+    assert [file.name for file in answer.files] == [vehicle.log.files()[0].path.name]
+    assert answer.free_bytes == 10**10
+
+
+def test_a_name_that_is_used_again_is_another_content(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 10)
+    vehicle.land()
+    (first,) = vehicle.ask("onboard_files").files
+    path = vehicle.log.folder / first.name
+    content = path.read_bytes()
+    path.unlink()  # its inode is free now
+    path.write_bytes(content)
+    (second,) = vehicle.ask("onboard_files").files
+    assert second.identity != first.identity
+
+
+def test_a_disk_that_cannot_be_read_is_a_reason(
+    vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle.fly(0, 100)
+    vehicle.land()
+    name = vehicle.name()
+
+    def failing(*arguments: object) -> bytes:
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(os, "pread", failing)
+    answer = vehicle.ask("onboard_part", name=name, length=10)
+    assert answer.reason == f"cannot read {name}: Input/output error"
+    with pytest.raises(StorageError):
+        vehicle.files.part(new("quadlab_msgs/srv/OnboardPart_Request", name=name, length=10))

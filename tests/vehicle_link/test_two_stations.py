@@ -1,0 +1,202 @@
+"""Two stations on one vehicle, each with its hub and radio: real sessions, the vehicle's own inbox
+and the stations' own outboxes."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bearing_sim import PoseMeasurement
+from console.link_monitor import LinkMonitor
+from console.outbox import Outbox
+from vehicle.comms_clock import VehicleClock
+from vehicle.comms_inbound import Inbound
+from vehicle_link import topics
+from vehicle_link.authority import TlsFiles, ensure_certificates
+from vehicle_link.instance import new_instance, spoken
+from vehicle_link.node import Node, Received
+from vehicle_link.radio import Radio
+from vehicle_link.session import hub_session, vehicle_session
+from vehicle_link.topics import TOPICS
+
+WAIT = 10.0  # s: a bound, not an expectation
+BEAT = 0.02
+
+
+def _free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _until(condition: Callable[[], object]) -> None:
+    deadline = time.monotonic() + WAIT
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+class _Beating:
+    """Calls `beat` until it is closed."""
+
+    def __init__(self, session: Any, node: str) -> None:
+        self.session, self.node = session, Node(session, "/quad1", node)
+        self.closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def subscribe(self, name: str, callback: Callable[[Received], None]) -> None:
+        self.node.subscribe(name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos)
+
+    def _run(self) -> None:
+        count = 0
+        while not self.closing.wait(BEAT):
+            count += 1
+            self.beat(count)
+
+    def beat(self, count: int) -> None: ...
+
+    def close(self) -> None:
+        self.closing.set()
+        self._thread.join()
+        self.session.close()
+
+
+class Vehicle(_Beating):
+    def __init__(self, port: int, tls: TlsFiles) -> None:
+        super().__init__(vehicle_session(port, tls, "127.0.0.1"), "vehicle")
+        self.holders: list[int] = []
+        self.poses: list[float] = []  # x of each
+        self.said: list[str] = []
+        self.instance = new_instance()
+        clock = VehicleClock()
+        self.inbound = Inbound(
+            None, clock, lambda level, text: self.said.append(text), print, self._taken  # type: ignore[arg-type]
+        )  # fmt: skip
+        for name in ("station_heartbeat", "tracker_pose"):
+            self.subscribe(name, partial(self._heard, name))
+        self._out = self.node.advertise(TOPICS["vehicle_heartbeat"])
+        self._thread.start()
+
+    def _heard(self, name: str, received: Received) -> None:
+        self.inbound.take(name, received.payload, received.gid)
+
+    def _taken(self, topic: str, payload: bytes, stamp_ns: int) -> None:
+        self.poses.append(float(topics.decode_pose(payload)["position_w"][0, 0]))
+
+    def beat(self, count: int) -> None:
+        holder = self.inbound.holder
+        if not self.holders or self.holders[-1] != holder:
+            self.holders.append(holder)
+        self._out.put(topics.encode_heartbeat(count, time.time_ns(), self.instance, holder))
+
+
+class Station(_Beating):
+    """Beats and sends poses all the time, as far as it may. `number`: x of its poses."""
+
+    def __init__(self, port: int, tls: TlsFiles, number: int) -> None:
+        loopback = _free_port(socket.SOCK_STREAM)
+        super().__init__(hub_session(loopback), "station")
+        self.link = LinkMonitor("quad1", new_instance())
+        self.instance, self.number = self.link.standing.instance, number
+        self.outbox = Outbox(
+            self.node, "quad1", lambda *row: None, time.time_ns, self.link.standing
+        )
+        self.subscribe(
+            "vehicle_heartbeat", lambda got: self.link.beat(got.payload, got.received_ns)
+        )
+        self._place = f"127.0.0.1:{port}", tls, loopback
+        self.radio = self.dial()
+        self._thread.start()
+
+    def dial(self, endpoint: str = "") -> Radio:
+        own, tls, loopback = self._place
+        return Radio(endpoint or own, tls, loopback, lambda: 0.0)
+
+    def beat(self, count: int) -> None:
+        if self.link.standing.beats:
+            self.outbox.heartbeat(count)
+        place = np.array([float(self.number), 0.0, 0.0])
+        self.outbox.pose(PoseMeasurement(time.time_ns(), place, np.array([1.0, 0.0, 0.0, 0.0])))
+
+    def close(self) -> None:
+        self.radio.close(WAIT)
+        super().close()
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Iterator[Callable[[int], Any]]:
+    """`make(0)` is the vehicle, which is first; other numbers are stations."""
+    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    made: list[_Beating] = []
+
+    def one(number: int) -> Any:
+        made.append(Station(port, tls, number) if number else Vehicle(port, tls))
+        return made[-1]
+
+    yield one
+    for each in reversed(made):
+        if not each.closing.is_set():
+            each.close()
+
+
+def test_a_second_station_waits_until_the_first_is_gone(make: Callable[[int], Any]) -> None:
+    vehicle, first = make(0), make(1)
+    _until(lambda: vehicle.poses)
+    second = make(2)
+    _until(lambda: second.link.problem())
+    assert second.link.problem() == f"another station ({spoken(first.instance)}) flies quad1"
+    assert second.link.refusal("arm").startswith("another station")
+    assert second.link.refusal("emergency") == ""
+    assert first.link.problem() == ""
+    have = len(vehicle.poses)
+    _until(lambda: len(vehicle.poses) > have + 20)
+    assert set(vehicle.poses) == {1.0}  # never a pose of the other
+    assert vehicle.inbound.holder == first.instance
+    first.close()
+    _until(lambda: vehicle.poses[-1] == 2.0)
+    assert second.link.refusal("arm") == ""
+    assert vehicle.inbound.holder == second.instance
+
+
+def test_of_two_stations_that_start_together_one_stays(make: Callable[[int], Any]) -> None:
+    stations = [make(1), make(2)]
+    vehicle = make(0)
+    _until(lambda: len(vehicle.poses) > 50 and any(s.link.problem() for s in stations))
+    assert [holder for holder in vehicle.holders if holder] == [vehicle.inbound.holder]
+    assert len(set(vehicle.poses)) == 1
+
+
+def test_two_vehicles_of_one_name_are_noticed(make: Callable[[int], Any], tmp_path: Path) -> None:
+    vehicle, station = make(0), make(1)
+    _until(lambda: vehicle.poses)
+    port = _free_port(socket.SOCK_DGRAM)
+    twin = Vehicle(port, ensure_certificates(tmp_path))
+    second = station.dial(f"127.0.0.1:{port}")
+    try:
+        _until(lambda: station.link.problem().startswith("two vehicles are called quad1"))
+        for one in (vehicle, twin):
+            assert spoken(one.instance) in station.link.problem()
+        assert station.link.refusal("arm")
+    finally:
+        second.close(WAIT)
+        twin.close()
+
+
+def test_the_first_that_comes_back_finds_the_second_flying(make: Callable[[int], Any]) -> None:
+    vehicle, first = make(0), make(1)
+    _until(lambda: vehicle.inbound.holder == first.instance)
+    second = make(2)
+    _until(lambda: second.link.problem())
+    first.radio.close(WAIT)  # its process lives on
+    _until(lambda: vehicle.inbound.holder == second.instance)
+    first.radio = first.dial()
+    _until(lambda: first.link.problem())
+    assert spoken(second.instance) in first.link.problem()

@@ -1,0 +1,28 @@
+"""One of several who say the same: the first heard is listened to until it falls silent."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+Key = TypeVar("Key")
+SILENT_NS = 1_000_000_000
+
+
+class FirstHeard(Generic[Key]):
+    """Pure: fed with times of any steady clock, ns. Of one thread."""
+
+    def __init__(self, silent_ns: int = SILENT_NS) -> None:
+        self._silent_ns = silent_ns
+        self._key: Key | None = None
+        self._heard_ns = 0
+
+    def heard(self, key: Key, now_ns: int) -> bool:
+        """Whether this one is listened to; it is from now on, if nobody else is."""
+        if self.current(now_ns) not in (None, key):
+            return False
+        self._key, self._heard_ns = key, now_ns
+        return True
+
+    def current(self, now_ns: int) -> Key | None:
+        """Who is listened to; None when they have been silent for too long."""
+        return self._key if now_ns - self._heard_ns < self._silent_ns else None

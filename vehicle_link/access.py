@@ -1,0 +1,66 @@
+"""What a station may do at a vehicle, by the common name of its certificate.
+
+A pilot everything; an observer hears telemetry and status and asks what only tells: it can send
+no pose, stick, heartbeat, command or value. Zenoh enforces it on board and denies in silence, so
+a vehicle answers `whoami` to all, and `pilot/whoami` to those whom it would obey.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from vehicle_link.topics import TOPICS
+
+Access = Literal["pilot", "observer"]
+COMMON_NAMES: dict[Access, str] = {"pilot": "quadlab station", "observer": "quadlab observer"}
+
+WHOAMI = "whoami"
+PILOT_WHOAMI = "pilot/whoami"
+LANE, PILOT_LANE = "lane", "pilot/lane"
+"""By the first one only hears."""
+
+TELLING = (
+    WHOAMI, LANE, "time_sync", "checks",
+    "onboard_log", "onboard_files", "onboard_index", "onboard_part",
+    "vehicle/get_parameters", "vehicle/get_parameter_types", "vehicle/list_parameters",
+    "vehicle/describe_parameters",
+)  # fmt: skip
+"""Services that change nothing."""
+
+_TOKENS = "@ros2_lv/**"  # "**" does not match names that begin with @
+_DOWN = ("put", "delete", "reply", "declare_queryable", "liveliness_token")
+_UP = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
+
+
+def access_control() -> dict[str, Any]:
+    """Zenoh's configuration of the vehicle's session; certificates of others may do nothing."""
+    topics = [row.name for row in TOPICS.values() if row.sender == "vehicle"]
+    open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *TELLING)), _TOKENS]
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": [
+            _rule("everything", (*_DOWN, *_UP), ("ingress", "egress"), ["**", _TOKENS]),
+            _rule("told", _DOWN, ("egress",), open_to_all),
+            _rule("asked", _UP, ("ingress",), open_to_all),
+        ],
+        "subjects": [
+            {"id": access, "cert_common_names": [name]} for access, name in COMMON_NAMES.items()
+        ],
+        "policies": [
+            {"rules": ["everything"], "subjects": ["pilot"]},
+            {"rules": ["told", "asked"], "subjects": ["observer"]},
+        ],
+    }
+
+
+def _rule(
+    name: str, messages: tuple[str, ...], flows: tuple[str, ...], keys: list[str]
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "permission": "allow",
+        "messages": list(messages),
+        "flows": list(flows),
+        "key_exprs": keys,
+    }

@@ -1,0 +1,89 @@
+"""Whether a vehicle's end of the link answers at all, without showing or seeing a certificate.
+
+A QUIC server answers a packet of a version nobody speaks with those it does (RFC 9000, section 6);
+so a link that does not stand can be told apart: nobody there, or somebody who does not want us.
+"""
+
+from __future__ import annotations
+
+import secrets
+import socket
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from enum import StrEnum
+
+RESERVED_VERSION = 0x1A2A3A4A  # RFC 9000, section 15: exists to force a negotiation
+LEAST = 1200  # bytes of a first packet
+TRIES = 3
+AT_ONCE = 64
+
+
+class Door(StrEnum):
+    ANSWERS = "answers"
+    CLOSED = "closed"  # the machine is there, nobody listens
+    SILENT = "silent"
+    NAMELESS = "nameless"  # the host name leads nowhere
+
+
+WHY = {
+    Door.ANSWERS: "a vehicle answers there, but one end does not accept the other's certificate: "
+    "it is of another base, out of date by that end's clock, or not for this address; enrol the "
+    "vehicle anew with `quadlab link enrol`, and look at both clocks",
+    Door.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
+    Door.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
+    Door.NAMELESS: "nobody knows this name; give the vehicle's address instead",
+}
+"""There is no link: what to tell people."""
+
+
+def knock(host: str, port: int, timeout: float = 0.3) -> Door:
+    """Waits at most three times `timeout` seconds, and for the resolver."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[
+            0
+        ]
+    except (OSError, UnicodeError):
+        return Door.NAMELESS
+    own = secrets.token_bytes(8)
+    with socket.socket(family, kind, protocol) as sender:
+        sender.settimeout(timeout)
+        try:
+            sender.connect(address)
+            for _ in range(TRIES):
+                sender.send(_initial(own))
+                try:
+                    if _negotiates(sender.recv(2048), own):
+                        return Door.ANSWERS
+                except TimeoutError:
+                    continue
+        except ConnectionRefusedError:
+            return Door.CLOSED
+        except OSError:  # no route
+            return Door.SILENT
+    return Door.SILENT
+
+
+def knock_at_all(places: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Door]:
+    """As `knock`, at many (host, port) at once; in their order."""
+    if not places:
+        return {}
+    with ThreadPoolExecutor(min(AT_ONCE, len(places))) as pool:
+        doors = pool.map(lambda place: knock(*place), places)
+        return dict(zip(places, doors, strict=True))
+
+
+def _initial(own: bytes) -> bytes:
+    """A long header of the reserved version; `own` is where answers go (8 bytes)."""
+    head = bytes([0xC0]) + RESERVED_VERSION.to_bytes(4, "big")
+    head += bytes([8]) + secrets.token_bytes(8) + bytes([len(own)]) + own
+    return head.ljust(LEAST, b"\0")
+
+
+def _negotiates(answer: bytes, own: bytes) -> bool:
+    """Version Negotiation: long header, version 0, our own connection id as its destination."""
+    return (
+        len(answer) > 6 + len(own)
+        and answer[0] & 0x80 != 0
+        and answer[1:5] == bytes(4)
+        and answer[6 : 6 + answer[5]] == own
+    )

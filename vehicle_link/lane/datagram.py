@@ -1,0 +1,138 @@
+"""One datagram: a header, and a content that only the other end of the lane can read or make.
+
+    header   version 1 B | id of the keys 4 B | counter 8 B
+    content  topic 1 B | publisher's sequence 8 B, source time 8 B, GID 16 B | payload
+    tag      16 B
+
+Little endian, times in ns. The header is authenticated, the content encrypted as well:
+ChaCha20-Poly1305 (RFC 8439) with the counter as nonce: as fast on processors without AES.
+"""
+
+from __future__ import annotations
+
+import itertools
+import struct
+import time
+from dataclasses import dataclass
+
+from vehicle_link.lane.replay_window import ReplayWindow
+from vehicle_link.node import Received
+from vehicle_link.rmw_keys import GID_SIZE
+
+VERSION = 0xD1
+KEY_SIZE = 32
+LARGEST = 1200
+"""Bytes of a datagram that pass every network without fragments."""
+
+HELLO = "hello"
+"""Of the station, without payload: where it is, and that it listens."""
+A_HELLO = Received(b"", 0, 0, 0)
+TO_STATION = ("telemetry", "vehicle_heartbeat")
+TO_VEHICLE = (HELLO, "tracker_pose", "bearings", "joy", "station_heartbeat")
+
+_TOPICS = {0: HELLO, 1: "telemetry", 2: "vehicle_heartbeat"} | {
+    3: "tracker_pose", 4: "bearings", 5: "joy", 6: "station_heartbeat",
+}  # fmt: skip
+_NUMBERS = {name: number for number, name in _TOPICS.items()}
+_HEADER = struct.Struct("<BIQ")
+_NONCE = struct.Struct("<4xQ")
+_CONTENT = struct.Struct(f"<BQq{GID_SIZE}s")
+_TAG = 16
+LARGEST_PAYLOAD = LARGEST - _HEADER.size - _CONTENT.size - _TAG
+_SMALLEST = _HEADER.size + _CONTENT.size + _TAG
+
+
+@dataclass
+class Refused:
+    """Datagrams that were dropped, by why.
+
+    Attributes:
+        foreign: not of this version, size or key. forged: not made with the key.
+        replayed: came already, or too old to tell. unexpected: of a topic not for this end.
+    """
+
+    foreign: int = 0
+    forged: int = 0
+    replayed: int = 0
+    unexpected: int = 0
+
+    @property
+    def total(self) -> int:
+        return self.foreign + self.forged + self.replayed + self.unexpected
+
+
+class Sealer:
+    """Makes the datagrams of one direction; any thread may.
+
+    Args:
+        key: 32 bytes, for this object alone: its counter begins at 1.
+    """
+
+    def __init__(self, key_id: int, key: bytes) -> None:
+        from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+
+        self._key_id = key_id
+        self._encrypt = ChaCha20Poly1305(key).encrypt
+        self._counter = itertools.count(1)  # `next` is atomic
+
+    def seal(self, topic: str, message: Received) -> bytes:
+        """At most LARGEST_PAYLOAD bytes of payload."""
+        counter = next(self._counter)
+        header = _HEADER.pack(VERSION, self._key_id, counter)
+        content = _CONTENT.pack(_NUMBERS[topic], message.sequence, message.source_ns, message.gid)
+        return header + self._encrypt(_NONCE.pack(counter), content + message.payload, header)
+
+
+class Opener:
+    """Reads the datagrams of one direction; of one thread.
+
+    Args:
+        topics: what may come this way.
+        refused: counted up for what is not taken.
+    """
+
+    def __init__(self, key: bytes, topics: tuple[str, ...], refused: Refused) -> None:
+        from cryptography.exceptions import InvalidTag
+        from cryptography.hazmat.primitives.ciphers.aead import ChaCha20Poly1305
+
+        self._decrypt = ChaCha20Poly1305(key).decrypt
+        self._invalid = InvalidTag
+        self._topics, self._refused = topics, refused
+        self._window = ReplayWindow()
+
+    @property
+    def newest(self) -> int:
+        """The largest counter taken, 0 before the first."""
+        return self._window.newest
+
+    def open(self, datagram: bytes) -> tuple[str, Received] | None:
+        """(topic, message); None, and counted, for what cannot be taken.
+
+        Only what `key_id_of` has found to be of our key.
+        """
+        received_ns = time.time_ns()
+        counter = _HEADER.unpack_from(datagram)[2]
+        if not self._window.is_new(counter):
+            self._refused.replayed += 1
+            return None
+        header = datagram[: _HEADER.size]
+        try:
+            content = self._decrypt(_NONCE.pack(counter), datagram[_HEADER.size :], header)
+        except self._invalid:
+            self._refused.forged += 1
+            return None
+        self._window.take(counter)  # only now: a forged counter must not close the window
+        number, sequence, source_ns, gid = _CONTENT.unpack_from(content)
+        topic = _TOPICS.get(number, "")
+        if topic not in self._topics:
+            self._refused.unexpected += 1
+            return None
+        return topic, Received(content[_CONTENT.size :], sequence, source_ns, received_ns, gid)
+
+
+def key_id_of(datagram: bytes) -> int | None:
+    """Which keys it says it is of; None when it is no datagram of a lane."""
+    if not _SMALLEST <= len(datagram) <= LARGEST or datagram[0] != VERSION:
+        return None
+    key_id: int = _HEADER.unpack_from(datagram)[1]
+    return key_id

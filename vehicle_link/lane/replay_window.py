@@ -1,0 +1,31 @@
+"""Which counters came already (RFC 4303, section 3.4.3): a bitmap behind the newest one."""
+
+from __future__ import annotations
+
+SIZE = 1024
+"""Counters looked back on: 5 s of one lane, and older ones count as known."""
+_ALL = (1 << SIZE) - 1
+
+
+class ReplayWindow:
+    """Of one thread. Counters begin at 1."""
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self._came = 0  # bit k: newest - k
+
+    def is_new(self, counter: int) -> bool:
+        if counter > self.newest:
+            return True
+        behind = self.newest - counter
+        return counter > 0 and behind < SIZE and not self._came >> behind & 1
+
+    def take(self, counter: int) -> None:
+        """It came, and is what it says."""
+        if counter > self.newest:
+            # A jump of 2⁶³ must not shift by as much.
+            ahead = min(counter - self.newest, SIZE)
+            self._came = (self._came << ahead | 1) & _ALL
+            self.newest = counter
+        else:
+            self._came |= 1 << (self.newest - counter)

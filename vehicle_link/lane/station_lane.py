@@ -1,0 +1,166 @@
+"""The station's end of the lane to one vehicle: asks for it, says hello, and knows if it stands."""
+
+from __future__ import annotations
+
+import logging
+import math
+import socket
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from quadrotor.errors import LinkError
+from vehicle_link.lane.datagram import (
+    A_HELLO,
+    HELLO,
+    KEY_SIZE,
+    LARGEST_PAYLOAD,
+    TO_STATION,
+    Opener,
+    Refused,
+    Sealer,
+    key_id_of,
+)
+from vehicle_link.lane.lane_socket import Address, LaneSocket
+from vehicle_link.messages import Message
+from vehicle_link.node import Received
+
+log = logging.getLogger(__name__)
+
+HELLO_PERIOD = 0.1  # s
+SILENT_AFTER = 0.5  # s, for a lane that stood
+ASK_AGAIN, ASK_AGAIN_MOST = 1.0, 10.0
+"""s between two askings while the lane stays silent, each pause twice the one before: something in
+between may let no datagrams pass, and then asking does not help."""
+
+
+@dataclass(frozen=True)
+class _Keys:
+    vehicle: int  # the instance that gave them
+    key_id: int
+    address: Address
+    sealer: Sealer = field(repr=False)
+    opener: Opener = field(repr=False)
+
+
+class StationLane:
+    """`put` and `vehicle_is` are for any thread.
+
+    Args:
+        host: of the vehicle, as it is dialled.
+        ask: asks the vehicle's service `lane`; called in a thread of its own. Raises LinkError.
+        deliver: (topic, message) of what the vehicle sends, in the thread that receives.
+        changed: whether the lane stands, when that changes; in a thread of this lane.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        ask: Callable[[], Message],
+        deliver: Callable[[str, Received], None],
+        changed: Callable[[bool], None] = lambda stands: None,
+    ) -> None:
+        self._host, self._ask = host, ask
+        self._deliver, self._changed = deliver, changed
+        self._socket: LaneSocket | None = None
+        self._keys: _Keys | None = None
+        self.refused = Refused()
+        self._heard: float | None = None
+        self._vehicle, self._vehicle_heard = 0, -math.inf
+        self._asking = False
+        self._asked, self._pause = -math.inf, ASK_AGAIN
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="lane keeper", daemon=True)
+        self._thread.start()
+
+    @property
+    def stands(self) -> bool:
+        """Whether the vehicle is heard by it."""
+        heard = self._heard
+        return heard is not None and time.monotonic() - heard < SILENT_AFTER
+
+    def vehicle_is(self, instance: int) -> None:
+        """The vehicle was heard over the link, where it can be asked; which process of it."""
+        self._vehicle, self._vehicle_heard = instance, time.monotonic()
+
+    def put(self, topic: str, message: Received) -> bool:
+        """Whether it left, by a lane that stands or not; never waits."""
+        keys, link = self._keys, self._socket
+        if keys is None or link is None or len(message.payload) > LARGEST_PAYLOAD:
+            return False
+        return link.send(keys.sealer.seal(topic, message), keys.address)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(1.0)
+        if self._socket is not None:
+            self._socket.close()
+
+    def _run(self) -> None:
+        stood = False
+        while not self._closing.wait(HELLO_PERIOD):
+            self.put(HELLO, A_HELLO)
+            if self.stands != stood:
+                stood = not stood
+                self._tell(stood)
+            if stood:
+                self._pause = ASK_AGAIN
+            if self._should_ask(stood):
+                self._asking = True
+                # Apart: an answer may take a second, and hellos must go on.
+                threading.Thread(target=self._get_keys, name="lane keys", daemon=True).start()
+
+    def _should_ask(self, stands: bool) -> bool:
+        now, keys = time.monotonic(), self._keys
+        if self._asking or now - self._vehicle_heard > SILENT_AFTER:
+            return False
+        if keys is not None and keys.vehicle != self._vehicle:  # another process: at once
+            return now - self._asked >= HELLO_PERIOD
+        return not stands and now - self._asked >= self._pause
+
+    def _get_keys(self) -> None:
+        vehicle = self._vehicle
+        if not math.isinf(self._asked):
+            self._pause = min(2 * self._pause, ASK_AGAIN_MOST)
+        try:
+            self._use(vehicle, self._ask())
+        except (LinkError, OSError) as error:
+            log.info("no lane to %s: %s", self._host, error)
+        finally:
+            self._asked = time.monotonic()
+            self._asking = False
+
+    def _use(self, vehicle: int, answer: Message) -> None:
+        """Raises LinkError or OSError; the keys used until now stay then."""
+        if not answer.accepted:
+            raise LinkError(f"the vehicle gives no lane: {answer.reason}")
+        to_station, to_vehicle = bytes(answer.key_to_station), bytes(answer.key_to_vehicle)
+        if not len(to_station) == len(to_vehicle) == KEY_SIZE or to_station == to_vehicle:
+            raise LinkError(f"the vehicle's keys of {len(to_station)} and {len(to_vehicle)} B")
+        found = socket.getaddrinfo(self._host, int(answer.port), type=socket.SOCK_DGRAM)
+        family, _, _, _, address = found[0]
+        if self._socket is None:
+            self._socket = LaneSocket(family, "::" if family == socket.AF_INET6 else "0.0.0.0", 0)
+            self._socket.start(self._take)
+        key_id = int(answer.key_id)
+        sealer = Sealer(key_id, to_vehicle)
+        opener = Opener(to_station, TO_STATION, self.refused)
+        self._keys = _Keys(vehicle, key_id, address, sealer, opener)
+        self.put(HELLO, A_HELLO)
+
+    def _take(self, datagram: bytes, _: Address) -> None:
+        keys = self._keys
+        if keys is None or key_id_of(datagram) != keys.key_id:
+            self.refused.foreign += 1
+            return
+        opened = keys.opener.open(datagram)
+        if opened is not None:
+            self._heard = time.monotonic()
+            self._deliver(*opened)
+
+    def _tell(self, stands: bool) -> None:
+        try:
+            self._changed(stands)
+        except LinkError as error:  # the session is closing
+            log.info("lane of %s: %s", self._host, error)

@@ -1,0 +1,139 @@
+"""The records of a log one after the other, as far as it is whole.
+
+A log whose writer was killed ends anywhere. Seeking readers refuse such a file; this walk goes up
+to the tear and says where and why it stopped. It holds one record at a time.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import IO
+
+import lz4.frame
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Chunk
+from mcap.writer import MCAP0_MAGIC
+
+from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log.file import open_log
+
+RECORD = struct.Struct("<BQ")
+"""Opcode and length before each record's content."""
+MOST_BYTES = 512_000_000
+"""Of one record, and of a chunk when it is opened; ours have 64 KiB."""
+UNREADABLE = (
+    McapError, RuntimeError, ValueError, struct.error, IndexError, OverflowError, MemoryError,
+)  # fmt: skip
+"""What the library and lz4 raise for bytes that are no such record."""
+
+
+@dataclass
+class WalkState:
+    """Filled while `walk` runs; final when it ended."""
+
+    closed: bool = False  # the index and the end mark were there, and nothing behind
+    whole_bytes: int = 0  # up to the end of the last whole record
+    share: float = 0.0  # of the file read so far, 0 to 1
+    tear: str = ""  # why reading stopped, empty for a closed file
+
+
+def walk(path: Path, state: WalkState) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of every record up to the footer or the tear.
+
+    Raises:
+        LogFormatError: this is no MCAP file, or a record is larger than any that is read.
+        StorageError: the file cannot be read.
+    """
+    with open_log(path) as stream:
+        try:
+            yield from _walk(path.name, stream, state)
+        except OSError as error:
+            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _walk(name: str, stream: IO[bytes], state: WalkState) -> Iterator[tuple[int, bytes]]:
+    size = os.fstat(stream.fileno()).st_size
+    start = stream.read(len(MCAP0_MAGIC))
+    if not start:
+        raise LogFormatError(f"{name} is empty: nothing was recorded")
+    if not MCAP0_MAGIC.startswith(start):
+        raise LogFormatError(f"{name} is no MCAP log (wrong first bytes)")
+    place = len(MCAP0_MAGIC)
+    while True:
+        head = stream.read(RECORD.size)
+        opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
+        end = place + RECORD.size + length
+        if length > MOST_BYTES and opcode and end <= size:
+            raise LogFormatError(
+                f"{name} has a record of {length / 1e6:.0f} MB at byte {place}; "
+                f"at most {MOST_BYTES // 10**6} MB are read"
+            )
+        data = stream.read(length) if opcode and end <= size else b""
+        if opcode == 0 or len(data) < length or end > size:
+            break
+        place = state.whole_bytes = end
+        state.share = place / size
+        yield opcode, data
+        if opcode == Opcode.FOOTER:
+            behind = stream.read(len(MCAP0_MAGIC))
+            more = size - place - len(behind)
+            if more and stream.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC:
+                raise LogFormatError(
+                    f"{name} is two logs one behind the other: the second begins at byte "
+                    f"{place + len(MCAP0_MAGIC)}; part them there"
+                )
+            if behind != MCAP0_MAGIC:
+                state.tear = "has a wrong end mark"
+            elif more:
+                state.tear = f"has {more} bytes behind its end"
+            else:
+                state.closed = True
+            return
+    if state.whole_bytes == 0:
+        raise LogFormatError(f"{name} ends before its first record; there is nothing to recover")
+    within = "within a record" if place < size else "without its end mark"
+    state.tear = f"ends {within} after byte {place} of {size}"
+
+
+def opened(name: str, content: bytes) -> bytes:
+    """What is in a chunk record.
+
+    Raises LogFormatError when it is compressed in a way not read here, one of UNREADABLE when it
+    is damaged.
+    """
+    chunk = Chunk.read(stream_of(content))
+    if chunk.compression not in ("", "lz4"):
+        raise LogFormatError(
+            f"{name}: chunks are compressed with {chunk.compression!r:.40}; allowed are lz4 and "
+            "none: convert with `mcap compress --compression lz4`"
+        )
+    if chunk.uncompressed_size > MOST_BYTES:
+        raise ValueError("too large")
+    data = lz4.frame.decompress(chunk.data) if chunk.compression else chunk.data
+    if len(data) != chunk.uncompressed_size:
+        raise ValueError("size")
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("checksum")
+    return bytes(data)
+
+
+def attachment_of(content: bytes) -> Attachment:
+    """Raises one of UNREADABLE when it is damaged."""
+    found: Attachment = Attachment.read(stream_of(content))
+    checksum = int.from_bytes(content[-4:], "little")
+    if checksum and zlib.crc32(content[:-4]) != checksum:
+        raise ValueError("checksum")
+    return found
+
+
+def stream_of(data: bytes) -> ReadDataStream:
+    """For the library's readers of single records."""
+    return ReadDataStream(BytesIO(data))

@@ -1,0 +1,44 @@
+"""Samples that Zenoh hands to the subscription of another topic.
+
+Zenoh sends numbers for keys. When links come and go under load, a sample of the best-effort channel
+may arrive after its number has got another meaning: seen once, an odometry that came as a parameter
+change. Every publisher has one topic, so its GID tells.
+"""
+
+from __future__ import annotations
+
+import threading
+
+ESTABLISHED = 10
+"""Samples after which a publisher's topic is known."""
+FORGIVEN = 3
+"""Samples in a row on another topic that are refused; who goes on means it."""
+KNOWN = 1000
+"""Publishers remembered, of all nodes of this process."""
+
+
+class Topics:
+    """Which publisher publishes what, learnt from what comes. Thread-safe.
+
+    Attributes:
+        refused: samples so far.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._known: dict[bytes, tuple[str, int, int]] = {}  # GID → key, samples, strange ones
+        self.refused = 0
+
+    def belongs(self, gid: bytes, key: str) -> bool:
+        """Whether a sample of this publisher may have come under this key."""
+        with self._lock:
+            of, count, strange = self._known.pop(gid, (key, 0, 0))
+            if of != key and (count < ESTABLISHED or strange >= FORGIVEN):
+                of, count, strange = key, 0, 0
+            is_right = of == key
+            # Put back last: the one not heard for the longest is forgotten first.
+            self._known[gid] = (of, count + 1, 0) if is_right else (of, count, strange + 1)
+            if len(self._known) > KNOWN:
+                self._known.pop(next(iter(self._known)))
+            self.refused += not is_right
+            return is_right

@@ -1,0 +1,20 @@
+"""Who is at the other end of a session's radio link."""
+
+from __future__ import annotations
+
+import zenoh
+
+
+def namespaces(session: zenoh.Session, timeout: float = 1.0) -> set[str]:
+    """Of the nodes there (`quad1`), as far as they show themselves to us; asks over the link."""
+    found: set[str] = set()
+    try:
+        links = session.info.links()
+        for zid in {str(link.zid) for link in links if link.dst.startswith("quic/")}:
+            for reply in session.liveliness().get(f"@ros2_lv/*/{zid}/**", timeout=timeout):
+                if reply.ok is not None:
+                    # @ros2_lv/domain/session/node/endpoint/kind/enclave/namespace/…
+                    found.add(str(reply.ok.key_expr).split("/")[7].strip("%"))
+    except zenoh.ZError:  # closed meanwhile
+        return set()
+    return found - {""}

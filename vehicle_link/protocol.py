@@ -1,0 +1,60 @@
+"""Whether the two ends of a link understand each other.
+
+Zenoh's keys hold the hash of each type, so ends with other definitions do not hear each other, one
+topic at a time and in silence. The protocol is one hash over all of them, which both can compare.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import re
+from functools import cache
+
+from quadrotor.records import TICK
+from vehicle_link.messages import type_hash
+from vehicle_link.topics import SERVICES, TOPICS
+
+FROM_STATION = ("tracker_pose", "bearings", "joy", "station_heartbeat")
+"""Its other topics, and the services below, stay on its loopback."""
+AT_STATION = ("record", "mark", "experiment", "control", "transfer")
+
+
+@cache
+def protocol() -> str:
+    """Eight digits, of the definitions of every topic and service on the radio."""
+    rows = [f"tick {TICK.descr}"]  # what telemetry packs is no ROS type
+    for row in TOPICS.values():
+        if row.sender == "vehicle" or row.name in FROM_STATION:
+            rows.append(f"{row.name} {type_hash(row.type_name)}")
+    for name, srv_type in SERVICES.items():
+        if name not in AT_STATION:
+            rows.append(f"{name} {type_hash(srv_type)}")
+    return hashlib.sha256("\n".join(sorted(rows)).encode()).hexdigest()[:8]
+
+
+@cache
+def version() -> str:
+    """Of this software."""
+    try:
+        return importlib.metadata.version("quadlab")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def disagreement(their_protocol: str, their_version: str) -> str:
+    """What keeps this station from understanding a vehicle, and what to update; "" for nothing."""
+    if their_protocol == protocol():
+        return ""
+    ours, theirs = _number(version()), _number(their_version)
+    remedy = "bring both to the same version of quadlab"
+    if ours and theirs and ours != theirs:
+        remedy = f"update quadlab on the {'vehicle' if theirs < ours else 'station'}"
+    return (
+        f"the vehicle speaks protocol {their_protocol or 'unknown'} (quadlab "
+        f"{their_version or 'unknown'}), this station {protocol()} (quadlab {version()}); {remedy}"
+    )
+
+
+def _number(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in re.findall(r"\d+", text)[:3])

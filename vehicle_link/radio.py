@@ -1,0 +1,142 @@
+"""One vehicle's radio: the session that dials it and carries it to the hub, opened anew when it
+stands but brings nothing.
+
+Nothing here blocks a caller: sessions are opened, watched and abandoned by threads of their own,
+and neither the hub nor another vehicle's radio notices.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from quadrotor.errors import LinkError
+from vehicle_link.authority import TlsFiles
+from vehicle_link.peers import namespaces
+from vehicle_link.session import check_station, parse_endpoint, radio_session
+
+SILENT = 2.0
+"""s without data over a link that stands, after which its session is opened anew."""
+LONGEST = 60.0
+"""s: each vain attempt doubles the patience, so that a vehicle that hangs is not stormed."""
+LOOK = 0.1  # s
+ABANDONED = "abandoned radio"
+
+
+def is_hanging_up() -> bool:
+    """Whether a session of any radio is still being closed: then only os._exit ends a process."""
+    return any(thread.name.startswith(ABANDONED) for thread in threading.enumerate())
+
+
+class Radio:
+    """The link to one vehicle, for as long as it lives.
+
+    Args:
+        endpoint: `host`, `host:port` or `quic/host:port`.
+        loopback_port, loopback_host: of the hub.
+        silent: s since anything came from the vehicle over its session (not beside it); inf
+            before the first. Asked in a thread of the radio.
+        say: told when a session is opened anew, in one line.
+
+    Raises:
+        LinkError: a certificate does not fit.
+        UsageError: the endpoint cannot be read.
+    """
+
+    def __init__(
+        self,
+        endpoint: str,
+        tls: TlsFiles,
+        loopback_port: int,
+        silent: Callable[[], float],
+        loopback_host: str = "127.0.0.1",
+        say: Callable[[str], None] = lambda line: None,
+    ) -> None:
+        check_station(endpoint, tls)
+        host, port = parse_endpoint(endpoint)
+        self.address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+        self.reopened = 0
+        self._endpoint, self._tls = endpoint, tls
+        self._loopback = loopback_port, loopback_host
+        self._silent, self._say = silent, say
+        self._session: zenoh.Session | None = None
+        self._stands = threading.Event()
+        self._stands_since = 0.0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"radio {host}", daemon=True)
+        self._thread.start()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the link stands: certificates are accepted, and the other end is alive."""
+        return self._stands.is_set()
+
+    @property
+    def connected_for(self) -> float:
+        """s for which the link has stood; 0 when it does not."""
+        return time.monotonic() - self._stands_since if self._stands.is_set() else 0.0
+
+    def wait(self, timeout: float) -> bool:
+        """Whether the link stands, waiting for it for at most `timeout` seconds."""
+        return self._stands.wait(timeout)
+
+    def names(self) -> set[str]:
+        """Namespaces of the nodes at the other end; asks the vehicle, for a second at most."""
+        session = self._session
+        return set() if session is None else namespaces(session)
+
+    def close(self, patience: float = 0.0) -> None:
+        """Hang up. Waits at most `patience` seconds for it: with a vehicle that is gone it can
+        take ten."""
+        self._closing.set()
+        self._thread.join(patience)
+
+    def _run(self) -> None:
+        patience = SILENT
+        while not self._closing.is_set():
+            try:
+                session = radio_session(self._endpoint, self._tls, *self._loopback)
+            except LinkError as error:  # files that are gone, no memory: never for good
+                self._say(f"radio to {self.address}: {error}; trying again in {patience:g} s")
+                self._closing.wait(patience)
+                patience = min(2 * patience, LONGEST)
+                continue
+            self._session = session
+            patience = self._watch(session, patience)
+            self._stands.clear()
+            self._session = None
+            abandoned = threading.Thread(
+                target=session.close, name=f"{ABANDONED} {self.address}", daemon=True
+            )
+            abandoned.start()
+            if self._closing.is_set():
+                abandoned.join()
+
+    def _watch(self, session: zenoh.Session, patience: float) -> float:
+        """Until the session has to go; the patience for the next."""
+
+        def changed(event: zenoh.LinkEvent) -> None:
+            if not event.link.dst.startswith("quic/"):
+                return
+            if event.kind == zenoh.SampleKind.PUT:
+                self._stands_since = time.monotonic()
+                self._stands.set()
+            else:
+                self._stands.clear()
+
+        with session.info.declare_link_events_listener(changed, history=True):
+            while not self._closing.wait(LOOK):
+                stood, silent = self.connected_for, self._silent()
+                if silent < min(stood, SILENT):
+                    patience = SILENT  # this one works
+                elif stood > patience:
+                    self.reopened += 1
+                    self._say(
+                        f"the link to {self.address} stands but brought nothing for "
+                        f"{patience:g} s: opened anew"
+                    )
+                    return min(2 * patience, LONGEST)
+        return patience

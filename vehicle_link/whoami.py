@@ -1,0 +1,55 @@
+"""The vehicle's answer to who it is, and to who the asker is."""
+
+from __future__ import annotations
+
+from quadrotor.errors import LinkError
+from vehicle_link.access import PILOT_WHOAMI, WHOAMI, Access
+from vehicle_link.messages import Message, new
+from vehicle_link.node import Node
+from vehicle_link.protocol import protocol, version
+from vehicle_link.serial.identity import Identity
+from vehicle_link.topics import SERVICES
+
+TYPE = SERVICES[WHOAMI]
+SHOWN_WITHIN = 0.3
+"""s after one door is seen, the other is, or is hidden from us: both are told of at once."""
+DOORS: dict[Access, str] = {"pilot": PILOT_WHOAMI, "observer": WHOAMI}
+
+
+def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> None:
+    """At two doors: an observer's question reaches one of them only."""
+    for access, door in DOORS.items():
+        answer = new(
+            f"{TYPE}_Response",
+            name=name,
+            role="vehicle",
+            access=access,
+            instance=instance,
+            protocol=protocol(),
+            version=version(),
+            robot_id=identity.robot_id,
+            firmware=identity.firmware,
+        )
+
+        def handle(request: Message, answer: Message = answer) -> Message:
+            return answer
+
+        node.serve(door, TYPE, handle)
+
+
+class WhoAmI:
+    """The asking side."""
+
+    def __init__(self, node: Node) -> None:
+        self._clients = [node.client(door, TYPE) for door in DOORS.values()]
+
+    def ask(self, timeout: float = 1.0) -> Message:
+        """quadlab_msgs/srv/WhoAmI's response, of the widest door that opens.
+
+        Raises LinkError: nobody answered.
+        """
+        pilot, observer = self._clients
+        request = new(f"{TYPE}_Request")
+        if not observer.wait(0.0):
+            raise LinkError("nobody says who the vehicle is")
+        return (pilot if pilot.wait(SHOWN_WITHIN) else observer).call(request, timeout)

@@ -1,0 +1,149 @@
+"""All vehicles of this page together: how each one stands, and what a page takes of it.
+
+What comes many times a second is taken only of vehicles that somebody looks at, and of all their
+positions only while somebody has the fleet's page open.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import math
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+from quadrotor.errors import LinkError, QuadlabError
+from web.angles import roll_pitch_yaw
+from web.live import FAST, Live
+
+if TYPE_CHECKING:
+    from web.vehicle_side import VehicleSide
+
+LOOK = 0.5  # s between looks at who looks at what
+LINGER = 5.0  # s for which a vehicle is taken whole after the last page of it: it may be reloading
+POSITION = frozenset({"state"})
+
+Message = dict[str, Any]
+
+
+class Fleet:
+    """Of one event loop. Args: `sides` of the vehicles, the first one's page is at /."""
+
+    def __init__(self, sides: Sequence[VehicleSide]) -> None:
+        self._sides = tuple(sides)
+        self._plots = 0
+        self._seen = dict.fromkeys((side.name for side in sides), -math.inf)
+        self._changing = ThreadPoolExecutor(1, thread_name_prefix="web-watch")
+
+    @property
+    def names(self) -> list[str]:
+        return [side.name for side in self._sides]
+
+    @property
+    def lives(self) -> dict[str, Live]:
+        """What came of each vehicle, by name."""
+        return {side.name: side.parts.live for side in self._sides}
+
+    @contextlib.contextmanager
+    def plotted(self) -> Iterator[None]:
+        """While somebody looks at where they all are."""
+        self._plots += 1
+        try:
+            yield
+        finally:
+            self._plots -= 1
+
+    def summary(self) -> list[Message]:
+        """How each one stands."""
+        return [_summary(side) for side in self._sides]
+
+    def positions(self) -> list[list[float] | None]:
+        """x, y, z (m, W) and yaw (rad) of each, None where it is not known now."""
+        return [_position(side.parts.live) for side in self._sides]
+
+    async def land_all(self, requester: str, request_id: str | None = None) -> list[Message]:
+        """Emergency land of all that are not known to stand with their motors off.
+
+        Answers once each has accepted or refused it; what they show then is in `summary`.
+        """
+        landings = (self._land(side, requester, request_id) for side in self._sides)
+        return list(await asyncio.gather(*landings))
+
+    async def run(self) -> None:
+        """Keeps what is taken of each vehicle at what is looked at."""
+        if len(self._sides) == 1:
+            return  # its station takes everything
+        loop = asyncio.get_running_loop()
+        while True:
+            for side in self._sides:
+                now = loop.time()
+                if side.is_looked_at:
+                    self._seen[side.name] = now
+                is_seen = now - self._seen[side.name] <= LINGER
+                wanted = FAST if is_seen else POSITION if self._plots else frozenset()
+                with contextlib.suppress(LinkError):  # the session goes; asked again
+                    await loop.run_in_executor(self._changing, side.station.watch, wanted)
+            await asyncio.sleep(LOOK)
+
+    def stop(self) -> None:
+        self._changing.shutdown(wait=False, cancel_futures=True)
+
+    async def _land(self, side: VehicleSide, requester: str, request_id: str | None) -> Message:
+        status = side.parts.live.current("status")
+        if status is not None and not status.armed:
+            return {"name": side.name, "outcome": "motors off", "reason": ""}
+        try:
+            await side.parts.emergency.press("land", requester, request_id)
+        except QuadlabError as error:
+            return {"name": side.name, "outcome": "failed", "reason": str(error)}
+        return {"name": side.name, "outcome": "accepted", "reason": ""}
+
+
+def _summary(side: VehicleSide) -> Message:
+    parts, live = side.parts, side.parts.live
+    status, link = live.newest("status"), live.newest("link_status")
+    battery, station = live.newest("battery"), live.newest("station_status")
+    holder, position = live.current("control"), _position(live)
+    return {
+        "name": side.name,
+        "age": _age(live, "status"),
+        "mode": status and status.mode,
+        "behavior": status and status.behavior,
+        "control_mode": status and status.control_mode,
+        "armed": status and bool(status.armed),
+        "airborne": status and bool(status.airborne),
+        "flags": list(status.flags) if status else [],
+        "link": link and {
+            "state": link.state, "age": _rounded(link.age, 2), "loss": _rounded(link.loss, 3),
+        },
+        "link_age": _age(live, "link_status"),
+        "battery": battery and _rounded(battery.voltage, 2),
+        "height": position and round(position[2], 2),
+        "recording": _rounded(station.recording_duration, 0)
+        if station and station.recording
+        else None,
+        "alarms": list(station.alarms) if station and live.fresh("station_status") else [],
+        "holder": str(holder.holder) if holder else None,
+        "emergency": parts.emergency.state,
+    }  # fmt: skip
+
+
+def _position(live: Live) -> list[float] | None:
+    state = live.current("state")
+    if state is None:
+        return None
+    at = state.pose.pose.position
+    _, _, yaw = roll_pitch_yaw(state.pose.pose.orientation)
+    where = (float(at.x), float(at.y), float(at.z), yaw)
+    return [round(v, 3) for v in where] if all(map(math.isfinite, where)) else None
+
+
+def _age(live: Live, topic: str) -> float | None:
+    """s; None: never."""
+    return _rounded(live.age(topic), 2)
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    """JSON has no infinity."""
+    return round(float(value), digits) if math.isfinite(value) else None

@@ -1,0 +1,78 @@
+"""The page of all vehicles, /fleet, and what it asks for: the same under every vehicle's address.
+
+`/ws/fleet` tells how each one stands, at 2.5 Hz, for the switch in the bar as well; with `?plot=1`
+where each one is, too, at 10 Hz.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from fastapi import FastAPI, WebSocket
+from fastapi.responses import FileResponse
+from starlette.websockets import WebSocketDisconnect
+
+from web.asking import Asker
+from web.commands import CommandBody
+from web.fleet import Fleet
+
+STATIC = Path(__file__).parent / "static"
+PERIOD = 0.4  # s, of how they stand
+PLOT_PERIOD = 0.1  # s, of where they are
+_encode = msgspec.json.Encoder().encode
+
+
+def add_fleet(app: FastAPI, fleet: Fleet) -> None:
+    @app.get("/fleet", include_in_schema=False)
+    def page() -> FileResponse:
+        return FileResponse(STATIC / "fleet.html")
+
+    @app.get("/api/fleet")
+    async def vehicles() -> list[dict[str, Any]]:
+        """How each vehicle stands; ages in s, null = never."""
+        return fleet.summary()
+
+    @app.post("/api/fleet/land")
+    async def land(body: CommandBody, session: Asker) -> dict[str, Any]:
+        """Emergency land of all whose motors are not known to be off, by everybody; answers once
+        each vehicle has accepted or refused it."""
+        return {"vehicles": await fleet.land_all(session.label, body.request_id)}
+
+    @app.websocket("/ws/fleet")
+    async def news(socket: WebSocket) -> None:
+        plots = socket.query_params.get("plot") == "1"
+        await socket.accept()
+        leaving = asyncio.create_task(_wait_for_end(socket))
+        talking = asyncio.create_task(_talk(socket, fleet, plots=plots))
+        try:
+            await asyncio.wait({leaving, talking}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (leaving, talking):
+                task.cancel()
+            for ended in await asyncio.gather(leaving, talking, return_exceptions=True):
+                if isinstance(ended, Exception):
+                    raise ended
+
+
+async def _talk(socket: WebSocket, fleet: Fleet, *, plots: bool) -> None:
+    with contextlib.suppress(WebSocketDisconnect, OSError), contextlib.ExitStack() as looking:
+        if plots:
+            looking.enter_context(fleet.plotted())
+        loop = asyncio.get_running_loop()
+        due = 0.0
+        while True:
+            message: dict[str, Any] = {"positions": fleet.positions()} if plots else {}
+            if loop.time() >= due:
+                due = loop.time() + PERIOD
+                message["vehicles"] = fleet.summary()
+            await socket.send_text(_encode(message).decode())
+            await asyncio.sleep(PLOT_PERIOD if plots else PERIOD)
+
+
+async def _wait_for_end(socket: WebSocket) -> None:
+    while (await socket.receive())["type"] != "websocket.disconnect":
+        pass

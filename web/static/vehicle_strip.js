@@ -1,0 +1,82 @@
+// All vehicles in one line, each with how it stands, to go to its page; away when there is one only.
+
+import { element, fixed } from "./format.js";
+import { onKey } from "./keys.js";
+import { Socket } from "./sockets.js";
+import { here, sameFor } from "./vehicle_path.js";
+
+const STYLE = "/static/vehicle_strip.css";
+const OLD = 1; // s: longer ago, and the vehicle is not heard
+const LOST = 1000; // ms without web's message
+
+// {word, tone: "", flying, warn or off} of one of /ws/fleet's `vehicles`.
+export function standing(vehicle) {
+  if (vehicle.age === null) return { word: "never heard", tone: "off" };
+  if (vehicle.age > OLD || vehicle.link?.state === "lost") return { word: "not heard", tone: "warn" };
+  const mode = vehicle.mode?.toLowerCase() ?? "";
+  if (/cut|emergency/.test(mode)) return { word: mode.replaceAll("_", " "), tone: "warn" };
+  if (vehicle.airborne) return { word: "flying", tone: "flying" };
+  return vehicle.armed ? { word: "armed", tone: "flying" } : { word: "motors off", tone: "" };
+}
+
+const SIGNS = { flying: "▲", warn: "⚠", off: "○", "": "●" };
+
+// session: of /api/session; before: the element it is put before, in its parent.
+export function addVehicleStrip(session, before) {
+  if (session.vehicles.length < 2) return null;
+  return new VehicleStrip(session, before);
+}
+
+class VehicleStrip {
+  constructor(session, before) {
+    if (!document.querySelector(`link[href="${STYLE}"]`)) document.head.append(element("link", { rel: "stylesheet", href: STYLE }));
+    this.received = -Infinity;
+    this.chips = new Map(session.vehicles.map((name) => [name, this.chip(name, name === session.vehicle)]));
+    this.place = element("nav", { id: "vehicles", ariaLabel: "vehicles" },
+      element("a", { href: "/fleet", title: "all vehicles on one page" }, "Fleet"), ...[...this.chips.values()].map(({ link }) => link));
+    before.before(this.place);
+    onKey("v", "choose the next vehicle, Enter opens it", () => this.next());
+    this.socket = new Socket("/ws/fleet");
+    this.socket.addEventListener("message", ({ data }) => {
+      const { vehicles } = JSON.parse(data);
+      if (!vehicles) return;
+      this.received = performance.now();
+      for (const vehicle of vehicles) this.show(vehicle);
+    });
+    setInterval(() => this.place.classList.toggle("stale", performance.now() - this.received > LOST), 500);
+  }
+
+  chip(name, isHere) {
+    const sign = element("i", { ariaHidden: "true" }), word = element("span"), more = element("small");
+    const link = element("a", { className: "vehicle", href: sameFor(name), ...(isHere ? { ariaCurrent: "page" } : {}) }, sign, element("b", {}, name), word, more);
+    link.addEventListener("click", () => { link.href = sameFor(name, tab() || location.hash); });
+    return { link, sign, word, more };
+  }
+
+  show(vehicle) {
+    const chip = this.chips.get(vehicle.name);
+    if (!chip) return;
+    const { word, tone } = standing(vehicle), alarms = vehicle.alarms.length;
+    put(chip.sign, SIGNS[tone]);
+    put(chip.word, word);
+    put(chip.more, `${vehicle.battery === null ? "" : `${fixed(vehicle.battery, 1)} V`}${alarms ? ` · ${alarms} alarm${alarms > 1 ? "s" : ""}` : ""}`);
+    if (chip.link.dataset.tone !== tone) chip.link.dataset.tone = tone;
+    const title = [vehicle.link ? `link ${vehicle.link.state}` : "no link yet", ...vehicle.alarms].join("\n");
+    if (chip.link.title !== title) chip.link.title = title;
+  }
+
+  next() {
+    const links = [...this.chips.values()].map(({ link }) => link);
+    const now = links.findIndex((link) => link === document.activeElement);
+    const from = now < 0 ? links.findIndex((link) => link.getAttribute("aria-current")) : now;
+    links[(from + 1) % links.length].focus();
+  }
+}
+
+// The tab that is open here, so that it is open there, too.
+function tab() {
+  const open = document.querySelector("#side [role=tab][aria-selected=true]")?.dataset.tab;
+  return open ? `#tab=${open}` : "";
+}
+
+function put(place, text) { if (place.textContent !== text) place.textContent = text; }

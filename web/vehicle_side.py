@@ -1,0 +1,130 @@
+"""What the web process has of one vehicle: what came of it, its pages, its way to the station.
+
+People, catalogue, links, exports and replays are shared by all of them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+from console.catalogue import Catalogue
+from console.parameter_history import ParameterHistory
+from console.parameter_presets import ParameterPresets
+from vehicle_link.messages import decode
+from web.access.people import People
+from web.access.signed_links import SignedLinks
+from web.access.tls import Tls
+from web.control import Control
+from web.emergency import EmergencyDesk
+from web.events import EventHub
+from web.follow_parameters import ParameterFollower
+from web.live import Live
+from web.parameter_mirror import ParameterMirror
+from web.parameters import GainPath
+from web.parts import Parts
+from web.replay.store import ReplayStore
+from web.runs.exports import ViserExports
+from web.runs.report_making import ReportMaking
+from web.scene import Scene
+from web.station import Station
+from web.sticks import StickOutput
+from web.telemetry import TelemetryFeed
+from web.view_server import ViewServer
+
+Connect = Callable[[str, Live, EventHub], Station]
+"""Makes the station's client: of this vehicle, for these."""
+
+
+class Runs(Protocol):
+    """What has a loop of its own."""
+
+    async def run(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class Shared:
+    """Of all vehicles."""
+
+    base_url: str
+    people: People
+    catalogue: Catalogue
+    links: SignedLinks
+    exports: ViserExports
+    reports: ReportMaking
+    replays: ReplayStore
+    tls: Tls | None
+
+
+class VehicleSide:
+    """One vehicle's, wired. Args: `hub` of its pages; `view_server` of its 3D view."""
+
+    def __init__(
+        self, name: str, shared: Shared, connect: Connect, hub: EventHub, view_server: ViewServer
+    ) -> None:
+        self.name = name
+        self.hub = hub
+        live = Live(decode)
+        mirror = ParameterMirror(hub.publish)
+        scene = Scene(view_server, live)
+        self._view_server = view_server
+        self.station = station = connect(name, live, hub)
+        self._follower = ParameterFollower(mirror, station, live, scene, f"/{name}")
+        station.on_change = self._follower.changed_from_thread
+        self._stick = StickOutput(station.publish_stick)
+        station.on_stick_answer = self._stick.answer_from_thread
+        feed = TelemetryFeed(live)
+        people = shared.people
+        control = Control(live, lambda: people.sockets.labels, station.publish_presence)
+
+        def airborne() -> bool:
+            status = live.current("status")
+            return status is not None and bool(status.airborne)
+
+        engine = shared.catalogue.engine
+        self.loops: Iterable[Runs] = (scene, feed, self._follower, control)
+        self.parts = Parts(
+            vehicle=name,
+            base_url=shared.base_url,
+            people=people,
+            live=live,
+            hub=hub,
+            feed=feed,
+            view_server=view_server,
+            scene=scene,
+            station=station,
+            mirror=mirror,
+            gains=GainPath(mirror, station, airborne),
+            history=ParameterHistory(engine, name),
+            presets=ParameterPresets(engine, name),
+            catalogue=shared.catalogue,
+            tls=shared.tls,
+            links=shared.links,
+            exports=shared.exports,
+            reports=shared.reports,
+            replays=shared.replays,
+            stick=self._stick,
+            emergency=EmergencyDesk(
+                station,
+                live,
+                hub.publish,
+                hub.say,
+                chosen=lambda: mirror.value("safety.emergency_land"),
+            ),
+            control=control,
+        )
+
+    @property
+    def is_looked_at(self) -> bool:
+        """Whether a page of this vehicle is open."""
+        return bool(self.hub.pages or self.parts.feed.pages or self._view_server.watched)
+
+    def attach(self, loop: asyncio.AbstractEventLoop) -> None:
+        for part in (self.hub, self._follower, self._stick):
+            part.attach(loop)
+
+    def stop(self) -> None:
+        self.station.stop()
+        self._view_server.stop()
