@@ -26,9 +26,8 @@ from console.control.desk import ControlDesk
 from console.experiment_running.run_files import settings_of
 from console.experiment_running.runner import ExperimentRunner
 from console.introduction import Introduction
-from console.lane_in import LaneIn
 from console.link_monitor import LinkMonitor
-from console.outbox import SHARED, Outbox
+from console.outbox import Outbox
 from console.parameter_history import ParameterHistory
 from console.parameter_store import StationStore
 from console.parameter_witness import ParameterWitness
@@ -38,12 +37,13 @@ from console.run_marks import MarkService
 from console.slow_questions import SlowQuestions
 from console.status_sender import StatusSender
 from console.stick_desk import StickDesk
+from console.subscriptions import Subscriptions
 from console.telemetry_in import TelemetryIn
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
 from console.tuning.log_window import LogWindow
 from console.vehicle_parameters import VehicleParameters
-from quadrotor.errors import LinkError, MeasurementError, RefusedError
+from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
 from vehicle_link.heartbeat import LinkState
@@ -59,12 +59,6 @@ BEAT = 0.05
 STATUS_EVERY = 4  # beats
 INFO, WARN = 20, 30
 CLOSE_PATIENCE = 3.0
-
-AS_IT_COMES = (
-    "status", "estimator", "battery", "pressure", "bearing_pose", "truth",
-    "parameter_events", "parameter_changes", "events", "bench_reading",
-)  # fmt: skip
-"""Recorded as received; our own parameter changes and events come this way too."""
 
 
 class BaseStation:
@@ -177,7 +171,7 @@ class BaseStation:
             vehicle, self.link, self._outbox, self._recorder, self._comparison,
             self.checks.observed, self.experiments,
         )  # fmt: skip
-        self._subscribe(host)
+        self._heard = self._subscriptions(host)
         self.checks.start()
         self._threads = [
             threading.Thread(target=target, name=name, daemon=True)
@@ -203,7 +197,7 @@ class BaseStation:
         self._comparison.close()
         for thread in self._threads:
             thread.join(CLOSE_PATIENCE)
-        self._lane.close()
+        self._heard.close()
         self._node.close()
         self._witness.close()
 
@@ -212,8 +206,8 @@ class BaseStation:
         self._outbox.say(WARN, line)
 
     # ------------------------------------------------------------------ what comes
-    def _subscribe(self, host: str) -> None:
-        makers: dict[str, Callable[[Received], None]] = {
+    def _subscriptions(self, host: str) -> Subscriptions:
+        acts: dict[str, Callable[[Received], None]] = {
             "telemetry": self._telemetry.received,
             "vehicle_heartbeat": lambda received: self.link.beat(
                 received.payload, received.received_ns
@@ -225,39 +219,10 @@ class BaseStation:
             "estimator": lambda received: self.experiments.feed.estimate(received.payload),
             "bench_reading": lambda received: self.experiments.readings.bench(received.payload),
         }
-        callbacks = {
-            name: partial(self._on_message, name, makers.get(name))
-            for name in {*makers, *AS_IT_COMES}
-        }
-        self._lane = LaneIn(
-            self._node, host, self.link,
-            callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat"),
+        return Subscriptions(
+            self._node, self._vehicle, host, self.link, self._alarms, self.checks.observed,
+            self._recorder, acts, self._closing,
         )  # fmt: skip
-        for name, callback in callbacks.items():
-            self._node.subscribe(name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos)
-
-    def _on_message(
-        self, name: str, act: Callable[[Received], None] | None, received: Received
-    ) -> None:
-        """Act, record; a message that makes no sense is an alarm until the next good one."""
-        if act is not None:
-            try:
-                act(received)
-                self._alarms.set(name, None)
-            except (LinkError, MeasurementError) as error:
-                if not self._closing.is_set():
-                    self._alarms.set(name, f"{name}: {error}")
-        if name in AS_IT_COMES:
-            if TOPICS[name].sender == "vehicle" and name not in SHARED:
-                self.link.carried()
-            self.checks.observed.message(name, received.payload)
-            self._recorder.put(
-                f"/{self._vehicle}/{name}",
-                TOPICS[name].type_name,
-                received.payload,
-                received.received_ns,
-                received.source_ns,
-            )
 
     def _on_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)

@@ -131,6 +131,9 @@ class Parameters:
     def snapshot(self) -> Any:
         return {"safety.bench_timeout": 0.5}, 1, ""
 
+    def defaults(self) -> Any:
+        return {}
+
 
 class Lab:
     """A runner with the station's own recorder, and what it needs beside."""

@@ -25,7 +25,7 @@ from vehicle_link.messages import decode, header, new
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_messages import from_parameters
 from vehicle_link.session import loopback_session
-from vehicle_link.topics import TOPICS, decode_joy
+from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
 from web.station import Station
 
 IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's picture
@@ -108,6 +108,9 @@ class Cockpit:
         self.reasons: list[str] = []
         self._node.subscribe("joy", TOPICS["joy"].type_name, self._on_joy)
         self._node.subscribe("stick_status", TOPICS["stick_status"].type_name, self._on_answer)
+        heartbeat = self._node.advertise(TOPICS["vehicle_heartbeat"])
+        assert heartbeat.wait(10.0)
+        heartbeat.put(encode_heartbeat(1, 0))  # of a vehicle that takes sticks from anybody
         self._catalogue = Catalogue(data)
         self._serving = serve(
             data, self._catalogue, kind=Station, open_session=lambda: loopback_session(port)

@@ -1,0 +1,85 @@
+"""What the station hears of its vehicle: each topic acted upon, then recorded as it came."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from console.alarms import AlarmBoard
+from console.checks.observed import Observed
+from console.lane_in import LaneIn
+from console.link_monitor import LinkMonitor
+from console.outbox import SHARED
+from console.recorder import Recorder
+from quadrotor.errors import LinkError, MeasurementError
+from vehicle_link.node import Node, Received
+from vehicle_link.topics import TOPICS
+
+AS_IT_COMES = (
+    "status", "estimator", "battery", "pressure", "bearing_pose", "truth",
+    "parameter_events", "parameter_changes", "events", "bench_reading",
+)  # fmt: skip
+"""Recorded as received; our own parameter changes and events come this way too."""
+
+Act = Callable[[Received], None]
+
+
+class Subscriptions:
+    """Each topic has a thread of its own (vehicle_link.node).
+
+    Args:
+        acts: by topic; may raise LinkError or MeasurementError for what makes no sense.
+        host: of the vehicle, for datagrams beside the link; empty for none.
+        closing: set when errors are no alarm any more.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        vehicle: str,
+        host: str,
+        link: LinkMonitor,
+        alarms: AlarmBoard,
+        observed: Observed,
+        recorder: Recorder,
+        acts: Mapping[str, Act],
+        closing: threading.Event,
+    ) -> None:
+        self._vehicle = vehicle
+        self._link, self._alarms = link, alarms
+        self._observed, self._recorder = observed, recorder
+        self._closing = closing
+        callbacks = {
+            name: partial(self._received, name, acts.get(name)) for name in {*acts, *AS_IT_COMES}
+        }
+        self._lane = LaneIn(
+            node, host, link, callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat")
+        )
+        for name, callback in callbacks.items():
+            node.subscribe(name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos)
+
+    def close(self) -> None:
+        """The lane; the rest closes with its node."""
+        self._lane.close()
+
+    def _received(self, name: str, act: Act | None, received: Received) -> None:
+        """A message that makes no sense is an alarm until the next good one."""
+        if act is not None:
+            try:
+                act(received)
+                self._alarms.set(name, None)
+            except (LinkError, MeasurementError) as error:
+                if not self._closing.is_set():
+                    self._alarms.set(name, f"{name}: {error}")
+        if name in AS_IT_COMES:
+            if TOPICS[name].sender == "vehicle" and name not in SHARED:
+                self._link.carried()
+            self._observed.message(name, received.payload)
+            self._recorder.put(
+                f"/{self._vehicle}/{name}",
+                TOPICS[name].type_name,
+                received.payload,
+                received.received_ns,
+                received.source_ns,
+            )
