@@ -65,6 +65,12 @@ class Calibrations:
         if was and not self._is_starting:
             self.changed()
 
+    @property
+    def is_due(self) -> bool:
+        """Whether what the vehicle keeps is to be read anew."""
+        with self._lock:
+            return time.monotonic() >= self._due
+
     def lost(self) -> None:
         """The vehicle is not heard: another one may come."""
         with self._lock:

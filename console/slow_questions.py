@@ -22,7 +22,9 @@ from vehicle_link.time_sync import TIME_SYNC, exchange
 
 log = logging.getLogger(__name__)
 
-SLOW, EAGER = 1.0, 0.2  # s between questions to the vehicle, after and before its clock is known
+SLOW, EAGER = 1.0, 0.2
+"""s between questions to the vehicle; eager until its clock and its calibrations are known, which
+the next run is to carry."""
 
 
 class SlowQuestions:
@@ -46,21 +48,26 @@ class SlowQuestions:
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
         """Until `closing`; `guard` calls and survives what is called."""
-        while not closing.wait(SLOW if self._link.clock_known else EAGER):
+        while not closing.wait(EAGER if self._is_eager else SLOW):
             if self._link.state(time.time_ns()) is not LinkState.LOST:
                 guard(self._ask)
             else:
                 self._calibrations.lost()
+
+    @property
+    def _is_eager(self) -> bool:
+        knows_all = bool(self._recorder.run_id) or not self._calibrations.is_due
+        return not (self._link.clock_known and knows_all)
 
     def _ask(self) -> None:
         try:
             self._link.exchanged(exchange(self._time_sync))
             if not self._recorder.run_id:
                 self._parameters.refresh()
-                self._parameters.learn_defaults()
                 if (present := self._parameters.present()) is not None:
                     self._witness.look(*present)
                 self._calibrations.look(self._parameters.shown_revision)
+                self._parameters.learn_defaults()  # last: it takes the longest
             self._alarms.set("beacons", self._layout.agree() or None)
         except LinkError:
             # The link's state on the page says it; asked again in a second.

@@ -9,7 +9,11 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
+
+hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one takes is no claim
+hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = (
     "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",

@@ -41,7 +41,7 @@ from vehicle_link.node import Node
 from vehicle_link.session import hub_session, loopback_session
 from vehicle_link.topics import SERVICES, TOPICS, encode_estimators, encode_status
 
-PATIENCE = 20.0  # s, for a broken program only
+PATIENCE = 60.0  # s, for a broken program only
 
 
 class Link:

@@ -79,7 +79,7 @@ def test_an_observers_files_fit_into_a_tar(tmp_path: Path) -> None:
     assert out.stat().st_mode & 0o077 == 0
     with tarfile.open(out) as tar:
         assert tar.getnames() == ["ca.pem", "station.key", "station.pem"]
-        tar.extractall(tmp_path / "there", filter="data")
+        tar.extractall(tmp_path / "there")
     files = TlsFiles(tmp_path / "there")
     check_certificate(files, "station")
     subject = load_certificate(files.certificate("station")).subject.rfc4514_string()

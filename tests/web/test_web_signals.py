@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from console.base_station import AS_IT_COMES
 from console.expansion import ENCODERS
 from console.outbox import RECORDED
+from console.subscriptions import AS_IT_COMES
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.numbers import number_at, numbers
 from vehicle_link.topics import TOPICS
