@@ -7,6 +7,7 @@ in force. Serves `/<vehicle>/station/calibrate` with the actions `history` and `
 from __future__ import annotations
 
 import json
+import math
 import threading
 import time
 from typing import Any
@@ -22,6 +23,9 @@ TIMEOUT = 2.0
 """s; a long history is some tens of kB."""
 AGAIN = 5.0
 """s between two questions to a vehicle that does not answer."""
+START_PATIENCE = 10.0
+"""s for which the gyroscope found at the vehicle's start is waited for: it is on its disk first."""
+GYROSCOPE = "gyroscope"
 TOLD = HISTORY, IN_FORCE = ("history", "in_force")
 NOT_READ = "the vehicle has not told them yet"
 LOST = "the link to the vehicle is lost"
@@ -38,6 +42,7 @@ class Calibrations:
         self._due = 0.0  # s of the monotonic clock; inf: read
         self._revision = -1
         self._is_starting = False
+        self._awaited_until = -math.inf
         node.serve("station/calibrate", SERVICE, self._answer)
 
     # ------------------------------------------------------------------ the station tells
@@ -63,6 +68,8 @@ class Calibrations:
         """Each status of the vehicle; one that has started has its gyroscope calibrated."""
         was, self._is_starting = self._is_starting, mode == "starting"
         if was and not self._is_starting:
+            with self._lock:
+                self._awaited_until = time.monotonic() + START_PATIENCE
             self.changed()
 
     @property
@@ -92,8 +99,11 @@ class Calibrations:
             with self._lock:
                 self._records, self._due = None, 0.0
             raise
+        told = {record.name for record in records[IN_FORCE]}
         with self._lock:
             self._records, self._problem = records, ""
+            if GYROSCOPE not in told and time.monotonic() < self._awaited_until:
+                self._due = 0.0
         return records[HISTORY]
 
     def in_force(self) -> dict[str, CalibrationRecord] | None:

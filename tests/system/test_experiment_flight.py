@@ -65,6 +65,12 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
 
 def calibrate(lab: Any, until: Callable[..., Any]) -> None:
     """The gyroscope, from a terminal: on the ground, recorded, kept by the vehicle."""
+
+    def is_told() -> bool:
+        history = lab.get("/api/calibrations")["history"] or []
+        return any(one["name"] == "gyroscope" for one in history)
+
+    until("the gyroscope of the start", is_told, 20)
     words = ["gyroscope", "--accept", "--set", "samples=200", "--loopback-port"]
     assert main(["calibrate", *words, str(lab.link_port)]) == 0
     [run] = lab.runs()
