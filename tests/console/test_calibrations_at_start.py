@@ -1,0 +1,46 @@
+"""The drift found at the vehicle's start comes some time after the vehicle says it is ready."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from console import calibrations
+from console.calibrations import Calibrations
+from vehicle_link.messages import new
+from vehicle_link.topics import SERVICES
+
+
+class Silent:
+    """A node at whose other end a vehicle has no calibration yet; counts the questions."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+
+    def client(self, name: str, srv_type: str, *, priority: str) -> Silent:
+        return self
+
+    def serve(self, name: str, srv_type: str, handler: Any) -> None:
+        pass
+
+    def call(self, request: Any, timeout: float) -> Any:
+        self.asked.append(str(request.action))
+        return new(f"{SERVICES['calibrate']}_Response", accepted=True)
+
+
+def test_it_is_asked_for_again_until_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    node = Silent()
+    known = Calibrations(node)  # type: ignore[arg-type]
+    known.look(1)
+    assert not known.is_due, "nothing is awaited of a vehicle that did not start"
+    known.status("starting")
+    known.status("ready")
+    known.look(1)
+    assert known.is_due
+    known.look(1)
+    assert node.asked.count("in_force") == 3
+    now = calibrations.time.monotonic() + calibrations.START_PATIENCE
+    monkeypatch.setattr(calibrations.time, "monotonic", lambda: now)
+    known.look(1)
+    assert not known.is_due, "it does not come any more"
