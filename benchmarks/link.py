@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 
+from benchmarks.filled import filled
 from benchmarks.harness import Report, Row, Target
 from benchmarks.impairment.wire import Conditions
 from benchmarks.link_ends import Plan
@@ -70,7 +71,7 @@ def run(quick: bool = False) -> Report:
     udp = p99(delays(found["clean"].udp))
     if udp > BUSY:
         report.notes.append(f"the machine was busy: plain UDP took {udp:.1f} ms on a clean link")
-    for more in (outages, narrow):
+    for more in (outages, filled, narrow):
         part = more(quick)
         report.conditions += part.conditions
         report.rows += part.rows

@@ -34,6 +34,9 @@ from benchmarks.link_notes import Notebook
 from console.lane_in import DATAGRAM, LaneIn
 from console.link_monitor import LinkMonitor
 from console.station import SWITCH_INTERVAL
+from console.transfers.fetcher import Fetcher
+from console.transfers.part_file import PartFile
+from console.transfers.vehicle_files import LinkedFiles, VehicleFile
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE, TICK
 from vehicle.comms import STATION_LOST_S
@@ -57,8 +60,7 @@ QUIC_PORT, LOOPBACK_PORT, UDP_PORT = 7447, 7447, 9100
 RATE, POSE_RATE, CALL_RATE, LOOK_RATE = 100, 100, 5, 200  # Hz
 CALL_TIMEOUT, CALL_TRIES = 1.0, 5
 """As a parameter is set: asked again under the same id."""
-PIECE, PIECES_IN_THE_AIR = 2800, 1
-"""On a narrow link telemetry would wait behind two (benchmarks/link_narrow.py)."""
+LOG = VehicleFile("a_log.mcap", 1 << 31, identity=1, start_ns=1, end_ns=2, closed=True)
 COMMAND, PART = SERVICES["arm"], SERVICES["onboard_part"]
 STATES = (LinkState.GOOD, LinkState.DEGRADED, LinkState.LOST)
 _STAMP = struct.Struct("<qq")  # number, ns
@@ -197,10 +199,13 @@ class _FileServer:
         self._data = os.urandom(1 << 20)
 
     def answer(self, request: Message) -> Message:
-        begin = int(request.offset) % (len(self._data) - PIECE)
-        data = self._data[begin : begin + min(PIECE, int(request.length))]
+        length = int(request.length)
+        begin = int(request.offset) % (len(self._data) - length)
+        data = self._data[begin : begin + length]
         octets = np.frombuffer(data, np.uint8)
-        return new(f"{PART}_Response", accepted=True, data=octets, crc32=zlib.crc32(data))
+        file = new("quadlab_msgs/OnboardFile", name=LOG.name, identity=1, size=LOG.size)
+        crc = zlib.crc32(data)
+        return new(f"{PART}_Response", accepted=True, file=file, data=octets, crc32=crc)
 
 
 def station(folder: Path, plan: Plan) -> None:
@@ -219,7 +224,7 @@ def station(folder: Path, plan: Plan) -> None:
 
     LaneIn(
         node, A if plan.lane else "", link,
-        telemetry_came, lambda received: link.beat(received.payload, received.received_ns),
+        telemetry_came, lambda received: link.beat(received.payload),
     )  # fmt: skip
     radio = Radio(f"{A}:{QUIC_PORT}", program.files, LOOPBACK_PORT, link.silent)
     pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
@@ -240,7 +245,7 @@ def station(folder: Path, plan: Plan) -> None:
         beat.put(topics.encode_heartbeat(k, time.time_ns(), instance))
 
     def look(k: int) -> None:
-        now = STATES.index(link.state(time.time_ns()))
+        now = STATES.index(link.state())
         if now != state[0]:
             state[0] = now
             states.add(time.monotonic_ns(), now)
@@ -262,27 +267,24 @@ def station(folder: Path, plan: Plan) -> None:
 
 
 class Download:
-    """Stands in for the fetching of a log: one piece after the other."""
+    """A log is fetched as the station fetches it, until the end."""
 
     def __init__(self, program: Program, node: Node) -> None:
         self._ending = program.ending
-        self._notes = program.note("download", 2, 200.0)
-        self._client = node.client("onboard_part", PART, priority="background")
-        self._offsets = itertools.count(0, PIECE)
+        self._notes = program.note("download", 2, 2000.0)
+        self._fetcher = Fetcher(LinkedFiles(node), self._came)
+        self._part = PartFile(program.folder, LOG)
 
     def start(self) -> None:
-        for _ in range(PIECES_IN_THE_AIR):
-            threading.Thread(target=self._run, daemon=True).start()
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def _came(self, size: int) -> None:
+        self._notes.add(time.monotonic_ns(), size)
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            offset = next(self._offsets)
-            request = new(f"{PART}_Request", name="a log", offset=offset, length=PIECE)
-            while not self._ending.is_set():
-                with suppress(LinkError):
-                    size = len(self._client.call(request, timeout=CALL_TIMEOUT).data)
-                    self._notes.add(time.monotonic_ns(), size)
-                    break
+            with suppress(LinkError):  # an outage
+                self._fetcher.fetch(self._part, [(0, LOG.size)])
 
 
 if __name__ == "__main__":

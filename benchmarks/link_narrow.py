@@ -11,9 +11,10 @@ import time
 
 from benchmarks.harness import Report, Row, Target
 from benchmarks.impairment.wire import Conditions
-from benchmarks.link_ends import PIECE, Plan
+from benchmarks.link_ends import Plan
 from benchmarks.link_notes import Found, ages, answers, delays, lost, p50, p99, unanswered
 from benchmarks.link_run import SETTLED, running
+from console.transfers.vehicle_files import PIECE
 
 RATE = 2e6  # bit/s
 SECONDS, QUICK_SECONDS = 30.0, 6.0
@@ -42,7 +43,7 @@ def narrow(quick: bool = False) -> Report:
     report = Report(
         "narrow",
         "2 Mbit/s",
-        [f"download over 2 Mbit/s: pieces of {PIECE} B, one after the other"],
+        [f"download over 2 Mbit/s: pieces of {PIECE} B, as the station fetches a log"],
     )
     report.rows = [
         _row("2 Mbit/s", found.between(quiet, begin)),

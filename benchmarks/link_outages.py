@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,16 +34,8 @@ class Outage:
     end: int
 
 
-Afterwards = Callable[[Running, Sequence[Outage]], list[Target]]
-
-
-def outages(quick: bool = False, afterwards: Afterwards | None = None) -> Report:
-    """Fresh data and answers after each; memory; when each end knew.
-
-    Args:
-        afterwards: asked once all outages are over and both ends still run, for targets of its own
-            (what was missed is complete again).
-    """
+def outages(quick: bool = False) -> Report:
+    """Fresh data and answers after each; memory; when each end knew."""
     count = QUICK_COUNT if quick else COUNT
     drawn = random.Random(8)
     lengths = [drawn.uniform(SHORTEST, LONGEST) for _ in range(count)]
@@ -58,11 +49,8 @@ def outages(quick: bool = False, afterwards: Afterwards | None = None) -> Report
                 before = ends.memory()
         after = ends.memory()
         growth = after[0] - before[0], after[1] - before[1]
-        more = afterwards(ends, broken) if afterwards is not None else []
         found = ends.finish()
-    report = _report(found, broken, growth)
-    report.targets += more
-    return report
+    return _report(found, broken, growth)
 
 
 def _break(ends: Running, length: float, more: float) -> Outage:

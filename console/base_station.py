@@ -46,7 +46,6 @@ from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.instance import new_instance
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
@@ -130,7 +129,7 @@ class BaseStation:
         )
         self._witness.begin(self._store.values())
         self.experiments = ExperimentRunner(
-            self._node, vehicle, self._link_state, self.link.vehicle_ns, self._outbox,
+            self._node, vehicle, self.link.state, self.link.vehicle_ns, self._outbox,
             self._vehicle_parameters, self.runs, self._calibrations, catalogue,
             settings_of(parameters), self._asked, self._permit,
         )  # fmt: skip
@@ -143,7 +142,7 @@ class BaseStation:
             catalogue, parameters.recorder, self._recorder.status,
             partial(self._outbox.say, INFO), self._alarms.set, purges=keeps_house,
         )  # fmt: skip
-        LogWindow(self._node, self._link_state)
+        LogWindow(self._node, self.link.state)
         serve_parameters(self._node, self._store)
         self._sticks = StickDesk(
             self._outbox, self.control.steers, self.experiments, lambda: parameters.sticks.timeout
@@ -162,7 +161,7 @@ class BaseStation:
             self._layout, self._calibrations, self._alarms,
         )  # fmt: skip
         self._transfers = Transfers(
-            self._node, catalogue, vehicle, parameters.recorder, self._link_state,
+            self._node, catalogue, vehicle, parameters.recorder, self.link.state,
             self._outbox.say, self.link.vehicle_ns,
         )  # fmt: skip
         self.runs.on_closed = self._transfers.desk.run_closed
@@ -209,9 +208,7 @@ class BaseStation:
     def _subscriptions(self, host: str) -> Subscriptions:
         acts: dict[str, Callable[[Received], None]] = {
             "telemetry": self._telemetry.received,
-            "vehicle_heartbeat": lambda received: self.link.beat(
-                received.payload, received.received_ns
-            ),
+            "vehicle_heartbeat": lambda received: self.link.beat(received.payload),
             "stick": self._on_stick,
             "status": self._on_status,
             "truth": self._on_truth,
@@ -267,7 +264,8 @@ class BaseStation:
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
-        """20 Hz: heartbeat, end of runs; every fourth time the status topics."""
+        """20 Hz: heartbeat, end of runs; every fourth time, and at once when the link's state is
+        another, the status topics."""
         due, count = time.monotonic(), 0
         while not self._closing.is_set():
             count += 1
@@ -285,7 +283,7 @@ class BaseStation:
         self.control.tick(count)
         self.experiments.tick(count)
         self._transfers.tick(count)
-        if count % STATUS_EVERY == 0:
+        if count % STATUS_EVERY == 0 or self._status.link_changed:
             self._status.send()
 
     def _tidy(self, keeps_house: bool) -> None:
@@ -293,9 +291,6 @@ class BaseStation:
             self._guard(self._house.tidy)
         while not self._closing.wait(PERIOD):
             self._guard(self._house.look)
-
-    def _link_state(self) -> LinkState:
-        return self.link.state(time.time_ns())
 
     def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
         """A defect in one beat must not stop the heartbeat of a flight; it is an alarm."""

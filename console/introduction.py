@@ -76,7 +76,7 @@ class Introduction:
     def _stranger(self) -> str:
         """What is known of a vehicle that does not answer; "" while it may still do."""
         radio = self._link.radio
-        heard = self._link.state(time.time_ns()) is not LinkState.LOST
+        heard = self._link.state() is not LinkState.LOST
         if radio is None or heard or radio.connected_for < STRANGE:
             return ""
         names = radio.names()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 from console.outages import Outages
@@ -22,14 +23,20 @@ OLDEST_NS = 250_000_000
 class LinkMonitor:
     """Fed from several threads; every method is a few assignments on plain objects.
 
-    Times named `station_ns` are time.time_ns of this process.
+    Times named `station_ns` are time.time_ns of this process. What only lasts is measured on
+    `steady_ns`: the system's clock may be set while the vehicle flies.
 
     Args:
         vehicle: its name.
         instance: of this station's process.
     """
 
-    def __init__(self, vehicle: str = "quad1", instance: int = 0) -> None:
+    def __init__(
+        self,
+        vehicle: str = "quad1",
+        instance: int = 0,
+        steady_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
         self.standing = Standing(vehicle, instance)
         self.radio: Radio | None = None
         """Set once it is dialled; a station in tests may have a session of its own instead."""
@@ -39,7 +46,8 @@ class LinkMonitor:
         self._heartbeats = HeartbeatMonitor()
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
-        self._started_ns = time.time_ns()
+        self._steady_ns = steady_ns
+        self._started_ns = steady_ns()
         self._outages = Outages(self._started_ns)
 
     def carried(self) -> None:
@@ -50,15 +58,16 @@ class LinkMonitor:
         """s since the last thing that did; inf before the first."""
         return math.inf if self._carried is None else time.monotonic() - self._carried
 
-    def beat(self, payload: bytes, station_ns: int) -> None:
+    def beat(self, payload: bytes) -> None:
         """The vehicle's heartbeat came, by whichever way. Raises LinkError."""
         self.standing.heartbeat(decode_heartbeat(payload), time.monotonic_ns())
-        self.heartbeat(station_ns)
+        self.alive()
 
-    def heartbeat(self, station_ns: int) -> None:
-        """It came at this time."""
-        self._heartbeats.heard(station_ns)
-        self._outages.heard(station_ns)
+    def alive(self) -> None:
+        """The vehicle was heard just now."""
+        now_ns = self._steady_ns()
+        self._heartbeats.heard(now_ns)
+        self._outages.heard(now_ns)
 
     def exchanged(self, exchange: Exchange) -> None:
         """A time synchronisation was answered."""
@@ -69,8 +78,10 @@ class LinkMonitor:
 
         It is not when a newer one came before, or when it was under way for more than 250 ms.
         """
-        newest = self._telemetry.feed(sequence, stamp_ns, station_ns)
+        newest = self._telemetry.feed(sequence, stamp_ns, station_ns, self._steady_ns())
         fresh = station_ns - self._clock.to_client(stamp_ns) <= OLDEST_NS
+        if newest and fresh and self._clock.known:
+            self.alive()
         return newest and (fresh or not self._clock.known)
 
     @property
@@ -78,7 +89,7 @@ class LinkMonitor:
         """Whether there is a link, heartbeats or not."""
         if self.radio is not None:
             return self.radio.connected
-        return self.state(time.time_ns()) is not LinkState.LOST
+        return self.state() is not LinkState.LOST
 
     def problem(self) -> str:
         """Why the vehicle is not commanded although the link stands."""
@@ -86,12 +97,12 @@ class LinkMonitor:
 
     def refusal(self, command: str) -> str:
         """Why this command is not sent to the vehicle; "" when it is."""
-        if command != "emergency" and self.state(time.time_ns()) is LinkState.LOST:
+        if command != "emergency" and self.state() is LinkState.LOST:
             return "the link to the vehicle is lost; nothing was sent"
         return self.standing.refusal(command, time.monotonic_ns())
 
-    def state(self, station_ns: int) -> LinkState:
-        return self._heartbeats.state(station_ns)
+    def state(self) -> LinkState:
+        return self._heartbeats.state(self._steady_ns())
 
     @property
     def clock_known(self) -> bool:
@@ -103,22 +114,25 @@ class LinkMonitor:
 
     def message(self, station_ns: int) -> Any:
         """quadlab_msgs/LinkStatus."""
-        quality = self._telemetry.quality(station_ns)
-        outages = self._outages.figures(station_ns)
+        now_ns = self._steady_ns()
+        quality = self._telemetry.quality(now_ns)
+        outages = self._outages.figures(now_ns)
         newest_ns = self._telemetry.newest_stamp_ns
         # Before the first packet, for as long as we have waited for one.
-        since_ns = self._started_ns if newest_ns is None else self._clock.to_client(newest_ns)
+        age_ns = now_ns - self._started_ns
+        if newest_ns is not None:
+            age_ns = station_ns - self._clock.to_client(newest_ns)
         return new(
             "quadlab_msgs/LinkStatus",
             header=header(self._clock.to_server(station_ns)),
-            state=str(self.state(station_ns)),
+            state=str(self.state()),
             round_trip=self._clock.round_trip_ns * 1e-9,
             clock_offset=self._clock.offset_ns * 1e-9,
             jitter=quality.jitter,
-            age=max(0, station_ns - since_ns) * 1e-9,
+            age=max(0, age_ns) * 1e-9,
             loss=quality.loss,
             telemetry_rate=quality.rate,
-            state_duration=self._outages.state_duration(station_ns),
+            state_duration=self._outages.state_duration(now_ns),
             outages=outages.count,
             outage_last=outages.last,
             outage_longest=outages.longest,

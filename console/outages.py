@@ -1,4 +1,4 @@
-"""Silences of the vehicle's heartbeats: how many there were and how long they lasted."""
+"""Silences of the vehicle: how many there were and how long they lasted."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ class OutageFigures:
 
 
 class Outages:
-    """An outage is a silence of DEGRADED_AFTER and more, from one heartbeat to the next.
+    """An outage is a silence of DEGRADED_AFTER and more, from one sign of life to the next.
 
-    One thread tells of heartbeats, any may ask: what is kept is replaced, never changed.
+    One thread tells of them, any may ask: what is kept is replaced, never changed. Times are of any
+    steady clock.
     """
 
     def __init__(self, started_ns: int) -> None:
@@ -35,7 +36,7 @@ class Outages:
         self._ended = OutageFigures()
 
     def heard(self, now_ns: int) -> None:
-        """A heartbeat came."""
+        """The vehicle was."""
         length_ns = self._silence_ns(now_ns)
         if self._heard_ns is None or length_ns >= _SHORTEST_NS:
             self._good_since_ns = now_ns
@@ -49,8 +50,8 @@ class Outages:
         return self._ended.with_one(length_ns * 1e-9) if length_ns >= _SHORTEST_NS else self._ended
 
     def state_duration(self, now_ns: int) -> float:
-        """s since the link became good; or, while it is not, since the last heartbeat, or since
-        the start when there was none."""
+        """s since the link became good; or, while it is not, since it was heard last, or since
+        the start when it never was."""
         since_ns = self._good_since_ns
         if self._heard_ns is not None and self._silence_ns(now_ns) >= _SHORTEST_NS:
             since_ns = self._heard_ns

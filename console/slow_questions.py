@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 
 from console.alarms import AlarmBoard
@@ -49,7 +48,7 @@ class SlowQuestions:
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
         """Until `closing`; `guard` calls and survives what is called."""
         while not closing.wait(EAGER if self._is_eager else SLOW):
-            if self._link.state(time.time_ns()) is not LinkState.LOST:
+            if self._link.state() is not LinkState.LOST:
                 guard(self._ask)
             else:
                 self._calibrations.lost()

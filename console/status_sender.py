@@ -1,4 +1,4 @@
-"""How station and link stand, told at 5 Hz: `station_status` and `link_status`."""
+"""How station and link stand: `station_status` and `link_status`."""
 
 from __future__ import annotations
 
@@ -35,10 +35,15 @@ class StatusSender:
         self._on_link = on_link
         self._said = LinkState.LOST
 
+    @property
+    def link_changed(self) -> bool:
+        """Whether the link's state is another than was said last."""
+        return self._link.state() is not self._said
+
     def send(self) -> None:
         """Both, and an event when the link's state is another than the last time."""
         now_ns, stamp_ns = time.time_ns(), self._link.vehicle_ns()
-        state = self._link.state(now_ns)
+        state = self._link.state()
         if state is not self._said:
             self._said = state
             self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")

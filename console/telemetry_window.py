@@ -21,13 +21,16 @@ class TelemetryQuality:
 
 
 class TelemetryWindow:
-    """Fed with every packet; times in ns. Which clock made the stamps does not matter."""
+    """Fed with every packet; times in ns. `now_ns` is of a steady clock: the system's may be set.
+
+    Which clocks made the stamp and `received_ns` does not matter.
+    """
 
     def __init__(self) -> None:
-        self._packets: deque[tuple[int, int, int]] = deque()  # sequence, received, under way
+        self._packets: deque[tuple[int, int, int]] = deque()  # sequence, now, under way
         self.newest_stamp_ns: int | None = None
 
-    def feed(self, sequence: int, stamp_ns: int, received_ns: int) -> bool:
+    def feed(self, sequence: int, stamp_ns: int, received_ns: int, now_ns: int) -> bool:
         """One packet with the stamp of its newest sample; False when a newer one came before."""
         packets = self._packets
         sequence_back = bool(packets) and sequence < packets[-1][0] - RESTART
@@ -35,8 +38,8 @@ class TelemetryWindow:
         if sequence_back or (newest_ns is not None and stamp_ns < newest_ns - RESTART_NS):
             packets.clear()
             self.newest_stamp_ns = None
-        packets.append((sequence, received_ns, received_ns - stamp_ns))
-        self._forget(received_ns)
+        packets.append((sequence, now_ns, received_ns - stamp_ns))
+        self._forget(now_ns)
         newest = self.newest_stamp_ns is None or stamp_ns > self.newest_stamp_ns
         if newest:
             self.newest_stamp_ns = stamp_ns

@@ -5,12 +5,14 @@ Exit status: 0 done, 1 failed, 2 wrong usage. An error is one line on stderr.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import io
 import os
 import re
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from quadlab.commands import COMMANDS
 from quadlab.supervise import follow_parent
@@ -35,6 +37,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output, `head` for instance, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+
+
+def program() -> NoReturn:
+    """`main` as a program of its own, which leaves without taking the interpreter apart.
+
+    A session of Zenoh may still be closing, and one of its threads that calls Python meanwhile
+    aborts a process that is finalising.
+    """
+    status = main()
+    atexit._run_exitfuncs()
+    with contextlib.suppress(BrokenPipeError):
+        sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
 
 
 def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
@@ -88,4 +104,4 @@ def _one_line(boxed: str) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

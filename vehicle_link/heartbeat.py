@@ -1,11 +1,11 @@
-"""How the link is doing, judged by the heartbeats of the other end. Pure: fed with times."""
+"""How the link is doing, judged by when the other end was last heard. Pure: fed with times."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 
 HEARTBEAT_RATE = 20.0  # Hz
-DEGRADED_AFTER = 0.3  # s
+DEGRADED_AFTER = 0.2  # s
 LOST_AFTER = 1.0  # s
 
 
@@ -16,10 +16,10 @@ class LinkState(StrEnum):
 
 
 class HeartbeatMonitor:
-    """Degraded and lost by the time since the last heartbeat; lost before the first.
+    """Degraded and lost by the time since the last sign of life; lost before the first.
 
     Args:
-        degraded_after, lost_after: s without a heartbeat.
+        degraded_after, lost_after: s without one.
     """
 
     def __init__(
@@ -30,12 +30,12 @@ class HeartbeatMonitor:
         self._heard_ns: int | None = None
 
     def heard(self, now_ns: int) -> None:
-        """A heartbeat came at this time of any steady clock."""
+        """A sign of life came at this time of any steady clock."""
         if self._heard_ns is None or now_ns > self._heard_ns:
             self._heard_ns = now_ns
 
     def age(self, now_ns: int) -> float:
-        """s since the last heartbeat; inf before the first."""
+        """s since the last; inf before the first."""
         return float("inf") if self._heard_ns is None else (now_ns - self._heard_ns) * 1e-9
 
     def state(self, now_ns: int) -> LinkState:

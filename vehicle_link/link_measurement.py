@@ -40,9 +40,6 @@ TRIES = 3
 CONNECT = 5.0  # s
 CLOSE_PATIENCE = 2.0
 """s; with a vehicle that went meanwhile it may take ten."""
-CLOSER = "link test close"
-"""Name of the thread that may be left behind; a process may not end while it runs, but by
-os._exit."""
 DESCRIBE, LIST = "rcl_interfaces/srv/DescribeParameters", "rcl_interfaces/srv/ListParameters"
 
 
@@ -112,7 +109,7 @@ def _connected(endpoint: str, tls: TlsFiles, host: str, port: int) -> Iterator[z
             )
         yield session
     finally:
-        closer = threading.Thread(target=session.close, name=CLOSER, daemon=True)
+        closer = threading.Thread(target=session.close, name="link test close", daemon=True)
         closer.start()
         closer.join(CLOSE_PATIENCE)
 

@@ -21,14 +21,17 @@ from starlette.websockets import WebSocketDisconnect
 from web.access.roles import Session
 from web.live import CHARTED, STALE, Live
 
+Message = dict[str, Any]
+
 RATE = 5.0  # Hz, of the summary
 OF_ALL = ("runs",)
 """Types of messages that are news for the pages of every vehicle."""
 KEPT = 200  # log lines a new page gets
 WAITING = 500  # messages a page may lag behind
+SUMMARY_NOW: Message = {"type": "summary now"}
+"""Of the hub: every page gets its summary without waiting for the next."""
 LEVELS = {10: "debug", 20: "info", 30: "warn", 40: "error", 50: "error"}
 
-Message = dict[str, Any]
 _encode = msgspec.json.Encoder().encode
 
 
@@ -122,7 +125,10 @@ async def serve(
                     if message is None:
                         await socket.close(1013, "this page did not keep up; it starts afresh")
                         return
-                    await _send(socket, message)
+                    if message is SUMMARY_NOW:
+                        due = 0.0
+                    else:
+                        await _send(socket, message)
         except (WebSocketDisconnect, OSError):
             return
         finally:

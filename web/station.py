@@ -21,7 +21,7 @@ from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
-from web.events import LEVELS, EventHub, event
+from web.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live import FAST, STALE, Live
 
 if TYPE_CHECKING:
@@ -70,6 +70,7 @@ class Station:
         self._hub = hub
         self.on_change: Callable[[str, str, str, int], None] = lambda *_: None
         self.on_stick_answer: Callable[[int, bool, str], None] = lambda *_: None
+        self._link_said = ""
         self._node: Node | None = None
         self._stick: Publisher | None = None
         self._presence: Publisher | None = None
@@ -221,12 +222,13 @@ class Station:
         from vehicle_link.node import Node
 
         node = Node(session, f"/{self._vehicle}", "web")
-        for topic in STALE.keys() - FAST:
+        for topic in STALE.keys() - FAST - {"link_status"}:
             self._take(node, topic)
         reactions = (
             ("events", self._on_event),
             ("parameter_changes", self._on_change),
             ("marks", self._on_mark),
+            ("link_status", self._on_link),
         )
         for topic, react in reactions:
             node.subscribe(topic, TOPICS[topic].type_name, react, qos=TOPICS[topic].qos)
@@ -260,6 +262,14 @@ class Station:
             self._live.put(topic, received.payload)
 
         return put
+
+    def _on_link(self, received: Received) -> None:
+        """Pages see a link that breaks at once, not with the next summary."""
+        self._live.put("link_status", received.payload)
+        state = decode(received.payload, TOPICS["link_status"].type_name).state
+        if state != self._link_said:
+            self._link_said = state
+            self._hub.publish_from_thread(SUMMARY_NOW)
 
     def _on_event(self, received: Received) -> None:
         log = decode(received.payload, "rcl_interfaces/Log")

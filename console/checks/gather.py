@@ -56,7 +56,7 @@ class Gatherer:
         board, recorder = self._alarms.keyed(), self._recorder.status()
         tracker = self._station.tracker
         return Facts(
-            link=self._link.state(time.time_ns()),
+            link=self._link.state(),
             clock_known=self._link.clock_known,
             telemetry_rate=self.link_status.telemetry_rate if self.link_status else 0.0,
             loss=self.link_status.loss if self.link_status else 0.0,

@@ -26,7 +26,14 @@ from console.transfers.backfill import Backfill
 from console.transfers.download import download
 from console.transfers.fetcher import ChangedError, Fetcher, Rate
 from console.transfers.job import CancelledError, Job, Kind, NotYetError
-from console.transfers.part_file import NoRoomError, PartFile, remove_old, wanted_downloads
+from console.transfers.part_file import (
+    NoRoomError,
+    PartFile,
+    remove_old,
+    unwant,
+    want,
+    wanted_downloads,
+)
 from console.transfers.vehicle_files import VehicleFiles, check_name
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.heartbeat import LinkState
@@ -96,7 +103,7 @@ class TransferDesk:
     def ask(self, kind: Kind, name: str, by_person: bool = False) -> None:
         """Once, however often it is asked for. Raises RefusedError or StorageError."""
         if kind == "download":
-            check_name(name)
+            want(self.folder, check_name(name))
         elif by_person:
             self._catalogue.resolve(name)
             if (whose := self._catalogue.get(name).vehicle) != self._vehicle:
@@ -203,6 +210,8 @@ class TransferDesk:
                 return
             if job.kind == "backfill":
                 self._keep(job.name, Completeness("unknown", why=f"not compared: {error}"))
+            else:
+                unwant(self.folder, job.name)
             job.end("failed", str(error))
             self._say(WARN, f"{job.kind} of {job.name} failed: {error}")
         else:

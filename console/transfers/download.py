@@ -9,7 +9,7 @@ from pathlib import Path
 
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
-from console.transfers.part_file import PartFile
+from console.transfers.part_file import PartFile, unwant
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles
 from quadrotor.errors import StorageError
 from vehicle_link.log.file import sync_folder
@@ -42,6 +42,7 @@ def download(
     if place.exists() and place.stat().st_size == file.size:
         job.phase = "checking"
         if sum_of(place, job.check) == _sum_on_board(job, file, files, wait):
+            unwant(folder, file.name)
             job.bytes = job.total_bytes = file.size
             job.end("done", "it was here already")
             return

@@ -1,7 +1,6 @@
-"""Brings ranges of a file on board into its part file: two questions in the air, no more.
+"""Brings ranges of a file on board into its part file, several questions in the air.
 
-Two keep a slow link full. Telemetry waits behind what is in the air: at 2 Mbit/s some 40 ms behind
-two, half as long behind one (docs/performance.md); four gained nothing.
+Telemetry waits behind what is in the air, so there are no more than gain something (window).
 """
 
 from __future__ import annotations
@@ -13,9 +12,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 from console.transfers.part_file import PartFile, Range
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles
+from console.transfers.window import MOST, Window
 from quadrotor.errors import LinkError, QuadlabError
 
-IN_THE_AIR = 2
 RATE_WINDOW = 3.0
 """s over which the rate is taken."""
 
@@ -47,13 +46,14 @@ class Rate:
 
 
 class Fetcher:
-    """Args: `files`, asked from two threads; `came`, told the bytes of each piece that is kept,
+    """Args: `files`, asked from several threads; `came`, told the bytes of each piece that is kept,
     which may raise to end the fetch."""
 
     def __init__(self, files: VehicleFiles, came: Callable[[int], None]) -> None:
         self._files = files
         self._came = came
-        self._pool = ThreadPoolExecutor(IN_THE_AIR, thread_name_prefix="fetch")
+        self._pool = ThreadPoolExecutor(MOST, thread_name_prefix="fetch")
+        self._window = Window()
 
     def close(self) -> None:
         self._pool.shutdown(wait=False, cancel_futures=True)
@@ -67,8 +67,8 @@ class Fetcher:
         asked: deque[tuple[int, int, Future[tuple[VehicleFile, bytes]]]] = deque()
         try:
             while True:
-                while len(asked) < IN_THE_AIR and (piece := next(pieces, None)) is not None:
-                    question = self._pool.submit(self._files.part, part.file.name, *piece)
+                while len(asked) < self._window.size and (piece := next(pieces, None)):
+                    question = self._pool.submit(self._ask, part.file.name, *piece)
                     asked.append((*piece, question))
                 if not asked:
                     return
@@ -82,6 +82,12 @@ class Fetcher:
         """As a file's read. Raises as `fetch`."""
         self.fetch(part, [(offset, offset + length)])
         return part.read(offset, length)
+
+    def _ask(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]:
+        size, began = self._window.size, time.monotonic()
+        answer = self._files.part(name, offset, length)
+        self._window.answered(size, time.monotonic() - began)
+        return answer
 
     def _keep(
         self, part: PartFile, offset: int, length: int, file: VehicleFile, data: bytes

@@ -115,10 +115,11 @@ class PartFile:
         lines = Path(self.journal).read_bytes().splitlines(keepends=True)
         head = _head(lines[0]) if lines else {}
         if head.get("identity") != self.file.identity:
-            self.restarted = bool(head)
+            self.restarted = bool(head.get("identity"))
             os.ftruncate(self._data, 0)
             os.ftruncate(self._lines, 0)
-            self._append(_head_line(self.file, wanted))
+            was_wanted = any(_head(line).get("wanted") for line in lines)
+            self._append(_head_line(self.file, wanted or was_wanted))
             return
         kept = len(lines[0])
         for line in lines[1:]:
@@ -147,6 +148,24 @@ class PartFile:
             begin, end = min(begin, self._ranges[last][0]), max(end, self._ranges[last][1])
             last += 1
         self._ranges[first:last] = [(begin, end)]
+
+
+def want(folder: Path, name: str) -> None:
+    """Remembered from now on, before anything of it is known. Raises StorageError."""
+    journal = folder / f"{name}.part.journal"
+    if journal.exists():
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        journal.write_text(json.dumps({"identity": 0, "wanted": True}) + "\n")
+    except OSError as error:
+        raise _storage_error(journal, error) from error
+
+
+def unwant(folder: Path, name: str) -> None:
+    """Where nothing came of it yet."""
+    if not (folder / f"{name}.part").exists():
+        PartFile.discard(folder, name)
 
 
 def remove_old(folder: Path, age: float) -> None:

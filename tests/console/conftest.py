@@ -182,7 +182,7 @@ class LinkedBench:
         port = free_port(socket.SOCK_DGRAM)
         self._relay.lead_to(port)
         self.vehicle = Vehicle(self._data, port)
-        assert until(lambda: self.station._link_state() is LinkState.GOOD)
+        assert until(lambda: self.station.link.state() is LinkState.GOOD)
         known = self.station._vehicle_parameters.known
         assert until(lambda: known(THEIRS) == self.layout), "they did not come to agree"
         return self.vehicle
@@ -191,7 +191,7 @@ class LinkedBench:
         assert self.vehicle is not None
         self.vehicle.close()
         self.vehicle = None
-        assert until(lambda: self.station._link_state() is LinkState.LOST)
+        assert until(lambda: self.station.link.state() is LinkState.LOST)
 
     def call(self, service: str, **fields: Any) -> Any:
         request = new(
@@ -205,7 +205,7 @@ class LinkedBench:
     def change(self, name: str, value: ParameterValue) -> Any:
         """The station's answer to a change of one parameter; a busy machine may lose the link."""
         if self.vehicle is not None:
-            assert until(lambda: self.station._link_state() is LinkState.GOOD)
+            assert until(lambda: self.station.link.state() is LinkState.GOOD)
         return self.call("change_parameters", parameters=to_parameters({name: value}))
 
     def close(self) -> None:

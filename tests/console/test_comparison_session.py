@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 import pickle
 import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,6 +25,7 @@ from console.parameter_store import StationStore
 from estimation import registry
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import TICK
+from tests.waiting import until
 from vehicle_link.log import read_log
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
@@ -36,14 +35,6 @@ from vehicle_link.topics import TOPICS
 LIMIT = 20.0
 NAME = "station.comparison.estimators"
 TYPE = TOPICS["comparison"].type_name
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    waiting, end = threading.Event(), time.monotonic() + LIMIT
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
 
 
 class Heard:

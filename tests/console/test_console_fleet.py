@@ -18,6 +18,7 @@ from console.catalogue import Catalogue
 from console.comparison import feed
 from console.comparison.parameters import ComparisonParameters
 from quadrotor.records import TICK
+from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.heartbeat import LinkState
@@ -32,23 +33,7 @@ from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 
 NAMES = ("quad1", "quad2")
-LIMIT = 60.0
 """s, for a broken program only."""
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    waiting, end = threading.Event(), time.monotonic() + LIMIT
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
 
 
 class FakeVehicle:
@@ -135,7 +120,7 @@ class Laboratory:
 
     def is_linked(self, name: str) -> bool:
         link = self.stations[name].link
-        return link.state(time.time_ns()) is LinkState.GOOD and link.clock_known
+        return link.state() is LinkState.GOOD and link.clock_known
 
     def call(self, name: str, service: str, requester: str, **fields: Any) -> Any:
         request = new(

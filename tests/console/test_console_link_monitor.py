@@ -13,6 +13,15 @@ AHEAD = 5_000_000_000_000
 MS = 1_000_000
 
 
+class Clock:
+    """ns, steady."""
+
+    now = 0
+
+    def __call__(self) -> int:
+        return self.now
+
+
 def synchronised() -> LinkMonitor:
     link = LinkMonitor()
     link.exchanged(Exchange(NOW, NOW + AHEAD + MS, NOW + AHEAD + MS, NOW + 2 * MS))
@@ -48,12 +57,45 @@ def test_the_age_is_that_of_the_newest_sample_in_our_own_time() -> None:
 
 
 def test_heartbeats_make_the_state() -> None:
-    link = LinkMonitor()
-    assert link.state(NOW) is LinkState.LOST
-    link.heartbeat(NOW)
-    assert link.state(NOW + 299 * MS) is LinkState.GOOD
-    assert link.message(NOW + 301 * MS).state == "degraded"
-    assert link.message(NOW + 1001 * MS).state == "lost"
+    clock = Clock()
+    link = LinkMonitor(steady_ns=clock)
+    assert link.state() is LinkState.LOST
+    link.alive()
+    for ms, state in ((199, "good"), (201, "degraded"), (999, "degraded"), (1001, "lost")):
+        clock.now = ms * MS
+        assert link.state() == link.message(NOW + ms * MS).state == state
+
+
+def test_fresh_telemetry_is_a_sign_of_life_and_old_telemetry_is_none() -> None:
+    clock = Clock()
+    link = LinkMonitor(steady_ns=clock)
+    link.exchanged(Exchange(NOW, NOW + MS, NOW + MS, NOW + 2 * MS))
+    link.telemetry(1, NOW, NOW + 251 * MS)
+    assert link.state() is LinkState.LOST
+    link.telemetry(2, NOW + 10 * MS, NOW + 255 * MS)
+    assert link.state() is LinkState.GOOD
+
+
+@pytest.mark.parametrize("hour", [3_600_000 * MS, -3_600_000 * MS])
+def test_a_system_clock_set_by_an_hour_changes_neither_state_nor_outages(hour: int) -> None:
+    clock = Clock()
+    link = LinkMonitor(steady_ns=clock)
+    link.exchanged(Exchange(NOW, NOW + MS, NOW + MS, NOW + 2 * MS))
+    for k in range(300):
+        clock.now = k * 10 * MS
+        station_ns = NOW + clock.now + (hour if k >= 100 else 0)
+        if k == 150:  # asked once a second
+            link.exchanged(Exchange(station_ns, *2 * (NOW + clock.now + MS,), station_ns + 2 * MS))
+        if k % 5 == 0:
+            link.alive()
+        shown = link.telemetry(k, NOW + clock.now, station_ns + MS)
+        assert shown or (hour > 0 and 100 <= k < 150), k
+    message = link.message(station_ns + MS)
+    assert (message.state, message.outages) == ("good", 0)
+    assert message.age == pytest.approx(0.001, abs=1e-4)
+    assert message.telemetry_rate == pytest.approx(100, abs=1)
+    clock.now += 201 * MS
+    assert link.state() is LinkState.DEGRADED
 
 
 def test_the_message_holds_finite_numbers_before_anything_came() -> None:

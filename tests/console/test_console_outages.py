@@ -24,12 +24,12 @@ def test_before_the_vehicle_was_heard_there_is_no_outage() -> None:
 
 def test_a_late_heartbeat_is_no_outage_and_a_silence_is_one() -> None:
     outages = Outages(START)
-    beating(outages, 0, 50, 349)
-    assert outages.figures(START + 400 * MS).count == 0
-    beating(outages, 649, 700)
-    found = outages.figures(START + 720 * MS)
+    beating(outages, 0, 50, 249)
+    assert outages.figures(START + 300 * MS).count == 0
+    beating(outages, 449, 500)
+    found = outages.figures(START + 520 * MS)
     assert found.count == 1
-    assert found.last == pytest.approx(0.300)
+    assert found.last == pytest.approx(0.200)
 
 
 def test_longest_and_total_are_of_all_outages() -> None:
@@ -43,9 +43,9 @@ def test_longest_and_total_are_of_all_outages() -> None:
 def test_an_outage_under_way_counts_and_grows_and_is_counted_once() -> None:
     outages = Outages(START)
     beating(outages, 0)
-    during = [outages.figures(START + ms * MS) for ms in (299, 300, 2000)]
+    during = [outages.figures(START + ms * MS) for ms in (199, 200, 2000)]
     assert [found.count for found in during] == [0, 1, 1]
-    assert [found.last for found in during] == pytest.approx([0.0, 0.3, 2.0])
+    assert [found.last for found in during] == pytest.approx([0.0, 0.2, 2.0])
     beating(outages, 2500)
     after = outages.figures(START + 2500 * MS)
     assert after.count == 1
@@ -69,9 +69,12 @@ def test_heartbeats_out_of_order_change_nothing() -> None:
 
 
 def test_link_status_tells_of_outages() -> None:
-    link = LinkMonitor()
-    for ms in (0, 1200, 1250):
-        link.heartbeat(START + ms * MS)
+    clock = [START]
+    link = LinkMonitor(steady_ns=lambda: clock[0])
+    for ms in (0, 1200, 1250, 1300):
+        clock[0] = START + ms * MS
+        if ms < 1300:
+            link.alive()
     message = link.message(START + 1300 * MS)
     assert (message.state, message.outages) == ("good", 1)
     lengths = (message.outage_last, message.outage_longest, message.outage_total)

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from console.catalogue import Catalogue
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record
+from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import LogWriter, is_closed, read_attachments, read_log, read_metadata
@@ -41,22 +42,6 @@ AHEAD_NS = 40_000_000_000
 
 def vehicle_now() -> int:
     return time.time_ns() + AHEAD_NS
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def until(condition: Callable[[], Any], bound: float = LIMIT) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    waiting = threading.Event()
-    end = time.monotonic() + bound
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
 
 
 class Inbox:

@@ -14,6 +14,7 @@ import pytest
 from console import introduction
 from console.introduction import Introduction
 from console.link_monitor import LinkMonitor
+from tests.waiting import free_port
 from vehicle_link import whoami
 from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.enrolment import issue_station
@@ -26,17 +27,11 @@ from vehicle_link.whoami import serve_whoami
 WAIT = 10.0  # s: a bound, not an expectation
 
 
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 class Station:
     """Of one hub, one radio and the thread that asks."""
 
     def __init__(self, port: int, tls: TlsFiles) -> None:
-        loopback = _free_port(socket.SOCK_STREAM)
+        loopback = free_port(socket.SOCK_STREAM)
         self.hub: Any = hub_session(loopback)
         self.link = LinkMonitor("quad1", 1)
         self.link.radio = Radio(f"127.0.0.1:{port}", tls, loopback, lambda: 0.0)
@@ -88,7 +83,7 @@ def _station(closed: list[Any], port: int, tls: TlsFiles) -> Station:
 def test_a_vehicle_says_what_we_may_and_is_forgotten_when_it_goes(
     tmp_path: Path, closed: list[Any]
 ) -> None:
-    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     station = _station(closed, port, tls)
     vehicle: Any = vehicle_session(port, tls, "127.0.0.1")
     serve_whoami(Node(vehicle, "/quad1", "vehicle"), "quad1", 5, THE_ONE)
@@ -100,7 +95,7 @@ def test_a_vehicle_says_what_we_may_and_is_forgotten_when_it_goes(
 
 
 def test_an_observer_is_told_that_it_is_one(tmp_path: Path, closed: list[Any]) -> None:
-    tls, port = ensure_certificates(tmp_path / "base"), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path / "base"), free_port(socket.SOCK_DGRAM)
     serve_whoami(_vehicle(closed, port, tls), "quad1", 5, THE_ONE)
     ben = issue_station(tls.folder, tmp_path / "ben", "ben", "observer")
     station = _station(closed, port, ben)
@@ -111,7 +106,7 @@ def test_an_observer_is_told_that_it_is_one(tmp_path: Path, closed: list[Any]) -
 def test_another_protocol_is_a_problem(
     tmp_path: Path, closed: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     monkeypatch.setattr(whoami, "protocol", lambda: "00000000")
     monkeypatch.setattr(whoami, "version", lambda: "99.0")
     serve_whoami(_vehicle(closed, port, tls), "quad1", 5, THE_ONE)
@@ -123,14 +118,14 @@ def test_another_protocol_is_a_problem(
 def test_a_vehicle_that_does_not_understand_the_question_is_of_another_version(
     tmp_path: Path, closed: list[Any]
 ) -> None:
-    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     _vehicle(closed, port, tls)
     station = _station(closed, port, tls)
     station.until(lambda link: "speaks another version of quadlab" in link.problem())
 
 
 def test_a_vehicle_of_another_name_is_told_by_its_name(tmp_path: Path, closed: list[Any]) -> None:
-    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     serve_whoami(_vehicle(closed, port, tls, "quad7"), "quad7", 5, THE_ONE)
     station = _station(closed, port, tls)
     told = "is called quad7, not quad1: start it with --name quad1"
@@ -138,7 +133,7 @@ def test_a_vehicle_of_another_name_is_told_by_its_name(tmp_path: Path, closed: l
 
 
 def test_no_link_is_told_with_its_likely_cause(tmp_path: Path, closed: list[Any]) -> None:
-    tls, port = ensure_certificates(tmp_path / "ours"), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path / "ours"), free_port(socket.SOCK_DGRAM)
     station = _station(closed, port, tls)
     station.until(lambda link: "no `quadlab vehicle` listens" in link.standing.unreachable)
     _vehicle(closed, port, ensure_certificates(tmp_path / "foreign"))

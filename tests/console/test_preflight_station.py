@@ -21,6 +21,7 @@ from console.base_station import BaseStation
 from console.catalogue import Catalogue
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK
+from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.checks import Check, from_messages, to_messages
@@ -36,21 +37,6 @@ from vehicle_link.topics import SERVICES, TOPICS
 
 LIMIT = 15.0
 PREFLIGHT = TOPICS["preflight"].type_name
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    end = time.monotonic() + LIMIT
-    while not (answer := condition()) and time.monotonic() < end:
-        threading.Event().wait(0.01)
-    return answer
 
 
 class FitVehicle:

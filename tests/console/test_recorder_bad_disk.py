@@ -6,7 +6,7 @@ import errno
 import os
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ import pytest
 from console.recorder import Recorder
 from console.run import Run, RunEnd
 from quadrotor.errors import StorageError
+from tests.waiting import wait_for
 from vehicle_link.log import is_closed, read_log, recover
 
 STRING = "std_msgs/String"
@@ -27,15 +28,6 @@ def run_in(folder: Path, name: str = "run1", **fields: object) -> Run:
 def put(recorder: Recorder, count: int, first: int = 0) -> None:
     for i in range(first, first + count):
         recorder.put("/a", STRING, b"\0\1\0\0", i * 1_000_000, i)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    waiting = threading.Event()
-    for _ in range(round(LIMIT / 0.01)):
-        if condition():
-            return
-        waiting.wait(0.01)
-    raise AssertionError("waited in vain")
 
 
 @pytest.fixture
@@ -113,7 +105,7 @@ def test_a_folder_that_becomes_something_else_ends_the_run_with_an_alarm(
 ) -> None:
     recorder.start(run_in(folder, keep_free=0))
     put(recorder, 10)
-    until(lambda: recorder.status().bytes > 0)
+    wait_for(lambda: recorder.status().bytes > 0)
     shutil.move(folder, folder.with_name("moved"))
     if becomes == "a file":
         folder.write_text("mine")
@@ -146,7 +138,7 @@ def test_a_catalogue_that_takes_its_time_holds_up_no_message(folder: Path) -> No
     put(recorder, 100)
     recorder.stop()
     path = folder / "run1.mcap"
-    until(lambda: path.exists() and is_closed(path))
+    wait_for(lambda: path.exists() and is_closed(path))
     assert len(list(read_log(path))) == 100
     assert (started, ends) == ([], [])
     gate.set()

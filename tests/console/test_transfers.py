@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import socket
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -30,6 +29,7 @@ from console.transfers.vehicle_files import LinkedFiles
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.records import TICK
 from tests.vehicle_link.drop_outs import START_NS, Flight, flown, with_holes
+from tests.waiting import until
 from vehicle.onboard_files import OnboardFiles
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.log import read_log, read_metadata, recover
@@ -358,13 +358,6 @@ def bench(tmp_path: Path, link: Link, monkeypatch: pytest.MonkeyPatch) -> Iterat
     made.desk.close()
 
 
-def until(condition: Callable[[], Any]) -> Any:
-    waiting, end = threading.Event(), time.monotonic() + PATIENCE
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
-
-
 def ended(bench: Bench, name: str) -> Job:
     found = until(lambda: [job for job in bench.desk.jobs() if job.name == name and job.is_over])
     assert found, [(job.phase, job.problem) for job in bench.desk.jobs()]
@@ -417,6 +410,31 @@ def test_a_download_goes_on_when_the_link_is_back_and_after_a_new_start(
     assert (bench.desk.folder / "flight.mcap").read_bytes() == data
     lengths = sum(length for _, length in link.asked if length > 8)
     assert lengths < len(data) + 4 * 2800, "much was fetched twice"
+
+
+@pytest.mark.parametrize("is_filled_first", [False, True])
+def test_a_download_that_had_to_wait_is_not_forgotten_when_the_station_stops(
+    bench: Bench, onboard: Path, link: Link, is_filled_first: bool
+) -> None:
+    data = random_file(onboard, 20_000)
+    bench.state = LinkState.LOST
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    bench.desk.close()
+    if is_filled_first:  # a run's back-fill takes some of the same file
+        PartFile(bench.desk.folder, LinkedFiles(link).files()[0]).close()  # type: ignore[arg-type]
+    bench.state = LinkState.GOOD
+    bench.desk = bench.new_desk()
+    bench.desk.start()
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert (bench.desk.folder / "flight.mcap").read_bytes() == data
+
+
+def test_a_download_of_what_is_not_there_is_not_asked_for_again(bench: Bench) -> None:
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    assert ended(bench, "flight.mcap").phase == "failed"
+    assert list(bench.desk.folder.iterdir()) == []
 
 
 def test_a_full_disk_is_said_and_waited_for(

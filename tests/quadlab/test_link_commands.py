@@ -20,6 +20,7 @@ from quadlab.__main__ import main
 from quadlab.link_commands.verdict import Grade, percentile, verdict
 from quadrotor.errors import LinkError, StorageError, UsageError
 from quadrotor.records import TICK
+from tests.waiting import free_port
 from vehicle_link import knock as knocking
 from vehicle_link import topics
 from vehicle_link.authority import TlsFiles, check_certificate, ensure_certificates
@@ -34,12 +35,6 @@ from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
 from vehicle_link.whoami import serve_whoami
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _link(data: Path, *words: str) -> int:
@@ -145,7 +140,7 @@ def tls(tmp_path_factory: pytest.TempPathFactory) -> TlsFiles:
 @pytest.fixture(scope="module")
 def vehicle(tls: TlsFiles) -> Iterator[int]:
     """The port of a vehicle that sends telemetry, of which it leaves out each tenth packet."""
-    port, closing = _free_port(), threading.Event()
+    port, closing = free_port(socket.SOCK_DGRAM), threading.Event()
     session: Any = vehicle_session(port, tls, "127.0.0.1")
     node = Node(session, "/quad5", "vehicle")
     serve_time_sync(node, lambda: time.time_ns() + 3_600_000_000_000)  # an hour ahead
@@ -192,7 +187,7 @@ def test_no_link_is_told_with_its_cause(
 ) -> None:
     monkeypatch.setattr("vehicle_link.link_measurement.CONNECT", 0.3)
     with pytest.raises(LinkError, match=r"within 0\.3 s: the machine is there, but no"):
-        measure(f"127.0.0.1:{_free_port()}", tls, 1.0)
+        measure(f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}", tls, 1.0)
     with pytest.raises(LinkError, match=r"does not accept the other's certificate.*quadlab link"):
         measure(f"127.0.0.1:{vehicle}", ensure_certificates(tmp_path), 1.0)
     with pytest.raises(LinkError, match="no vehicle called quad6 says who it is"):
@@ -202,7 +197,7 @@ def test_no_link_is_told_with_its_cause(
 def test_a_knock_tells_who_is_there(vehicle: int) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as mute:
         mute.bind(("127.0.0.1", 0))
-        places = [("127.0.0.1", vehicle), ("127.0.0.1", _free_port())]
+        places = [("127.0.0.1", vehicle), ("127.0.0.1", free_port(socket.SOCK_DGRAM))]
         assert list(knock_at_all(places).values()) == [Door.ANSWERS, Door.CLOSED]
         assert knock("127.0.0.1", mute.getsockname()[1], 0.01) is Door.SILENT
     assert knock("no such.invalid", 7447) is Door.NAMELESS

@@ -22,6 +22,7 @@ import pytest
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.records import POSE_SAMPLE, Record
+from tests.waiting import free_port
 from vehicle.calibration_store import CalibrationStore
 from vehicle.onboard_recovery import torn_logs
 from vehicle_link import messages, telemetry, topics
@@ -53,13 +54,6 @@ sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.ar
                      int(sys.argv[3]),
                      settings={"model.mass": 1.3, "safety.link_land_after": 20.0}))
 """
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def wait_until(reached: Callable[[], object], what: str) -> None:

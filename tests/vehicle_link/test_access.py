@@ -6,7 +6,6 @@ import datetime
 import queue
 import socket
 import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -16,6 +15,7 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import LinkError
+from tests.waiting import free_port, wait_for
 from vehicle_link import authority
 from vehicle_link.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
 from vehicle_link.certificates import certificate_builder, load_certificate
@@ -35,12 +35,6 @@ ARM = SERVICES["arm"]
 UP = ("tracker_pose", "bearings", "joy", "station_heartbeat")
 
 
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @dataclass
 class Door:
     """A vehicle of a base, and the stations that a test brings to it."""
@@ -52,7 +46,7 @@ class Door:
     closed: list[Callable[[], None]]
 
     def station(self, tls: TlsFiles) -> tuple[Node, Radio]:
-        loopback = _free_port(socket.SOCK_STREAM)
+        loopback = free_port(socket.SOCK_STREAM)
         hub: Any = hub_session(loopback)
         radio = Radio(f"127.0.0.1:{self.port}", tls, loopback, lambda: 0.0)
         self.closed += [hub.close, lambda: radio.close(WAIT)]
@@ -61,7 +55,7 @@ class Door:
 
 @pytest.fixture
 def door(tmp_path: Path) -> Iterator[Door]:
-    base, port = tmp_path / "base", _free_port(socket.SOCK_DGRAM)
+    base, port = tmp_path / "base", free_port(socket.SOCK_DGRAM)
     tls = issue_vehicle(base, tmp_path / "vehicle", "quad1", ["quad1.local"])
     session: Any = vehicle_session(port, tls, "127.0.0.1")
     node = Node(session, "/quad1", "vehicle")
@@ -81,19 +75,12 @@ def door(tmp_path: Path) -> Iterator[Door]:
         made.closed.pop()()
 
 
-def _until(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + WAIT
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 def _hears_status(station: Node, vehicle: Node) -> bool:
     """Sent until it is heard: datagrams may come up a little later than the link."""
     row, got = TOPICS["status"], threading.Event()
     station.subscribe(row.name, row.type_name, lambda received: got.set())
     publisher = vehicle.advertise(row)
-    _until(lambda: publisher.put(b"") or got.is_set())  # type: ignore[func-returns-value]
+    wait_for(lambda: publisher.put(b"") or got.is_set())  # type: ignore[func-returns-value]
     return True
 
 
@@ -163,9 +150,9 @@ def test_an_ended_certificate_is_told_at_the_start_of_either_end(
             station = issue_station(base, tmp_path / f"{name} ben", "ben", "pilot")
         told = r"is valid from .*, and the clock says .* UTC; set the clock, or copy"
         with pytest.raises(LinkError, match=rf"vehicle\.pem {told}"):
-            vehicle_session(_free_port(socket.SOCK_DGRAM), vehicle, "127.0.0.1")
+            vehicle_session(free_port(socket.SOCK_DGRAM), vehicle, "127.0.0.1")
         with pytest.raises(LinkError, match=rf"station\.pem {told}"):
-            Radio("127.0.0.1", station, _free_port(socket.SOCK_STREAM), lambda: 0.0)
+            Radio("127.0.0.1", station, free_port(socket.SOCK_STREAM), lambda: 0.0)
 
 
 def test_a_certificate_is_good_by_a_clock_that_is_years_behind(tmp_path: Path) -> None:
@@ -178,7 +165,7 @@ def test_a_certificate_is_good_by_a_clock_that_is_years_behind(tmp_path: Path) -
 def test_a_radio_sees_the_name_of_its_vehicle(door: Door) -> None:
     _, radio = door.station(ensure_certificates(door.base))
     assert radio.wait(WAIT)
-    _until(lambda: radio.names() == {"quad1"})
+    wait_for(lambda: radio.names() == {"quad1"})
 
 
 def test_certificates_for_others_are_whole_and_never_hold_the_authoritys_key(

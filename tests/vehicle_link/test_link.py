@@ -25,6 +25,7 @@ from quadrotor.parameters import (
 )
 from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
+from tests.waiting import free_port
 from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import Message, new
@@ -48,12 +49,6 @@ WAIT = 10.0  # s: a bound, not an expectation
 REQUEST, RESPONSE = f"{SERVICES['arm']}_Request", f"{SERVICES['arm']}_Response"
 
 
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @dataclass(frozen=True)
 class Link:
     """The three ends, each with one node in /quad1."""
@@ -69,7 +64,7 @@ class Link:
 @pytest.fixture(scope="module")
 def link(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Link]:
     tls = ensure_certificates(tmp_path_factory.mktemp("tls"))
-    udp, tcp = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
+    udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     # The station first: it must not need the vehicle to start.
     station = station_session(f"127.0.0.1:{udp}", tcp, tls)
     web = loopback_session(tcp)
@@ -492,7 +487,7 @@ def test_a_port_in_use_is_one_line(link: Link) -> None:
 
 def test_a_station_with_a_foreign_certificate_is_not_let_in(link: Link, tmp_path: Path) -> None:
     foreign = ensure_certificates(tmp_path)
-    tcp = _free_port(socket.SOCK_STREAM)
+    tcp = free_port(socket.SOCK_STREAM)
     station = station_session(f"127.0.0.1:{link.vehicle_port}", tcp, foreign)
     try:
         assert not wait_connected(station, 1.5)
@@ -503,19 +498,19 @@ def test_a_station_with_a_foreign_certificate_is_not_let_in(link: Link, tmp_path
 
 def test_certificates_are_checked_before_dialling(link: Link, tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"not for 10\.9\.8\.7"):
-        station_session("10.9.8.7", _free_port(socket.SOCK_STREAM), link.tls)
+        station_session("10.9.8.7", free_port(socket.SOCK_STREAM), link.tls)
     with pytest.raises(LinkError, match="cannot read the certificates"):
-        vehicle_session(_free_port(socket.SOCK_DGRAM), TlsFiles(tmp_path))
+        vehicle_session(free_port(socket.SOCK_DGRAM), TlsFiles(tmp_path))
 
 
 def test_a_client_without_a_station_says_what_to_start() -> None:
-    port = _free_port(socket.SOCK_STREAM)
+    port = free_port(socket.SOCK_STREAM)
     with pytest.raises(LinkError, match=r"no station answered .* within 0\.2 s; start it"):
         loopback_session(port, timeout=0.2)
 
 
 def test_a_client_comes_back_after_the_stations_restart(link: Link) -> None:
-    tcp = _free_port(socket.SOCK_STREAM)
+    tcp = free_port(socket.SOCK_STREAM)
     station = station_session(f"127.0.0.1:{link.vehicle_port}", tcp, link.tls)
     web = loopback_session(tcp)
     try:

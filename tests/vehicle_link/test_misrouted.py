@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
+from tests.waiting import wait_for
 from vehicle_link.misrouted import ESTABLISHED, FORGIVEN, KNOWN, Topics
 from vehicle_link.node import Node
 from vehicle_link.rmw_keys import attachment, data_key
@@ -68,21 +69,13 @@ def test_a_stray_sample_does_not_reach_the_callback(
 
     for sequence in range(ESTABLISHED):
         put("stick", sequence)
-    until(lambda: len(came) == ESTABLISHED)
+    wait_for(lambda: len(came) == ESTABLISHED)
     put("joy", 50)
     put("stick", 99)
     assert at_end.wait(5.0)
-    until(lambda: "came as joy" in caplog.text)
+    wait_for(lambda: "came as joy" in caplog.text)
     node.close()
     assert 50 not in came
-
-
-def until(condition: Callable[[], bool]) -> None:
-    for _ in range(1000):
-        if condition():
-            return
-        threading.Event().wait(0.005)
-    pytest.fail("it did not come to that within 5 s")
 
 
 @pytest.fixture

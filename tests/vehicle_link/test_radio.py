@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import LinkError, UsageError
+from tests.waiting import free_port, wait_for
 from vehicle_link import radio
 from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.messages import new
@@ -26,24 +27,11 @@ WAIT = 10.0  # s: a bound, not an expectation
 ARM = SERVICES["arm"]
 
 
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def _until(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + WAIT
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
 class Vehicle:
     """A node that sends a status every 20 ms until it is muted."""
 
     def __init__(self, tls: TlsFiles, name: str) -> None:
-        self.port = _free_port(socket.SOCK_DGRAM)
+        self.port = free_port(socket.SOCK_DGRAM)
         self.session: Any = vehicle_session(self.port, tls, "127.0.0.1")
         self.node = Node(self.session, f"/{name}", "vehicle")
         self.talks, self.closing = threading.Event(), threading.Event()
@@ -69,7 +57,7 @@ class Lab:
     """A hub, and whatever a test adds; closed in the end."""
 
     tls: TlsFiles
-    port: int = field(default_factory=lambda: _free_port(socket.SOCK_STREAM))
+    port: int = field(default_factory=lambda: free_port(socket.SOCK_STREAM))
     closed: list[Callable[[], None]] = field(default_factory=list)
     said: list[str] = field(default_factory=list)
 
@@ -142,7 +130,7 @@ def test_each_vehicle_has_a_radio_of_its_own(lab: Lab) -> None:
     for each in heard.values():
         each.messages.get(timeout=WAIT)
     radios["quad1"].close(WAIT)
-    _until(lambda: heard["quad1"].silent() > 0.2)
+    wait_for(lambda: heard["quad1"].silent() > 0.2)
     assert heard["quad2"].silent() < 0.2
     assert radios["quad2"].connected
 
@@ -159,20 +147,20 @@ def test_a_link_that_stands_but_is_deaf_is_opened_anew_with_patience(
     beside.messages.get(timeout=WAIT)
     assert dialled.reopened == 0
     vehicle.talks.clear()  # its session goes on: only nothing comes over it
-    _until(lambda: dialled.reopened == 2)
+    wait_for(lambda: dialled.reopened == 2)
     assert lab.said == [
         f"the link to {dialled.address} stands but brought nothing for {patience} s: opened anew"
         for patience in ("0.3", "0.6")
     ]
     assert beside.silent() < 0.3  # nobody else noticed
     vehicle.talks.set()
-    _until(lambda: heard.silent() < 0.1)
+    wait_for(lambda: heard.silent() < 0.1)
     assert dialled.wait(WAIT)
 
 
 def test_a_radio_waits_for_its_vehicle_and_its_hub_for_neither(lab: Lab) -> None:
     heard = Heard(lab.hub, "quad1")
-    port = _free_port(socket.SOCK_DGRAM)
+    port = free_port(socket.SOCK_DGRAM)
     dialled = Radio(f"127.0.0.1:{port}", lab.tls, lab.port, heard.silent)
     lab.closed.append(lambda: dialled.close(WAIT))
     assert not dialled.wait(0.2)
@@ -180,7 +168,7 @@ def test_a_radio_waits_for_its_vehicle_and_its_hub_for_neither(lab: Lab) -> None
     session: Any = vehicle_session(port, lab.tls, "127.0.0.1")
     assert dialled.wait(WAIT)
     session.close()
-    _until(lambda: not dialled.connected)
+    wait_for(lambda: not dialled.connected)
     assert dialled.reopened == 0  # there is no link that could be deaf
 
 

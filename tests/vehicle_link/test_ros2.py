@@ -16,6 +16,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from quadrotor.parameters import Parameters, ParameterStore, parameter
+from tests.waiting import free_port
 from vehicle_link import messages
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import encode, header, new
@@ -97,12 +98,6 @@ class Peer:
             self._process.kill()
 
 
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.fixture(scope="module")
 def definitions(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """As ROS 2's own packages and ours have them: `<package>/msg/<Name>.msg`."""
@@ -126,7 +121,7 @@ def definitions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def vehicle_and_port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Node, int]]:
     """A vehicle's node, and the loopback port of the station that routes to it."""
     tls = ensure_certificates(tmp_path_factory.mktemp("tls"))
-    udp, tcp = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
+    udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     hub, vehicle = hub_session(tcp), vehicle_session(udp, tls)
     radio = Radio(f"127.0.0.1:{udp}", tls, tcp, lambda: 0.0)
     assert radio.wait(WAIT)

@@ -17,6 +17,7 @@ import pytest
 from bearing_sim import PoseMeasurement
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
+from tests.waiting import free_port, wait_for
 from vehicle.comms_clock import VehicleClock
 from vehicle.comms_inbound import Inbound
 from vehicle_link import topics
@@ -29,19 +30,6 @@ from vehicle_link.topics import TOPICS
 
 WAIT = 10.0  # s: a bound, not an expectation
 BEAT = 0.02
-
-
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def _until(condition: Callable[[], object]) -> None:
-    deadline = time.monotonic() + WAIT
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 class _Beating:
@@ -102,16 +90,14 @@ class Station(_Beating):
     """Beats and sends poses all the time, as far as it may. `number`: x of its poses."""
 
     def __init__(self, port: int, tls: TlsFiles, number: int) -> None:
-        loopback = _free_port(socket.SOCK_STREAM)
+        loopback = free_port(socket.SOCK_STREAM)
         super().__init__(hub_session(loopback), "station")
         self.link = LinkMonitor("quad1", new_instance())
         self.instance, self.number = self.link.standing.instance, number
         self.outbox = Outbox(
             self.node, "quad1", lambda *row: None, time.time_ns, self.link.standing
         )
-        self.subscribe(
-            "vehicle_heartbeat", lambda got: self.link.beat(got.payload, got.received_ns)
-        )
+        self.subscribe("vehicle_heartbeat", lambda got: self.link.beat(got.payload))
         self._place = f"127.0.0.1:{port}", tls, loopback
         self.radio = self.dial()
         self._thread.start()
@@ -134,7 +120,7 @@ class Station(_Beating):
 @pytest.fixture
 def make(tmp_path: Path) -> Iterator[Callable[[int], Any]]:
     """`make(0)` is the vehicle, which is first; other numbers are stations."""
-    tls, port = ensure_certificates(tmp_path), _free_port(socket.SOCK_DGRAM)
+    tls, port = ensure_certificates(tmp_path), free_port(socket.SOCK_DGRAM)
     made: list[_Beating] = []
 
     def one(number: int) -> Any:
@@ -149,19 +135,19 @@ def make(tmp_path: Path) -> Iterator[Callable[[int], Any]]:
 
 def test_a_second_station_waits_until_the_first_is_gone(make: Callable[[int], Any]) -> None:
     vehicle, first = make(0), make(1)
-    _until(lambda: vehicle.poses)
+    wait_for(lambda: vehicle.poses)
     second = make(2)
-    _until(lambda: second.link.problem())
+    wait_for(lambda: second.link.problem())
     assert second.link.problem() == f"another station ({spoken(first.instance)}) flies quad1"
     assert second.link.refusal("arm").startswith("another station")
     assert second.link.refusal("emergency") == ""
     assert first.link.problem() == ""
     have = len(vehicle.poses)
-    _until(lambda: len(vehicle.poses) > have + 20)
+    wait_for(lambda: len(vehicle.poses) > have + 20)
     assert set(vehicle.poses) == {1.0}  # never a pose of the other
     assert vehicle.inbound.holder == first.instance
     first.close()
-    _until(lambda: vehicle.poses[-1] == 2.0)
+    wait_for(lambda: vehicle.poses[-1] == 2.0)
     assert second.link.refusal("arm") == ""
     assert vehicle.inbound.holder == second.instance
 
@@ -169,19 +155,19 @@ def test_a_second_station_waits_until_the_first_is_gone(make: Callable[[int], An
 def test_of_two_stations_that_start_together_one_stays(make: Callable[[int], Any]) -> None:
     stations = [make(1), make(2)]
     vehicle = make(0)
-    _until(lambda: len(vehicle.poses) > 50 and any(s.link.problem() for s in stations))
+    wait_for(lambda: len(vehicle.poses) > 50 and any(s.link.problem() for s in stations))
     assert [holder for holder in vehicle.holders if holder] == [vehicle.inbound.holder]
     assert len(set(vehicle.poses)) == 1
 
 
 def test_two_vehicles_of_one_name_are_noticed(make: Callable[[int], Any], tmp_path: Path) -> None:
     vehicle, station = make(0), make(1)
-    _until(lambda: vehicle.poses)
-    port = _free_port(socket.SOCK_DGRAM)
+    wait_for(lambda: vehicle.poses)
+    port = free_port(socket.SOCK_DGRAM)
     twin = Vehicle(port, ensure_certificates(tmp_path))
     second = station.dial(f"127.0.0.1:{port}")
     try:
-        _until(lambda: station.link.problem().startswith("two vehicles are called quad1"))
+        wait_for(lambda: station.link.problem().startswith("two vehicles are called quad1"))
         for one in (vehicle, twin):
             assert spoken(one.instance) in station.link.problem()
         assert station.link.refusal("arm")
@@ -192,11 +178,11 @@ def test_two_vehicles_of_one_name_are_noticed(make: Callable[[int], Any], tmp_pa
 
 def test_the_first_that_comes_back_finds_the_second_flying(make: Callable[[int], Any]) -> None:
     vehicle, first = make(0), make(1)
-    _until(lambda: vehicle.inbound.holder == first.instance)
+    wait_for(lambda: vehicle.inbound.holder == first.instance)
     second = make(2)
-    _until(lambda: second.link.problem())
+    wait_for(lambda: second.link.problem())
     first.radio.close(WAIT)  # its process lives on
-    _until(lambda: vehicle.inbound.holder == second.instance)
+    wait_for(lambda: vehicle.inbound.holder == second.instance)
     first.radio = first.dial()
-    _until(lambda: first.link.problem())
+    wait_for(lambda: first.link.problem())
     assert spoken(second.instance) in first.link.problem()

@@ -36,6 +36,10 @@ def replay_site(
         (data / "runs" / f"{name}.mcap").write_bytes(content)
     (data / "onboard").mkdir()
     (data / "onboard" / "quad1_flight.mcap").write_bytes(recorded)
+    for folder in ("onboard/quad2", "vehicles/quad3/onboard"):
+        (data / folder).mkdir(parents=True)
+    (data / "onboard" / "quad2" / "quad2_flight.mcap").write_bytes(recorded)
+    (data / "vehicles" / "quad3" / "onboard" / "quad3_flight.mcap").write_bytes(recorded)
     tidy_runs(catalogue)
     opened: list[Any] = []
 
@@ -71,7 +75,7 @@ def described(client: httpx.Client, run: str, until: Until) -> dict[str, Any]:
     return found[-1]
 
 
-@pytest.mark.parametrize("run", [RUN, "onboard:quad1_flight"])
+@pytest.mark.parametrize("run", [RUN, "onboard:quad1_flight", "onboard:quad3:here:quad3_flight"])
 def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
     viewer_there: httpx.Client, until: Until, run: str
 ) -> None:
@@ -91,7 +95,9 @@ def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
 
 
 def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:
-    assert [one["id"] for one in viewer_there.get("/api/replay").json()] == ["onboard:quad1_flight"]
+    assert {one["id"] for one in viewer_there.get("/api/replay").json()} == {
+        "onboard:quad1_flight", "onboard:quad2:quad2_flight", "onboard:quad3:here:quad3_flight",
+    }  # fmt: skip
 
 
 def test_an_empty_file_answers_in_one_line(viewer_there: httpx.Client, until: Until) -> None:

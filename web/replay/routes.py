@@ -1,8 +1,8 @@
 """`/replay/{run_id}` and what its page asks for.
 
 All of it is reading: viewers may replay. Runs are found by the catalogue; the vehicle's own logs,
-which are in no catalogue, as `onboard:NAME` among the files of the folder `onboard`, and those
-fetched from a vehicle as `onboard:VEHICLE:NAME`.
+which are in no catalogue, as `onboard:NAME` (of the one simulated here), `onboard:VEHICLE:NAME`
+(fetched from a vehicle) and `onboard:VEHICLE:here:NAME` (of several simulated here).
 """
 
 from __future__ import annotations
@@ -31,22 +31,28 @@ Seconds = Annotated[float, Query(ge=-1e7, le=1e7, allow_inf_nan=False)]
 def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     """The routes. An unknown run is a StorageError, answered with 404."""
 
-    onboard = catalogue.folder.parent / ONBOARD
+    data = catalogue.folder.parent
 
-    def onboard_logs() -> list[Path]:
-        """Of a vehicle simulated here, and those fetched, in a folder a vehicle."""
-        return [*onboard.glob(f"*{SUFFIX}"), *onboard.glob(f"*/*{SUFFIX}")]
-
-    def onboard_id(path: Path) -> str:
-        return ":".join((*path.parent.relative_to(onboard.parent).parts, path.stem))
+    def onboard_logs() -> dict[str, Path]:
+        """By id."""
+        found = {}
+        for pattern, wheres in (
+            ("onboard", "onboard"),
+            ("onboard/*", "onboard:{name}"),
+            ("vehicles/*/onboard", "onboard:{parent}:here"),
+        ):
+            for folder in data.glob(pattern):
+                where = wheres.format(name=folder.name, parent=folder.parent.name)
+                found |= {f"{where}:{path.stem}": path for path in folder.glob(f"*{SUFFIX}")}
+        return found
 
     def find(run_id: str) -> Path:
         kind, _, name = run_id.partition(":")
         if kind != ONBOARD or not name:
             return catalogue.resolve(run_id)
-        for path in onboard_logs():
-            if onboard_id(path) == run_id and path.is_file():  # never a path made of what came
-                return path
+        path = onboard_logs().get(run_id)  # never a path made of what came
+        if path is not None and path.is_file():
+            return path
         raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
 
     @app.get("/replay/{run_id}", include_in_schema=False)
@@ -56,10 +62,10 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:
         """The vehicle's own logs that lie on this computer, newest first; runs: /api/runs."""
-        found = [(path.stat().st_mtime, path) for path in onboard_logs()]
+        found = [(path.stat().st_mtime, name, path) for name, path in onboard_logs().items()]
         return [
-            {"id": onboard_id(path), "bytes": path.stat().st_size}
-            for _, path in sorted(found, reverse=True)[:200]
+            {"id": name, "bytes": path.stat().st_size}
+            for _, name, path in sorted(found, reverse=True)[:200]
         ]
 
     @app.get("/api/replay/{run_id}")

@@ -22,6 +22,7 @@ export class Bar {
     $("land").addEventListener("click", () => fly.start("land"));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
+    events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
   }
 
   // Disarming also acknowledges a cut.
@@ -36,6 +37,7 @@ export class Bar {
     this.set("mode", status && words(status.mode), /cut|emergency/i.test(status?.mode));
     this.drawControl(status);
     this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
+    this.linkDrawn = link?.state;
     this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && link.state !== "good");
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);

@@ -107,7 +107,7 @@ export class LinkPanel {
 const spoken = (seconds) => (seconds < 60 ? `${fixed(seconds, seconds < 10 ? 1 : 0)} s` : duration(seconds));
 
 function outages({ outages: count, outage_last: last, outage_longest: longest, outage_total: total }) {
-  if (!count) return "No outage of 0.3 s or more since the vehicle was first heard.";
+  if (!count) return "No outage of 0.2 s or more since the vehicle was first heard.";
   if (count === 1) return `1 outage since the vehicle was first heard: ${spoken(last)}.`;
   return `${count} outages since the vehicle was first heard: the last ${spoken(last)}, the longest ${spoken(longest)}, together ${spoken(total)}.`;
 }

@@ -30,9 +30,10 @@ export class View {
   }
 
   flags(events) {
-    const { status, station } = events.summary, age = events.age("state");
+    const { status, station, link } = events.summary, age = events.age("state");
+    const isSilent = age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
     const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
-    const texts = age > 0.5 ? [silence] : (status?.flags ?? []).map(words);
+    const texts = isSilent ? [silence] : (status?.flags ?? []).map(words);
     if (events.age("station_status") < 1.5) texts.push(...(station?.alarms ?? []));
     const who = events.age("status") < 1 ? landing(status) : "", key = [who, ...texts].join("|");
     if (key === this.shown) return;

@@ -1,0 +1,34 @@
+"""What tests with real processes and sessions need: a free port, and waiting with a bound."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+LIMIT = 60.0
+"""s, for a broken program only."""
+
+
+def free_port(kind: int = socket.SOCK_STREAM) -> int:
+    """Of this kind on loopback, free right now."""
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def until(condition: Callable[[], T], bound: float = LIMIT) -> T:
+    """Polls; returns what is true, or the last answer at the end of the bound (s)."""
+    waiting, end = threading.Event(), time.monotonic() + bound
+    while not (answer := condition()) and time.monotonic() < end:
+        waiting.wait(0.01)
+    return answer
+
+
+def wait_for(condition: Callable[[], object], bound: float = LIMIT) -> None:
+    """Polls; fails at the end of the bound (s)."""
+    assert until(condition, bound), f"not within {bound:.0f} s"
