@@ -46,8 +46,9 @@ def run_station(
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
     # Recovering an old log computes for seconds beside the link's threads, which need the
-    # interpreter for some 10 µs at a time and must not wait 5 ms for each turn.
-    sys.setswitchinterval(SWITCH_INTERVAL)
+    # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every thread that
+    # waits wakes that often; with the threads of eight vehicles that alone would take a processor.
+    sys.setswitchinterval(SWITCH_INTERVAL * len(vehicles))
     stopping = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())

@@ -14,7 +14,7 @@ ESTABLISHED = 10
 FORGIVEN = 3
 """Samples in a row on another topic that are refused; who goes on means it."""
 KNOWN = 1000
-"""Publishers remembered, of all nodes of this process."""
+"""Publishers remembered, of all nodes of this process; the first known is forgotten first."""
 
 
 class Topics:
@@ -31,13 +31,18 @@ class Topics:
 
     def belongs(self, gid: bytes, key: str) -> bool:
         """Whether a sample of this publisher may have come under this key."""
+        # Without the lock, as nearly always: threads of all subscriptions would queue up behind
+        # whoever holds it and waits for the interpreter.
+        known = self._known.get(gid, (key, 0, 0))
+        if known == (key, ESTABLISHED, 0):
+            return True
         with self._lock:
-            of, count, strange = self._known.pop(gid, (key, 0, 0))
+            of, count, strange = self._known.get(gid, known)
             if of != key and (count < ESTABLISHED or strange >= FORGIVEN):
                 of, count, strange = key, 0, 0
             is_right = of == key
-            # Put back last: the one not heard for the longest is forgotten first.
-            self._known[gid] = (of, count + 1, 0) if is_right else (of, count, strange + 1)
+            count = min(count + 1, ESTABLISHED)
+            self._known[gid] = (of, count, 0 if is_right else strange + 1)
             if len(self._known) > KNOWN:
                 self._known.pop(next(iter(self._known)))
             self.refused += not is_right

@@ -90,7 +90,7 @@ class Publisher:
             self.beside(Received(payload, sequence, stamp, stamp, self._gid))
         try:
             self._publisher.put(payload, attachment=attachment(sequence, stamp, self._gid))
-        except zenoh.ZError as error:
+        except (zenoh.ZError, RuntimeError) as error:  # RuntimeError: it is being undeclared
             raise LinkError(f"cannot publish, the session is closed ({error})") from error
 
     @property

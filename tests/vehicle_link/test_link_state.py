@@ -78,7 +78,7 @@ def test_link_is_lost_until_the_first_heartbeat() -> None:
 
 @pytest.mark.parametrize(
     ("silence_ms", "state"),
-    [(50, "good"), (299, "good"), (300, "degraded"), (999, "degraded"), (1000, "lost")],
+    [(50, "good"), (199, "good"), (200, "degraded"), (999, "degraded"), (1000, "lost")],
 )
 def test_link_state_follows_the_silence(silence_ms: int, state: str) -> None:
     monitor = HeartbeatMonitor()
