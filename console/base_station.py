@@ -69,7 +69,8 @@ class BaseStation:
         operator: written into runs nobody asked for by name.
         settings: `station.*` parameters to start with.
         keeps_house: of the runs' folder, which several vehicles' stations share.
-        compares_always: estimators are compared without anybody looking, so that each run has it.
+        is_alone: the only vehicle here: estimators are compared without anybody looking, so that
+            each run has it, and lines for the terminal need no name.
         host: of the vehicle, for datagrams beside the link; empty for none.
         instance: of this process, a number of its own (vehicle_link.instance).
     """
@@ -83,7 +84,7 @@ class BaseStation:
         settings: Mapping[str, ParameterValue] | None = None,
         *,
         keeps_house: bool = True,
-        compares_always: bool = True,
+        is_alone: bool = True,
         host: str = "",
         instance: int | None = None,
     ) -> None:
@@ -101,15 +102,16 @@ class BaseStation:
         )  # fmt: skip
         self._recorder = self.runs.recorder
         self._outbox = Outbox(
-            self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing
-        )
+            self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing,
+            speaker="station" if is_alone else f"station {vehicle}",
+        )  # fmt: skip
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
         parameters = self._store.parameters
         self._comparison = ComparisonFeed(
             parameters.comparison, self._outbox.put, partial(self._outbox.say, INFO),
-            lambda: compares_always or self._outbox.is_heard("comparison"),
+            lambda: is_alone or self._outbox.is_heard("comparison"),
         )  # fmt: skip
         self._tracker = TrackerFeed(
             parameters.tracker,

@@ -79,6 +79,8 @@ class Introduction:
         heard = self._link.state() is not LinkState.LOST
         if radio is None or heard or radio.connected_for < STRANGE:
             return ""
+        if self._whoami.is_there:
+            return ""  # it would understand; it is busy
         names = radio.names()
         if names and self._vehicle not in names:
             found = ", ".join(sorted(names))
@@ -93,6 +95,6 @@ class Introduction:
                 "quadlab is another version"
             )
         return (
-            f"the vehicle at {radio.address} speaks another version of quadlab and does not "
-            "understand who we are; bring vehicle and station to the same version"
+            f"the vehicle at {radio.address} does not understand who we are: it speaks another "
+            "version of quadlab (bring vehicle and station to the same one), or is still starting"
         )

@@ -43,6 +43,7 @@ class Outbox:
         record: takes what is to be recorded.
         vehicle_ns: the vehicle's clock, with which everything is stamped.
         standing: whether the vehicle takes anything from us.
+        speaker: of lines for the terminal.
     """
 
     def __init__(
@@ -52,7 +53,9 @@ class Outbox:
         record: Record,
         vehicle_ns: Callable[[], int],
         standing: Standing,
+        speaker: str = "station",
     ) -> None:
+        self._speaker = speaker
         self._node_name = node.full_name
         self._vehicle = vehicle
         self._record = record
@@ -122,7 +125,7 @@ class Outbox:
 
     def say(self, level: int, line: str) -> None:
         """An event: one line for the terminal, the page and the log; rcl_interfaces/Log levels."""
-        print(f"station: {line}", flush=True)
+        print(f"{self._speaker}: {line}", flush=True)
         stamp_ns = self._vehicle_ns()
         self.put("events", topics.encode_event(stamp_ns, level, line, "station"), stamp_ns)
 

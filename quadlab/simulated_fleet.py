@@ -12,14 +12,25 @@ from vehicle_link.authority import TlsFiles
 from vehicle_link.serial.capacity import DEFAULT_RATE
 
 MOST = 8
-REDUCED_RATE = 100
-"""Hz, of each of several, which share the processor."""
-REDUCED_TELEMETRY = 33
-"""Packets a second; a page shows 25 of them."""
-REDUCED = ("tracker.rate=30", "bearings.rate=10", "preflight.telemetry_rate_min=20")
-"""What the station measures of each of several, in `--set` words."""
 PORT_STEP = 2
 """Between the link ports of two vehicles: the one after each is its telemetry's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Hz, of each vehicle: of vehicles that share a processor the lower the more there are."""
+
+    ticks: int
+    packets: int
+    poses: int
+    bearings: int
+
+
+ALONE = Rates(DEFAULT_RATE, 100, 100, 30)
+SOME = Rates(100, 33, 30, 10)
+MANY = Rates(60, 20, 20, 5)
+FEW = 3
+"""Vehicles that fly at `SOME`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,19 +62,25 @@ class SimulatedFleet:
         return {name: self.link_port + PORT_STEP * k for k, name in enumerate(self.names)}
 
     @property
-    def rate(self) -> int:
-        """Hz, when nobody chose."""
-        return DEFAULT_RATE if self.count == 1 else REDUCED_RATE
+    def rates(self) -> Rates:
+        """When nobody chose others."""
+        return ALONE if self.count == 1 else SOME if self.count <= FEW else MANY
 
     @property
     def vehicle_words(self) -> list[str]:
-        return [] if self.count == 1 else ["--telemetry", str(REDUCED_TELEMETRY)]
+        return [] if self.count == 1 else ["--telemetry", str(self.rates.packets)]
 
     @property
     def station_words(self) -> list[str]:
         if self.count == 1:
             return []
-        return [word for setting in REDUCED for word in ("--set", setting)]
+        rates = self.rates
+        settings = (
+            f"tracker.rate={rates.poses}",
+            f"bearings.rate={rates.bearings}",
+            f"preflight.telemetry_rate_min={rates.packets // 8 * 5}",
+        )
+        return [word for setting in settings for word in ("--set", setting)]
 
     def folder(self, data: Path, name: str, files: TlsFiles) -> Path:
         """The vehicle's own data folder, with the certificates a vehicle needs.

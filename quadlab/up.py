@@ -56,7 +56,7 @@ class Up(PageOptions):
     """simulated vehicles, 1 to 8: quad1, quad2, …; several fly at reduced rates"""
     rate: Annotated[int | None, tyro.conf.arg(metavar="HZ")] = None
     """ticks of each vehicle a second, 60 to 677: what two serial ports carry (default: 500; of
-    several 100)"""
+    two or three 100, of more 60)"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
     set: Settings = ()
@@ -78,7 +78,7 @@ class Up(PageOptions):
             return self._watch(groups, fleet)
 
     def _rate(self, fleet: SimulatedFleet) -> int:
-        return fleet.rate if self.rate is None else self.rate
+        return fleet.rates.ticks if self.rate is None else self.rate
 
     def _check_ports(self, fleet: SimulatedFleet) -> None:
         for port in (self.port, *fleet.ports.values()):

@@ -43,6 +43,11 @@ class WhoAmI:
     def __init__(self, node: Node) -> None:
         self._clients = [node.client(door, TYPE) for door in DOORS.values()]
 
+    @property
+    def is_there(self) -> bool:
+        """Whether the vehicle has the question in our version."""
+        return self._clients[1].wait(0.0)
+
     def ask(self, timeout: float = 1.0) -> Message:
         """quadlab_msgs/srv/WhoAmI's response, of the widest door that opens.
 
@@ -50,6 +55,6 @@ class WhoAmI:
         """
         pilot, observer = self._clients
         request = new(f"{TYPE}_Request")
-        if not observer.wait(0.0):
+        if not self.is_there:
             raise LinkError("nobody says who the vehicle is")
         return (pilot if pilot.wait(SHOWN_WITHIN) else observer).call(request, timeout)

@@ -97,7 +97,7 @@ class Laboratory:
         self.stations = {
             name: BaseStation(
                 self._hub, self.catalogue, name, settings=settings, keeps_house=name == NAMES[0],
-                compares_always=False, instance=instance,
+                is_alone=False, instance=instance,
             )
             for name in NAMES
         }  # fmt: skip
