@@ -20,7 +20,7 @@ from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.session import loopback_session, station_session
 from vehicle_link.topics import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
-from web.events import EventHub
+from web.events import SUMMARY_NOW, EventHub
 from web.live import Live
 from web.sockets import listen
 from web.station import Station
@@ -181,6 +181,24 @@ def test_events_and_parameter_changes_reach_the_page(
     line = client.hub.lines[0]
     assert (line["level"], line["text"], line["source"]) == ("warn", "battery low", "q")
     assert changes[0] == ("gains.kp", "5.5", "ros2 param", 3)
+
+
+def test_a_link_in_another_state_brings_every_page_its_summary_at_once(
+    router: Router, client: Client, until: Any
+) -> None:
+    published: list[Any] = []
+    client.hub.publish = published.append  # type: ignore[method-assign]
+    link = router.node.advertise(TOPICS["link_status"])
+
+    def told(state: str, count: int) -> bool:
+        link.put(encode(new("quadlab_msgs/LinkStatus", state=state)))
+        shown = client.live.newest("link_status")
+        return shown is not None and shown.state == state and len(published) == count
+
+    until(lambda: told("good", 1))
+    until(lambda: told("degraded", 2))
+    assert told("degraded", 2)
+    assert published == [SUMMARY_NOW, SUMMARY_NOW]
 
 
 def test_an_absent_station_is_one_line_and_its_return_is_noticed(

@@ -13,6 +13,7 @@ import pytest
 import websockets.exceptions
 
 from vehicle_link.messages import decode, encode, new
+from web import events
 from web.live import STALE, Live
 from web.signals import INDEX, SIGNALS, describe, snapshot
 from web.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse, topics_of
@@ -176,3 +177,14 @@ def test_a_new_page_gets_the_lines_before_it(site: Any, operator: httpx.Client) 
     assert hello["type"] == "hello"
     assert hello["vehicle"] == "quad1"
     assert "battery low" in [line["text"] for line in hello["events"]]
+
+
+def test_a_summary_asked_for_does_not_wait_for_the_next(
+    site: Any, operator: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(events, "RATE", 1e-3)
+    with site.websocket("/ws/events", site.cookie(operator)) as page:
+        assert json.loads(page.recv(timeout=10.0))["type"] == "hello"
+        assert json.loads(page.recv(timeout=10.0))["type"] == "summary"
+        site.station._hub.publish_from_thread(events.SUMMARY_NOW)
+        assert json.loads(page.recv(timeout=10.0))["type"] == "summary"
