@@ -105,7 +105,7 @@ def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
     link(state_duration=151.0)
     look.text("#tab-link .state", "^● good$")
     look.text("#tab-link .link-state", "for 02:31")
-    look.text("#tab-link p >> nth=0", "No outage of 0.3 s")
+    look.text("#tab-link p >> nth=0", "No outage of 0.2 s")
     look.text("#tab-link .strip:has-text('Round trip') output >> nth=0", r"^3\.1 ms$")
     look.text("#tab-link .strip:has-text('Loss') output", r"^1\.5 %$")
     link(state="lost", state_duration=2.5, outages=2, outage_last=2.5, outage_longest=2.5,
