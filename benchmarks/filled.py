@@ -14,6 +14,7 @@ import random
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -52,27 +53,26 @@ def filled(quick: bool = False) -> Report:
         os.symlink(board / "certificates", _made(data) / "certificates")
         loopback = ["--loopback-port", str(PORT)]
         ports = [str(folder / port) for port in ("mcu0", "mcu1")]
-        programs = {
-            end: link.run(at, [sys.executable, "-m", "quadlab", *words], cwd=ROOT)
-            for end, at, words in (
-                ("simulator", B, ["simulator", "--folder", name, *loopback]),
-                ("vehicle", A, ["vehicle", "--serial", *ports, "--data", str(board)]),
-                ("station", B, ["station", "--vehicle", f"{A}:{PORT}", "--data", str(data),
-                                *loopback]),
-            )
-        }  # fmt: skip
+        program = [sys.executable, "-m", "quadlab"]
+        link.run(B, [*program, "simulator", "--folder", name, *loopback], cwd=ROOT)
+        _until(lambda: all(Path(port).exists() for port in ports), "the simulator")
+        link.run(A, [*program, "vehicle", "--serial", *ports, "--data", str(board)], cwd=ROOT)
+        base = link.run(
+            B, [*program, "station", "--vehicle", f"{A}:{PORT}", "--data", str(data), *loopback],
+            cwd=ROOT,
+        )  # fmt: skip
         pilot = link.run(
             B, [sys.executable, "-m", "benchmarks.filled"], cwd=ROOT, stdin=-1, stdout=-1
         )
         _hear(pilot, b"armed\n")
-        outages, memory = [], [_memory(programs["station"].pid)]
+        outages, memory = [], [_memory(base.pid)]
         for _ in range(count):
             length = drawn.uniform(SHORTEST, LONGEST)
             begin = time.time_ns()
             link.interrupt(length)
             time.sleep(length + BETWEEN + drawn.uniform(0.0, 0.1))
             outages.append(Outage(begin, begin + round(length * 1e9)))
-            memory.append(_memory(programs["station"].pid))
+            memory.append(_memory(base.pid))
         began = time.monotonic()
         _say(pilot, b"disarm\n")
         _hear(pilot, b"disarmed\n")
@@ -144,6 +144,14 @@ def _memory(pid: int) -> float:
     """MB resident."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / MB
+
+
+def _until(condition: Callable[[], bool], what: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        if time.monotonic() > end:
+            raise QuadlabError(f"{what} did not come up within {PATIENCE:.0f} s")
+        time.sleep(0.05)
 
 
 def _made(folder: Path) -> Path:

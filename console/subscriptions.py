@@ -21,6 +21,9 @@ AS_IT_COMES = (
     "parameter_events", "parameter_changes", "events", "bench_reading",
 )  # fmt: skip
 """Recorded as received; our own parameter changes and events come this way too."""
+NEWEST = {"truth": 50}
+"""Of what is worthless when late, so many wait at most: a station held up for a moment, at its
+start for instance, would measure old poses for as long as it has no time to catch up."""
 
 Act = Callable[[Received], None]
 
@@ -57,7 +60,10 @@ class Subscriptions:
             node, host, link, callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat")
         )
         for name, callback in callbacks.items():
-            node.subscribe(name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos)
+            node.subscribe(
+                name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos,
+                newest=NEWEST.get(name, 0),
+            )  # fmt: skip
 
     def close(self) -> None:
         """The lane; the rest closes with its node."""

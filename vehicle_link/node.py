@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import zenoh
-from zenoh.handlers import Callback
+from zenoh.handlers import Callback, RingChannel
 
 from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link.client import ServiceClient, wait_for_match
@@ -174,8 +174,12 @@ class Node:
         *,
         qos: Qos = SENSOR_DATA,
         direct: bool = False,
+        newest: int = 0,
     ) -> None:
         """Call back with each message; see the module for the threads.
+
+        With `newest` a callback that does not keep up gets no more than so many of the last ones:
+        for what is worthless when late. Otherwise all wait for their turn, whatever it takes.
 
         What the callback raises is logged with its traceback and ends that call only. A sample
         without ROS attachment is logged and dropped.
@@ -196,8 +200,13 @@ class Node:
             except Exception:
                 log.exception("a message of %s could not be handled", topic)
 
-        handler = Callback(deliver, indirect=not direct)
-        self._entities.append(self.session.declare_subscriber(key, handler))
+        heard: Any
+        if newest:
+            heard = self.session.declare_subscriber(key, RingChannel(newest))
+            threading.Thread(target=_each, args=(heard, deliver), name=topic, daemon=True).start()
+        else:
+            heard = self.session.declare_subscriber(key, Callback(deliver, indirect=not direct))
+        self._entities.append(heard)
 
     def serve(
         self,
@@ -281,6 +290,12 @@ class Node:
             self._entities.append(self.session.liveliness().declare_token(token))
         except zenoh.ZError as error:
             raise LinkError(f"cannot announce {self.full_name}: {error}") from error
+
+
+def _each(samples: Any, deliver: Callable[[zenoh.Sample], None]) -> None:
+    """Until the subscription is undeclared."""
+    for sample in samples:
+        deliver(sample)
 
 
 def _undeclare(entity: Any) -> None:

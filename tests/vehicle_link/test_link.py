@@ -25,7 +25,7 @@ from quadrotor.parameters import (
 )
 from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
-from tests.waiting import free_port
+from tests.waiting import free_port, wait_for
 from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import Message, new
@@ -171,6 +171,28 @@ def test_a_callback_that_raises_is_logged_and_hears_the_next(
         publisher.put(encode_heartbeat(number, 0))
     assert [inbox.next().sequence for _ in range(2)] == [1, 2]
     assert "callback broke" in caplog.text
+
+
+def test_a_callback_that_is_held_up_may_ask_for_the_newest_alone(link: Link) -> None:
+    heard: list[bytes] = []
+    goes_on, held_up = threading.Event(), threading.Event()
+
+    def hear(received: Received) -> None:
+        heard.append(received.payload)
+        held_up.set()
+        assert goes_on.wait(WAIT)
+
+    topic = TOPICS["truth"]
+    link.station.subscribe(topic.name, topic.type_name, hear, newest=3)
+    publisher = link.station.advertise(topic)
+    while not held_up.wait(0.05):
+        publisher.put(b"first")
+    for number in range(100):
+        publisher.put(b"%d" % number)
+    goes_on.set()
+    wait_for(lambda: heard[-1] == b"99")
+    assert heard[-3:] == [b"97", b"98", b"99"]
+    assert len(heard) <= 4
 
 
 def test_service_of_the_vehicle_answers_client_and_station(link: Link) -> None:
