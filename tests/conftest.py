@@ -16,12 +16,15 @@ hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one t
 hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = (
-    "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",
-    "console/test_beacon_agreement.py", "console/test_comparison_session.py",
-    "console/test_parameter_history_of_everybody.py", "console/test_run_marks.py",
+    "system/", "vehicle/test_comms_process.py", "console/test_experiment_evaluation.py",
 )  # fmt: skip
-"""Whole laboratories, vehicles that fly in real time and links that must stay good meanwhile: the
-last, and nothing runs beside them."""
+"""Whole laboratories and vehicles that fly in real time: the last, and nothing runs beside them."""
+LIVE = (
+    "vehicle/test_simulator_process.py", "console/test_beacon_agreement.py",
+    "console/test_comparison_session.py", "console/test_parameter_history_of_everybody.py",
+    "console/test_run_marks.py",
+)  # fmt: skip
+"""Links that must stay good meanwhile, and a plant that runs in real time."""
 BROWSER = "web/browser/"
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
@@ -33,11 +36,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     def turn(item: pytest.Item) -> int:
         path = _path(item)
-        return 2 if path.startswith(REAL_TIME) else 0 if path.startswith(BROWSER) else 1
+        return 2 if path.startswith(REAL_TIME) else 0 if path.startswith((BROWSER, *LIVE)) else 1
 
     items.sort(key=turn)
     for item in items:
-        if _path(item).startswith((*REAL_TIME, BROWSER)):
+        if _path(item).startswith((*REAL_TIME, *LIVE, BROWSER)):
             # A machine that stands still for 0.25 s makes the simulated microcontroller land
             # (docs/safety.md), and starves a browser beside two other processes: once more then,
             # and told as a rerun.
