@@ -20,6 +20,7 @@ GAINS = 1.4
 ROUND = 8
 """Answers of which the median is taken, at least."""
 SLOW = 2.0
+"""Times the round trip that was found, beyond which the link has got narrower."""
 HOLD = 60.0
 """s until it is found anew: on a narrow link telemetry waits some 0.2 s of them."""
 
