@@ -7,7 +7,7 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from console.base_station import BaseStation
 from console.beacon_layout import THEIRS
 from console.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
+from tests.waiting import free_port, until
 from vehicle.comms import Comms
 from vehicle.flight_loop import FlightLoop
 from vehicle.microcontroller import RawSample
@@ -34,24 +35,7 @@ from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 from vehicle_link.session import loopback_session, station_session, vehicle_session
 from vehicle_link.topics import SERVICES
 
-LIMIT = 60.0
-"""s, for a broken program only: the first flight stack of a fresh clone compiles meanwhile."""
-SAMPLE_NS = 10_000_000
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    waiting, end = threading.Event(), time.monotonic() + LIMIT
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
+WAKE_NS = 50_000_000
 
 
 class Relay:
@@ -96,22 +80,18 @@ class Relay:
 
 
 class StillMicrocontroller:
-    """Samples of a vehicle that stands on the ground."""
+    """Samples of a vehicle that stands on the ground: one whenever it is asked, however late that
+    is, for a loop that catches up would leave the other threads of this process no time."""
 
     def __init__(self) -> None:
         self.failures: list[str] = []
         self.lost_ports = self.damaged = 0
         self.obstacle = ""
         self.motor_state = MotorState.OFF
-        self._newest_ns = time.time_ns()
 
     def receive(self) -> list[RawSample]:
-        now_ns = time.time_ns()
-        stamps = range(self._newest_ns + SAMPLE_NS, now_ns, SAMPLE_NS)
-        if stamps:
-            self._newest_ns = stamps[-1]
         still, battery, pressure = (512, 512, 512), 12.0, 101_325.0
-        return [RawSample(ns, still, still, battery, pressure, self.motor_state) for ns in stamps]
+        return [RawSample(time.time_ns(), still, still, battery, pressure, self.motor_state)]
 
     def command(self, command: Sequence[int], mode: FlightControlMode) -> None: ...
     def set_value(self, id: Id, value: int) -> None: ...
@@ -129,7 +109,7 @@ class Vehicle:
         rings = open_rings(descriptors)
         self.stack = FlightStack(new_parameters())
         self.microcontroller = StillMicrocontroller()
-        pacer = PortPacer(self.microcontroller, 5 * SAMPLE_NS)  # a thread beside others: rarely
+        pacer = PortPacer(self.microcontroller, WAKE_NS)
         self._loop = FlightLoop(self.stack, self.microcontroller, rings, pacer, real_time=False)
         self._session = vehicle_session(
             port, ensure_certificates(data / "certificates"), "127.0.0.1"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,10 +13,10 @@ from console import disk
 from console.recorder import Recorder
 from console.run import Run, RunEnd
 from quadrotor.errors import StorageError
+from tests.waiting import LIMIT, until
 from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
 
 STRING = "std_msgs/String"
-LIMIT = 10.0
 
 
 def run_in(folder: Path, name: str = "run1", **fields: object) -> Run:
@@ -38,16 +38,6 @@ def recorder(tmp_path: Path, ends: list[RunEnd]) -> Iterator[Recorder]:
 def put(recorder: Recorder, count: int, first: int = 0) -> None:
     for i in range(first, first + count):
         recorder.put("/a", STRING, b"\0\1\0\0", i, i)
-
-
-def until(condition: Callable[[], bool], bound: float = LIMIT) -> bool:
-    """Polls, for what the recorder's thread does by itself once a second."""
-    waiting = threading.Event()
-    for _ in range(round(bound / 0.01)):
-        if condition():
-            return True
-        waiting.wait(0.01)
-    return False
 
 
 def test_what_is_put_during_a_run_is_in_its_file(

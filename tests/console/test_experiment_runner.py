@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from quadlab.station_client import station
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterDescription, Parameters, parameter
 from quadrotor.records import TICK
+from tests.waiting import LIMIT, free_port, until
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import decode, encode, header, new
@@ -32,23 +33,7 @@ from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 
-LIMIT = 15.0
 ENDED = ("passed", "failed", "stopped", "refused")
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
-
-
-def until(condition: Callable[[], Any], bound: float = LIMIT) -> Any:
-    """Polls; returns what is true, or the last answer at the end of the bound."""
-    end = time.monotonic() + bound
-    while not (answer := condition()) and time.monotonic() < end:
-        threading.Event().wait(0.01)
-    return answer
 
 
 class ScriptedVehicle:

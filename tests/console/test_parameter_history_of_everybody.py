@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable
 from typing import Any
 
 from console.parameter_history import ParameterHistory
 from console.parameter_witness import AT_RESTART
+from tests.waiting import until
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.parameter_service import ROS_REQUESTER, ParameterClient
 
 KP, SIGMA = "control.position.kp_xy", "station.bearings.sigma"
-BOUND = 20.0
-
-
-def until(condition: Callable[[], Any]) -> Any:
-    waiting, end = threading.Event(), time.monotonic() + BOUND
-    while not (answer := condition()) and time.monotonic() < end:
-        waiting.wait(0.01)
-    return answer
 
 
 def test_the_page_ros_and_a_restart_are_rows_in_order(linked: Any) -> None:
