@@ -4,8 +4,8 @@ a quarter of a microsecond for one of a batch.
 The library builds a message record of a dozen small writes, and its index of two a message. At
 2500 messages a second, on board and at the station, that is what logging costs. Here a record is
 one packed head and its payload, an index entry one packed pair, and batches are put in the order
-of their time by numpy. Everything else stays the library's. The private names used are tested
-against the installed version.
+of their time by numpy; index records of chunks are kept packed. Everything else stays the
+library's. The private names used are tested against the installed version.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ import numpy.typing as npt
 from mcap.opcode import Opcode
 from mcap.records import MessageIndex
 from mcap.writer import Writer
+
+from vehicle_link.log.packed_indexes import PackedIndexes
 
 # Opcode, length of the record, channel, sequence, log time, publish time.
 _HEAD = struct.Struct("<BQHIQQ")
@@ -71,6 +73,11 @@ class _QuickIndex(MessageIndex):
 
 class QuickWriter(Writer):
     """Chunked files only."""
+
+    def __init__(self, output: Any, **options: Any) -> None:
+        super().__init__(output, **options)
+        library: Any = self
+        library._Writer__chunk_indices = PackedIndexes()
 
     def add_message(
         self,
