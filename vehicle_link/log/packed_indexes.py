@@ -1,7 +1,7 @@
 """Index records of a file's chunks, kept packed until the file is closed.
 
-The library keeps an object with a map for each chunk, 1.5 kB or more. A run has 25 to 50 chunks a
-second, for little of it may be lost, so a station grew by 5 MB a minute. Packed they are 60 to 90 B.
+The library keeps an object with a map for each chunk, 1.5 kB or more. A run has 25 to 50 chunks
+a second, for little may be lost, so a station grew by 5 MB a minute. Packed they are 60 to 90 B.
 """
 
 from __future__ import annotations
