@@ -9,6 +9,7 @@ compiled code.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -35,6 +36,7 @@ from estimation.frame_solution import (
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 Array = npt.NDArray[np.float64]
+_preparing = threading.Lock()
 
 
 class PlanarPose:
@@ -251,6 +253,8 @@ def _ready_kernel() -> Any:
     to be compiled for, raises TypeError instead and is converted.
     """
     kernel: Any = solve_frame
-    kernel(np.zeros((4, 3)), np.zeros((SIGHTS + 4, 6)), 1.0)
-    kernel.disable_compile()
+    with _preparing:  # another thread may be compiling it, and may not any more once this one has
+        if not kernel.signatures:
+            kernel(np.zeros((4, 3)), np.zeros((SIGHTS + 4, 6)), 1.0)
+        kernel.disable_compile()
     return kernel

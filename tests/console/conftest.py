@@ -28,11 +28,13 @@ from vehicle.process_config import CommsConfig, create_rings, open_rings
 from vehicle.stack import FlightStack
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.heartbeat import LinkState
+from vehicle_link.instance import new_instance
 from vehicle_link.messages import new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.radio import Radio
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
-from vehicle_link.session import loopback_session, station_session, vehicle_session
+from vehicle_link.session import hub_session, loopback_session, vehicle_session
 from vehicle_link.topics import SERVICES
 
 WAKE_NS = 50_000_000
@@ -146,12 +148,16 @@ class LinkedBench:
         self._data = data
         self._relay, loopback = Relay(), free_port(socket.SOCK_STREAM)
         files = ensure_certificates(data / "certificates")
-        session = station_session(f"127.0.0.1:{self._relay.port}", loopback, files)
+        self._hub, instance = hub_session(loopback), new_instance()
         self.catalogue = Catalogue(data)
         settings = {"station.recorder.keep_free": 10.0}
-        self.station = BaseStation(session, self.catalogue, settings=settings)
-        self._sessions = [session, loopback_session(loopback)]
-        self.page = Node(self._sessions[1], "/quad1", "page")
+        self.station = BaseStation(self._hub, self.catalogue, settings=settings, instance=instance)
+        self._radio = Radio(
+            f"127.0.0.1:{self._relay.port}", files, loopback, self.station.link.silent
+        )
+        self.station.link.radio = self._radio
+        self._session = loopback_session(loopback)
+        self.page = Node(self._session, "/quad1", "page")
         self.vehicle: Vehicle | None = None
 
     @property
@@ -159,6 +165,8 @@ class LinkedBench:
         return self.station._store.parameters.bearings.layout
 
     def connect(self) -> Vehicle:
+        if self.vehicle is not None:  # of a test that failed
+            self.vehicle.close()
         port = free_port(socket.SOCK_DGRAM)
         self._relay.lead_to(port)
         self.vehicle = Vehicle(self._data, port)
@@ -192,9 +200,10 @@ class LinkedBench:
         if self.vehicle is not None:
             self.vehicle.close()
         self.page.close()
+        self._session.close()
+        self._radio.close()
         self.station.close()
-        for session in reversed(self._sessions):
-            session.close()
+        self._hub.close()
         self._relay.close()
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import math
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
+from estimation import planar_pose as module
 from estimation.planar_pose import PlanarPoseSolver, planar_pose
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
@@ -384,3 +387,38 @@ def test_of_more_than_four_beacons_another_four_may_start_the_search(
         r, R = envelope(rng)
         x = blurred(bearings_of(solver.plane.beacons_w, r, R), rng)
         assert np.linalg.norm(solver.solve(x, SIGMA).position_w - r) < 5.0
+
+
+class SlowKernel:
+    """Stands for the compiled frame: compiles while another thread may ask for it too."""
+
+    def __init__(self) -> None:
+        self.signatures: list[str] = []
+        self.compiled = 0
+        self._together = threading.Barrier(2)
+        self._may_compile = True
+
+    def __call__(self, *_: object) -> None:
+        with contextlib.suppress(threading.BrokenBarrierError):
+            self._together.wait(0.2)
+        assert self._may_compile, "compilation disabled"
+        self.compiled += 1
+        self.signatures.append("(double[:, :], double[:, :], double)")
+
+    def disable_compile(self) -> None:
+        self._may_compile = False
+
+
+def test_two_threads_that_need_it_first_at_once_both_have_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    kernel = SlowKernel()
+    monkeypatch.setattr(module, "solve_frame", kernel)
+    module._ready_kernel.cache_clear()
+    try:
+        with ThreadPoolExecutor(2) as threads:
+            found = [threads.submit(module._ready_kernel) for _ in range(2)]
+            assert [one.result() for one in found] == [kernel, kernel]
+    finally:
+        module._ready_kernel.cache_clear()
+    assert kernel.compiled == 1
