@@ -46,6 +46,7 @@ class Relay:
     def __init__(self) -> None:
         self._near = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._near.bind(("127.0.0.1", 0))
+        self._near.setblocking(False)
         self.port: int = self._near.getsockname()[1]
         self._far: dict[socket.socket, Any] = {}  # to the vehicle: whose packets
         self._vehicle_port = 0
@@ -77,6 +78,7 @@ class Relay:
                 return far
         far = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         far.connect(("127.0.0.1", self._vehicle_port))
+        far.setblocking(False)  # what select saw may have been a refusal that a send has eaten
         self._far[far] = source
         return far
 
