@@ -16,15 +16,18 @@ hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one t
 hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = (
-    "system/", "vehicle/test_comms_process.py", "console/test_experiment_evaluation.py",
+    "system/test_browser_flight.py", "system/test_experiment_flight.py",
+    "system/test_failures.py", "system/test_shutdown.py",
+    "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
 )  # fmt: skip
-"""Whole laboratories and vehicles that fly in real time: the last, and nothing runs beside them."""
+"""What flies in real time: the last, and nothing runs beside it."""
 LIVE = (
-    "vehicle/test_simulator_process.py", "console/test_beacon_agreement.py",
-    "console/test_comparison_session.py", "console/test_parameter_history_of_everybody.py",
+    "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",
+    "console/test_beacon_agreement.py", "console/test_comparison_session.py",
+    "console/test_experiment_evaluation.py", "console/test_parameter_history_of_everybody.py",
     "console/test_run_marks.py",
 )  # fmt: skip
-"""Links that must stay good meanwhile, and a plant that runs in real time."""
+"""Laboratories on the ground, links that must stay good meanwhile, a plant in real time."""
 BROWSER = "web/browser/"
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
@@ -35,12 +38,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Pages first, for they take longest; what flies last."""
 
     def turn(item: pytest.Item) -> int:
-        path = _path(item)
-        return 2 if path.startswith(REAL_TIME) else 0 if path.startswith((BROWSER, *LIVE)) else 1
+        name = _name(item.nodeid)
+        return 2 if name.startswith(REAL_TIME) else 0 if name.startswith((BROWSER, *LIVE)) else 1
 
     items.sort(key=turn)
     for item in items:
-        if _path(item).startswith((*REAL_TIME, *LIVE, BROWSER)):
+        if _name(item.nodeid).startswith((*REAL_TIME, *LIVE, BROWSER)):
             # A machine that stands still for 0.25 s makes the simulated microcontroller land
             # (docs/safety.md), and starves a browser beside two other processes: once more then,
             # and told as a rerun.
@@ -55,8 +58,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            path = nodeid.split("::", 1)[0].removeprefix(f"{HERE.name}/")
-            return "real time" if path.startswith(REAL_TIME) else path
+            name = _name(nodeid)
+            return "real time" if name.startswith(REAL_TIME) else name.split("::", 1)[0]
 
     return ByFile(config, log)
 
@@ -67,7 +70,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    alone = _path(item).startswith(REAL_TIME)
+    alone = _name(item.nodeid).startswith(REAL_TIME)
     with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         return (yield)
@@ -82,5 +85,6 @@ def chromium_path() -> str:
     return found
 
 
-def _path(item: pytest.Item) -> str:
-    return item.path.relative_to(HERE).as_posix()
+def _name(nodeid: str) -> str:
+    """File and test, from this folder on."""
+    return nodeid.removeprefix(f"{HERE.name}/")

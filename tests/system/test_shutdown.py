@@ -13,11 +13,17 @@ from vehicle_link.topics import decode_odometry
 pytestmark = pytest.mark.timeout(240)
 
 
-def test_ctrl_c_in_flight_lands_first_and_leaves_nothing_behind(
+def test_a_second_up_is_refused_and_ctrl_c_in_flight_lands_first_and_leaves_nothing_behind(
     start_laboratory: Callable[[], Any],
 ) -> None:
     lab = start_laboratory().sign_in()
-    lab.hover()
+    second = start_laboratory()  # on the same data folder
+    assert second.wait() == 1
+    lines = [line for line in second.lines if line]
+    assert len(lines) == 1, lines
+    assert "another quadlab up" in lines[0]
+    assert "--data" in lines[0]
+    lab.hover()  # the first goes on
     assert lab.stop() == 0, lab.output
     assert "landing before stopping" in lab.output
     assert lab.processes() == {}
@@ -29,16 +35,3 @@ def test_ctrl_c_in_flight_lands_first_and_leaves_nothing_behind(
                for m in read_log(onboard, {"/quad1/state"})]  # fmt: skip
     assert max(heights) == pytest.approx(1.0, abs=0.1)
     assert heights[-1] == pytest.approx(0.0, abs=0.05), "stopped in the air"
-
-
-def test_a_second_up_on_the_same_data_folder_is_refused_while_the_first_goes_on(
-    start_laboratory: Callable[[], Any],
-) -> None:
-    first = start_laboratory().sign_in()
-    second = start_laboratory()
-    assert second.wait() == 1
-    lines = [line for line in second.lines if line]
-    assert len(lines) == 1, lines
-    assert "another quadlab up" in lines[0]
-    assert "--data" in lines[0]
-    first.reach(mode="ready")

@@ -25,7 +25,7 @@ def as_text(_: Any, value: Any) -> bytes:
     return value if isinstance(value, bytes) else str(value).encode()
 
 
-EXAMPLES = 3  # of each route and kind
+EXAMPLES = 2  # of each route and kind
 NOT_ASKED = ("/api/session/sign_out",)  # ends the session the others are asked with
 
 
