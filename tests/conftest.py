@@ -16,18 +16,17 @@ hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one t
 hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = (
-    "system/test_browser_flight.py", "system/test_experiment_flight.py",
-    "system/test_failures.py", "system/test_shutdown.py",
-    "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
+    "system/", "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
+    "console/test_experiment_evaluation.py",
 )  # fmt: skip
-"""What flies in real time: the last, and nothing runs beside it."""
+"""Whole laboratories, which take the machine by their priority, and vehicles that fly in real time:
+the last, and nothing runs beside them."""
 LIVE = (
-    "system/", "vehicle/test_comms_process.py", "vehicle/test_simulator_process.py",
-    "console/test_beacon_agreement.py", "console/test_comparison_session.py",
-    "console/test_experiment_evaluation.py", "console/test_parameter_history_of_everybody.py",
+    "vehicle/test_simulator_process.py", "console/test_beacon_agreement.py",
+    "console/test_comparison_session.py", "console/test_parameter_history_of_everybody.py",
     "console/test_run_marks.py",
 )  # fmt: skip
-"""Laboratories on the ground, links that must stay good meanwhile, a plant in real time."""
+"""Links that must stay good meanwhile, and a plant that runs in real time."""
 BROWSER = "web/browser/"
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
