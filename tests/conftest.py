@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import os
 import shutil
 import tempfile
 from collections.abc import Generator
@@ -18,9 +19,10 @@ hypothesis.settings.load_profile("quadlab")
 REAL_TIME = (
     "system/", "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
     "console/test_experiment_evaluation.py",
+    "console/test_transfers.py::test_runs_are_filled_by_a_real_process",
 )  # fmt: skip
-"""Whole laboratories, which take the machine by their priority, and vehicles that fly in real time:
-the last, and nothing runs beside them."""
+"""Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
+processes that leave it to others by theirs: the last, and nothing runs beside them."""
 LIVE = (
     "vehicle/test_simulator_process.py", "console/test_beacon_agreement.py",
     "console/test_comparison_session.py", "console/test_parameter_history_of_everybody.py",
@@ -73,6 +75,16 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         return (yield)
+
+
+@pytest.fixture(autouse=True)
+def priority_given_back() -> Generator[None, None, None]:
+    """A test that makes its process hurry makes all after it, and their browsers, starve others."""
+    before, priority = os.sched_getscheduler(0), os.sched_getparam(0)
+    yield
+    after = os.sched_getscheduler(0)
+    os.sched_setscheduler(0, before, priority)
+    assert after == before, "the test left its thread with another scheduling policy"
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from importlib.metadata import PackageNotFoundError, distribution
-from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, WebSocket
@@ -39,11 +38,10 @@ from web.reports import add_reports
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
-from web.static_files import KeptFiles
+from web.static_files import FILES, STATIC
 from web.summary import Summary
 from web.tuning.routes import add_tuning
 
-STATIC = Path(__file__).parent / "static"
 UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
 STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
@@ -66,7 +64,7 @@ def create_app(
         docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
     )  # fmt: skip
     _add_error_handlers(app)
-    app.mount("/static", KeptFiles(STATIC))  # the first to be looked at: most requests are these
+    app.mount("/static", FILES)  # the first to be looked at: most requests are these
     _add_reading(app, parts, fleet)
     _add_commands(app, parts)
     _add_view(app, parts)
@@ -88,12 +86,12 @@ def create_app(
 
 def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/", include_in_schema=False)
-    def page() -> FileResponse:
-        return FileResponse(STATIC / "index.html")
+    def page() -> HTMLResponse:
+        return FILES.document("index.html")
 
     @app.get("/kill", include_in_schema=False)
-    def kill_page() -> FileResponse:
-        return FileResponse(STATIC / "kill.html")
+    def kill_page() -> HTMLResponse:
+        return FILES.document("kill.html")
 
     @app.get("/favicon.ico", include_in_schema=False)
     def icon() -> FileResponse:

@@ -8,19 +8,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from pathlib import Path
 from typing import Any
 
 import msgspec
 from fastapi import FastAPI, WebSocket
-from fastapi.responses import FileResponse
+from fastapi.responses import HTMLResponse
 from starlette.websockets import WebSocketDisconnect
 
 from web.asking import Asker
 from web.commands import CommandBody
 from web.fleet import Fleet
+from web.static_files import FILES
 
-STATIC = Path(__file__).parent / "static"
 PERIOD = 0.4  # s, of how they stand
 PLOT_PERIOD = 0.1  # s, of where they are
 _encode = msgspec.json.Encoder().encode
@@ -28,8 +27,8 @@ _encode = msgspec.json.Encoder().encode
 
 def add_fleet(app: FastAPI, fleet: Fleet) -> None:
     @app.get("/fleet", include_in_schema=False)
-    def page() -> FileResponse:
-        return FileResponse(STATIC / "fleet.html")
+    def page() -> HTMLResponse:
+        return FILES.document("fleet.html")
 
     @app.get("/api/fleet")
     async def vehicles() -> list[dict[str, Any]]:

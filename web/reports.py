@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, HTMLResponse
 
 from console.run_reports import read_result, report_file
 from web.asking import Operator
+from web.static_files import FILES
 
 if TYPE_CHECKING:
     from web.parts import Parts
 
-STATIC = Path(__file__).parent / "static"
 SHOWN = {
     ".html": "text/html; charset=utf-8",
     ".png": "image/png",
@@ -67,5 +66,5 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
         )
 
     @app.get("/report/{run_id}", include_in_schema=False)
-    def report_page(run_id: str) -> FileResponse:
-        return FileResponse(STATIC / "report.html")
+    def report_page(run_id: str) -> HTMLResponse:
+        return FILES.document("report.html")

@@ -1,23 +1,31 @@
-"""The page's own files, served from memory.
+"""The page's own files, served from memory, and once to each browser.
 
 Starlette hands each file to other threads, four times; while telemetry keeps the interpreter busy
-each hop waits for its turn, and a page is about a hundred files.
+each hop waits for its turn, and a page is about a hundred files. A document therefore names them by
+the version of their folder: what has been fetched under it is kept, and asked for no more.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
+import re
 import stat
 from pathlib import Path
 
 from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.types import Scope
 
+STATIC = Path(__file__).parent / "static"
+PLACE = "/static/"
+"""Where the folder is mounted."""
 LARGEST = 1_000_000
 """Bytes of a file that is kept."""
+VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
+FOR_GOOD = {"cache-control": "private, max-age=31536000, immutable"}
 
 
 class KeptFiles(StaticFiles):
@@ -25,9 +33,32 @@ class KeptFiles(StaticFiles):
 
     def __init__(self, directory: Path) -> None:
         super().__init__(directory=directory)
+        self._folder = directory
         self._kept: dict[str, tuple[int, int, bytes]] = {}
+        self._version = ""
+
+    def document(self, name: str) -> HTMLResponse:
+        """A page of the folder, which names the others by their version as of now."""
+        text = (self._folder / name).read_text(encoding="utf-8")
+        self._version = self._versioned()
+        return HTMLResponse(text.replace(f'"{PLACE}', f'"{PLACE}v-{self._version}/'))
+
+    def _versioned(self) -> str:
+        about = [(entry.name, entry.stat()) for entry in os.scandir(self._folder)]
+        now = sorted((name, found.st_mtime_ns, found.st_size) for name, found in about)
+        return hashlib.blake2b(repr(now).encode(), digest_size=8).hexdigest()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
+        """Under another version than the newest comes what there is now, to be asked for again."""
+        versioned = VERSIONED.fullmatch(path)
+        if versioned is None:
+            return await self._current(path, scope)
+        response = await self._current(versioned[2], scope)
+        if versioned[1] == self._version:
+            response.headers.update(FOR_GOOD)
+        return response
+
+    async def _current(self, path: str, scope: Scope) -> Response:
         """Anything unusual is left to the library."""
         found, about = None, None
         with contextlib.suppress(OSError, ValueError):  # the library makes an answer of it
@@ -46,6 +77,10 @@ class KeptFiles(StaticFiles):
             content = Path(path).read_bytes()
             self._kept[path] = about.st_mtime_ns, about.st_size, content
         return content
+
+
+FILES = KeptFiles(STATIC)
+"""Of all vehicles' applications."""
 
 
 def _is_small_file(about: os.stat_result) -> bool:

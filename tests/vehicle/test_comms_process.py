@@ -218,8 +218,12 @@ def check_link(station: FakeStation) -> None:
     # The simulated vehicle's clock is this host's.
     assert sent - 50e6 < sync.server_received_ns <= sync.server_sent_ns < time.time_ns() + 50e6
     expected = {t.name for t in topics.TOPICS.values() if t.sender == "vehicle" and t.rate > 0}
-    station.send_bearings(time.time_ns())
-    wait_until(lambda: expected <= set(station.counts), f"every topic of {expected}")
+
+    def complete() -> bool:
+        station.send_bearings(time.time_ns())  # a stream: what comes before the solver has no pose
+        return expected <= set(station.counts)
+
+    wait_until(complete, f"every topic of {expected}")
 
 
 def check_parameters(station: FakeStation) -> None:

@@ -150,17 +150,19 @@ def test_when_the_machine_stopped_the_lost_samples_are_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(process, "GIVE_UP_NS", -(10**12))  # every sample is "too late" …
-    stop = threading.Event()
+    thread = Simulator(tmp_path)  # which hurries, and not the tests after this
     said: list[str] = []
 
     def say(line: str) -> None:
         said.append(line)
         if len(said) > 3:
-            stop.set()
+            thread.stop.set()
 
     monkeypatch.setattr(process, "_say", say)
-    statistics = run(SimulatorParameters(), tmp_path, None, stop=stop)
-    assert statistics.periods <= 2
+    thread.start()
+    thread.join(BOUND)
+    assert not thread.is_alive()
+    assert thread.statistics.periods <= 2
     assert "samples are lost" in said[-1]
 
 

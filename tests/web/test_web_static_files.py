@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 from pathlib import Path
 
 import httpx
@@ -25,8 +26,8 @@ def script(tmp_path: Path) -> Path:
 
 
 class Asker:
-    def __init__(self, folder: Path) -> None:
-        app = Starlette(routes=[Mount("/static", KeptFiles(folder))])
+    def __init__(self, folder: Path, files: KeptFiles | None = None) -> None:
+        app = Starlette(routes=[Mount("/static", files or KeptFiles(folder))])
         self._transport = httpx.ASGITransport(app)
 
     def __call__(self, path: str, method: str = "GET", **headers: str) -> httpx.Response:
@@ -75,3 +76,32 @@ def test_a_part_is_a_part_and_nothing_is_written(ask: Asker, script: Path) -> No
     assert (part.status_code, part.text) == (206, "ir")
     assert ask("a.js", "PUT").status_code == 405
     assert script.read_text() == "first"
+
+
+def test_a_document_names_its_files_by_version_and_those_are_fetched_once(script: Path) -> None:
+    files = KeptFiles(script.parent)
+    (script.parent / "page.html").write_text('<script src="/static/a.js"></script>/static/a.js')
+    ask = Asker(script.parent, files)
+
+    def named() -> str:
+        text = files.document("page.html").body.decode()
+        (found,) = re.findall(r'"/static/(v-[0-9a-f]{16}/a\.js)"', text)
+        assert text.endswith(">/static/a.js")
+        return found
+
+    first = named()
+    assert named() == first
+    answer = ask(first)
+    assert (answer.text, answer.headers["cache-control"]) == (
+        "first", "private, max-age=31536000, immutable",
+    )  # fmt: skip
+    assert "cache-control" not in ask("a.js").headers
+    script.write_text("again, and longer")
+    second = named()
+    assert second != first
+    old, new = ask(first), ask(second)
+    assert old.text == new.text == "again, and longer"
+    assert "cache-control" not in old.headers, "a page of before asks again"
+    assert "immutable" in new.headers["cache-control"]
+    assert ask(second.replace("a.js", "none.js")).status_code == 404
+    assert ask(second.replace("a.js", "%2e%2e/secret")).status_code == 404

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import FastAPI, Query
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from console.catalogue import SUFFIX, Catalogue
 from quadrotor.errors import StorageError
 from vehicle_link.log.file import is_being_written
 from web.replay.store import Building, ReplayStore
+from web.static_files import FILES
 
-STATIC = Path(__file__).parents[1] / "static"
 ONBOARD = "onboard"
 MOST_SIGNALS = 64
 MOST_POINTS = 4000
@@ -56,8 +56,8 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         raise StorageError(f"no log {name!r:.80} in the folder {ONBOARD}")
 
     @app.get("/replay/{run_id}", include_in_schema=False)
-    def page(run_id: str) -> FileResponse:
-        return FileResponse(STATIC / "replay.html")
+    def page(run_id: str) -> HTMLResponse:
+        return FILES.document("replay.html")
 
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from fastapi import FastAPI, HTTPException, Query
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, HTMLResponse
 
 from console.catalogue_marks import marks_of
 from console.catalogue_notes import notes_history, write_notes
@@ -23,11 +22,11 @@ from web.runs.listing import about, lines
 from web.runs.onboard import add_onboard
 from web.runs.sharing import add_sharing
 from web.runs.trash import add_trash
+from web.static_files import FILES
 
 if TYPE_CHECKING:
     from web.parts import Parts
 
-STATIC = Path(__file__).parent.parent / "static"
 MOST = 1000
 
 Text = Annotated[str, Query(max_length=300)]
@@ -49,8 +48,8 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
     catalogue = parts.catalogue
 
     @app.get("/runs", include_in_schema=False)
-    def page() -> FileResponse:
-        return FileResponse(STATIC / "runs.html")
+    def page() -> HTMLResponse:
+        return FILES.document("runs.html")
 
     @app.get("/api/runs")
     def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:

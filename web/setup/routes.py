@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import time
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
+from fastapi.responses import HTMLResponse
 
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, from_messages
@@ -19,20 +18,19 @@ from web.asking import Operator
 from web.setup.page_checks import page_checks
 from web.setup.preflight import check_fields
 from web.setup.vehicles import known_vehicles
+from web.static_files import FILES
 
 if TYPE_CHECKING:
     from web.fleet import Fleet
     from web.parts import Parts
-
-STATIC = Path(__file__).parent.parent / "static"
 
 
 def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     station, people = parts.station, parts.people
 
     @app.get("/setup", include_in_schema=False)
-    def page() -> FileResponse:
-        return FileResponse(STATIC / "setup.html")
+    def page() -> HTMLResponse:
+        return FILES.document("setup.html")
 
     @app.get("/api/setup/vehicles")
     async def vehicles() -> list[dict[str, Any]]:

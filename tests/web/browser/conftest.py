@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 
@@ -78,7 +79,7 @@ def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
         while going.is_set():
             if talking.is_set():
                 station.fly()
-            threading.Event().wait(0.02)
+            threading.Event().wait(0.05)
 
     thread = threading.Thread(target=fly, daemon=True)
     thread.start()
@@ -87,12 +88,32 @@ def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
     thread.join()
 
 
-@pytest.fixture
-def context(chromium: Any) -> Iterator[Any]:
+@pytest.fixture(scope="module")
+def profile(chromium: Any) -> Iterator[Any]:
+    """Keeps the page's files, as a browser that has been here does."""
     made = chromium.new_context(viewport={"width": 1440, "height": 900})
     made.set_default_timeout(BOUND)
     yield made
     made.close()
+
+
+@pytest.fixture
+def context(profile: Any) -> Iterator[Any]:
+    """For a test's pages: signed in nowhere, and nothing else kept than files."""
+    yield profile
+    origins = set()
+    for page in profile.pages:
+        origins.add("{0.scheme}://{0.netloc}".format(urlsplit(page.url)))
+        page.close()
+    profile.clear_cookies()
+    profile.clear_permissions()
+    last = profile.new_page()
+    devtools = profile.new_cdp_session(last)
+    for origin in origins:
+        devtools.send(
+            "Storage.clearDataForOrigin", {"origin": origin, "storageTypes": "local_storage"}
+        )
+    last.close()
 
 
 @pytest.fixture

@@ -280,8 +280,12 @@ def test_a_hidden_tab_has_no_socket_and_no_signals(
                 "framesent", lambda text: wanted.append(json.loads(text).get("signals", wanted[-1]))
             )
 
-    context.on("page", lambda new: new.on("websocket", watch))
+    def watch_all(new: Any) -> None:
+        new.on("websocket", watch)
+
+    context.on("page", watch_all)
     page = opened(open_page(site))
+    context.remove_listener("page", watch_all)
 
     def feeds() -> list[Any]:
         return [one for one in sockets if "/ws/comparison" in one.url]

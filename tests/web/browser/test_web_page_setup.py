@@ -111,8 +111,9 @@ def open_tab(context: Any, ground: Ground) -> Iterator[Callable[[str], Any]]:
         [{"name": n, "value": v, "url": ground.site.base} for n, v in ground.cookies.items()]
     )
 
-    def open_at(path: str) -> Any:
+    def open_at(path: str, script: str = "") -> Any:
         page = context.new_page()
+        page.add_init_script(script)
         page.on("pageerror", lambda error: problems.append(str(error)))
         page.goto(f"{ground.site.base}{path}")
         return page
@@ -211,16 +212,14 @@ def test_the_start_up_checks_stand_with_a_word_and_what_to_do(
 
 
 def test_vehicle_tracker_and_beacons_are_told_wherever_the_address_points(
-    ground: Ground, open_tab: Any, look_at: Any, context: Any
+    ground: Ground, open_tab: Any, look_at: Any
 ) -> None:
-    context.add_init_script(
-        """window.strips = []; // all that the strip on top ever says
+    before = """window.strips = []; // all that the strip on top ever says
         document.addEventListener('readystatechange', () => {
           const strip = document.getElementById('offline');
           new MutationObserver(() => strips.push(strip.textContent)).observe(strip,
             { childList: true }); }, { once: true })"""
-    )
-    page = open_tab("/setup#1")  # the name of nothing, and no CSS identifier
+    page = open_tab("/setup#1", before)  # the name of nothing, and no CSS identifier
     look = look_at(page)
     look.text("#vehicles tbody tr >> nth=0", "quad1 *good *ready")
     look.text("#vehicles dl >> nth=1", "Mass *1.308 kg")
