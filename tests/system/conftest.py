@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +20,8 @@ import pytest
 
 T = TypeVar("T")
 PATIENCE = 60.0
+GAIN = "control.position.kp_xy"
+PASSED = pytest.StashKey[bool]()
 
 
 def free_ports(count: int) -> list[int]:
@@ -59,6 +61,8 @@ class Laboratory:
         self.data = data
         self.port, self.link_port = free_ports(2)
         self.lines: list[str] = []
+        self._used: set[str] = set()
+        self._gains: dict[str, Any] = {}
         self._process = subprocess.Popen(
             [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", str(data),
              "--port", str(self.port), "--link-port", str(self.link_port)],
@@ -79,16 +83,39 @@ class Laboratory:
     def output(self) -> str:
         return "\n".join(self.lines)
 
-    def sign_in_url(self) -> str:
-        """The newest printed link."""
-        links = re.findall(r"http://\S+token=\S+", self.output)
-        return links[-1] if links else ""
+    def link(self) -> str:
+        """A printed link that nobody has signed in by; each use is followed by a new one."""
+
+        def newest() -> str:
+            links = re.findall(r"http://\S+token=\S+", self.output)
+            return links[-1] if links and links[-1] not in self._used else ""
+
+        found = until("a sign-in link", newest)
+        self._used.add(found)
+        return found
 
     def sign_in(self) -> Laboratory:
-        until("the sign-in link", self.sign_in_url)
-        answer = self.browser.get(self.sign_in_url(), follow_redirects=True)
+        answer = self.browser.get(self.link(), follow_redirects=True)
         assert answer.status_code == 200, answer.text
         return self
+
+    def left_alone(self) -> None:
+        """Wait until nobody commands; gains are what they were the first time."""
+        until(
+            "nobody to have control",
+            lambda: (self.summary().get("control") or {}).get("holder") == "",
+        )
+        until("the vehicle's parameters", lambda: GAIN in self._control_gains())
+        now = self._control_gains()
+        self._gains = self._gains or now
+        changed = {name: value for name, value in self._gains.items() if now[name] != value}
+        if changed:
+            answer = self.browser.put("/api/parameters", json={"values": changed})
+            assert answer.status_code == 200, answer.text
+
+    def _control_gains(self) -> dict[str, Any]:
+        listed = self.get("/api/parameters")["parameters"]
+        return {p["name"]: p["value"] for p in listed if p["name"].startswith("control.")}
 
     # ------------------------------------------------------------------ the page's API
     def get(self, path: str) -> Any:
@@ -191,6 +218,14 @@ class Laboratory:
         runs: list[dict[str, Any]] = self.get("/api/runs")
         return runs
 
+    @property
+    def ended(self) -> bool:
+        return self._process.poll() is not None
+
+    def newest(self, folder: str) -> Path:
+        """The log begun last in `runs` or `onboard`."""
+        return max((self.data / folder).glob("*.mcap"), key=lambda path: path.name)
+
     def wait(self, patience: float = PATIENCE) -> int:
         """The exit status of a laboratory that ends by itself."""
         status = self._process.wait(patience)
@@ -213,18 +248,41 @@ class Laboratory:
             self.stop()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    report = yield
+    if report.when == "call":
+        item.stash[PASSED] = report.passed
+    return report
+
+
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[Laboratory]]:
+    """None or one."""
+    running: list[Laboratory] = []
+    yield running
+    for laboratory in running:
+        laboratory.close()
+
+
 @pytest.fixture
-def start_laboratory(tmp_path: Path) -> Iterator[Callable[[], Laboratory]]:
-    """Starts `quadlab up` on this test's own data folder; stopped at the end."""
-    started: list[Laboratory] = []
-
-    def start() -> Laboratory:
-        laboratory = Laboratory(tmp_path / "data")
-        started.append(laboratory)
-        return laboratory
-
-    yield start
-    for laboratory in started:
+def lab(
+    request: pytest.FixtureRequest,
+    shared: list[Laboratory],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Laboratory]:
+    """Signed in, in nobody's hands. Tests share it: to start one takes as long as a flight. After
+    a test that failed it is a new one."""
+    if not shared:
+        shared.append(Laboratory(tmp_path_factory.mktemp("laboratory") / "data").sign_in())
+    laboratory = shared[-1]
+    request.node.stash[PASSED] = False
+    laboratory.left_alone()
+    yield laboratory
+    if laboratory.ended or not request.node.stash[PASSED]:
+        shared.clear()
         laboratory.close()
 
 

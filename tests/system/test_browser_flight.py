@@ -48,16 +48,14 @@ def page(tmp_path: Path, chromium_path: str) -> Any:
 
 
 def test_a_user_flies_tunes_lands_and_takes_the_log_home(
-    page: Any, start_laboratory: Callable[[], Any], until: Callable[..., Any], tmp_path: Path
+    page: Any, lab: Any, until: Callable[..., Any], tmp_path: Path
 ) -> None:
     from playwright.sync_api import expect
 
-    lab = start_laboratory()
-    until("the sign-in link", lab.sign_in_url)
     # Without a graphics card the 3D view takes a core, which a real-time flight beside it needs:
     # the page flies without it here (web/browser/test_web_page_view.py draws it).
     page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
-    page.goto(lab.sign_in_url())
+    page.goto(lab.link())
     lab.browser.cookies.update({c["name"]: c["value"] for c in page.context.cookies()})
 
     def shows(selector: str, pattern: str) -> None:
@@ -120,7 +118,9 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     # Take the log home.
     until("the end of the recording", lambda: not lab.summary()["station"]["recording"], 20)
     page.locator(".pages a", has_text="Runs").click()
-    expect(page.locator("#list tr[data-index] .state")).to_have_text("complete", timeout=BOUND)
+    expect(page.locator("#list tr[data-index] .state").first).to_have_text(
+        "complete", timeout=BOUND
+    )
     with page.expect_download(timeout=BOUND) as download:
         page.locator("#detail a", has_text="Download").click()
     log = tmp_path / "home.mcap"

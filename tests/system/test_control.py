@@ -66,9 +66,8 @@ class Person:
 
 
 def test_one_commands_and_control_is_asked_for_given_and_lost_by_leaving(
-    start_laboratory: Callable[[], Any], until: Callable[..., Any]
+    lab: Any, until: Callable[..., Any]
 ) -> None:
-    lab = start_laboratory().sign_in()
     lab.reach(mode="ready")
 
     def invited(role: str) -> Person:

@@ -16,9 +16,8 @@ pytestmark = pytest.mark.timeout(240)
 
 
 def test_bearings_are_flown_from_the_page_judged_and_reported(
-    start_laboratory: Callable[[], Any], until: Callable[..., Any]
+    lab: Any, until: Callable[..., Any]
 ) -> None:
-    lab = start_laboratory().sign_in()
     lab.ready()
     calibrate(lab, until)
 
@@ -73,7 +72,7 @@ def calibrate(lab: Any, until: Callable[..., Any]) -> None:
     until("the gyroscope of the start", is_told, 20)
     words = ["gyroscope", "--accept", "--set", "samples=200", "--loopback-port"]
     assert main(["calibrate", *words, str(lab.link_port)]) == 0
-    [run] = lab.runs()
+    run = lab.runs()[0]
     assert (run["report"], run["complete"]) == (True, True)
 
     def newest() -> tuple[str, str]:

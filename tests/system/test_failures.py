@@ -23,9 +23,8 @@ def stamps(path: Path, topic: str) -> np.ndarray:
 
 
 def test_a_killed_web_touches_neither_flight_nor_log_and_a_killed_flight_process_lands(
-    start_laboratory: Callable[[], Lab], until: Callable[..., Any]
+    lab: Lab, until: Callable[..., Any]
 ) -> None:
-    lab = start_laboratory().sign_in()
     lab.hover()
     flown = lab.summary()["station"]["recording_duration"]
     dead = lab.kill("web")
@@ -57,12 +56,10 @@ def test_a_killed_web_touches_neither_flight_nor_log_and_a_killed_flight_process
 
 
 def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recovered(
-    start_laboratory: Callable[[], Lab], until: Callable[..., Any]
+    lab: Lab, until: Callable[..., Any]
 ) -> None:
-    lab = start_laboratory().sign_in()
     lab.hover()
-    torn = next((lab.data / "runs").glob("*.mcap"))
-    onboard = next((lab.data / "onboard").glob("*.mcap"))
+    torn, onboard = lab.newest("runs"), lab.newest("onboard")
     with lab.nothing_restarted():
         killed = time.time()
         lab.kill("station")

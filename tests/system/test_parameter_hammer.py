@@ -68,16 +68,14 @@ def open_page(chromium_path: str) -> Iterator[Callable[[str], Any]]:
 
 
 def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
-    start_laboratory: Callable[[], Any], until: Callable[..., Any], open_page: Callable[[str], Any]
+    lab: Any, until: Callable[..., Any], open_page: Callable[[str], Any]
 ) -> None:
-    lab = start_laboratory().sign_in()
     lab.reach(mode="ready")
-    until("the parameters", lambda: lab.get("/api/parameters")["parameters"])
-    until("a new link", lambda: len([line for line in lab.lines if "token=" in line]) > 1)
-    anna = open_page(lab.sign_in_url())
+    anna = open_page(lab.link())
     answer = lab.browser.post("/api/invitations", json={"role": "operator"})
     ben = open_page(answer.json()["url"])
     before = lab.get("/api/parameters")["revision"]
+    older = history(lab)
 
     # Nobody has control: the first stroke takes it. Half-way it is handed over.
     for page, offset in ((anna, 0.1), (ben, 0.2)):
@@ -94,7 +92,7 @@ def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
 
     until("the hand-over", handed_over)
     second.wait_for_timeout(500 * SECONDS)
-    until("changes by both", lambda: len({row["who"] for row in history(lab)}) == 2)
+    until("changes by both", lambda: len({row["who"] for row in since(older, lab)}) == 2)
     holder = lab.summary()["control"]["holder"]
     strokes = [page.evaluate("letGo()") for page in (anna, ben)]
 
@@ -106,7 +104,7 @@ def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
     until("calm", settled, 20)
     last = lab.status()["parameter_revision"]
     until("the last row", lambda: history(lab)[-1]["revision"] == last, 10)
-    rows = history(lab)
+    rows = since(older, lab)
     applied = Counter(row["who"] for row in rows)
     print(f"\n{SECONDS:g} s: {strokes} strokes; {len(rows)} changes applied, {dict(applied)}")
 
@@ -139,6 +137,10 @@ def control(page: Any, action: str) -> None:
 
 def mirrored(lab: Any) -> Any:
     return next(p["value"] for p in lab.get("/api/parameters")["parameters"] if p["name"] == GAIN)
+
+
+def since(older: list[dict[str, Any]], lab: Any) -> list[dict[str, Any]]:
+    return history(lab)[len(older) :]
 
 
 def history(lab: Any) -> list[dict[str, Any]]:

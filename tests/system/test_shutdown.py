@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -14,11 +13,11 @@ pytestmark = pytest.mark.timeout(240)
 
 
 def test_a_second_up_is_refused_and_ctrl_c_in_flight_lands_first_and_leaves_nothing_behind(
-    start_laboratory: Callable[[], Any],
+    lab: Any,
 ) -> None:
-    lab = start_laboratory().sign_in()
-    second = start_laboratory()  # on the same data folder
+    second = type(lab)(lab.data)  # on the same data folder
     assert second.wait() == 1
+    second.close()
     lines = [line for line in second.lines if line]
     assert len(lines) == 1, lines
     assert "another quadlab up" in lines[0]
@@ -27,8 +26,7 @@ def test_a_second_up_is_refused_and_ctrl_c_in_flight_lands_first_and_leaves_noth
     assert lab.stop() == 0, lab.output
     assert "landing before stopping" in lab.output
     assert lab.processes() == {}
-    recorded = next((lab.data / "runs").glob("*.mcap"))
-    onboard = next((lab.data / "onboard").glob("*.mcap"))
+    recorded, onboard = lab.newest("runs"), lab.newest("onboard")
     assert is_closed(recorded)
     assert is_closed(onboard)
     heights = [decode_odometry(m.payload)[1]["position_w"][0, 2]
