@@ -36,6 +36,7 @@ CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
 HERE = Path(__file__).parent
 MOST_TAKEN = 0.05
+"""Share of the processor time wanted; where the host took more, a failed flight is not judged."""
 BEFORE = pytest.StashKey[tuple[int, int]]()
 
 
@@ -44,13 +45,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     def turn(item: pytest.Item) -> int:
         name = _name(item.nodeid)
-        return (
-            2
-            if name.startswith(REAL_TIME)
-            else 0
-            if name.startswith((BROWSER, *LIVE, *LONG))
-            else 1
-        )
+        if name.startswith(REAL_TIME):
+            return 2
+        return 0 if name.startswith((BROWSER, *LIVE, *LONG)) else 1
 
     items.sort(key=turn)
     for item in items:

@@ -100,7 +100,9 @@ class Laboratory:
         return self
 
     def left_alone(self) -> None:
-        """Wait until nobody commands; gains are what they were the first time."""
+        """Signed in, and nobody commands; gains are what they were the first time."""
+        if not self.browser.cookies:
+            self.sign_in()
         until(
             "nobody to have control",
             lambda: (self.summary().get("control") or {}).get("holder") == "",
@@ -276,14 +278,16 @@ def lab(
     """Signed in, in nobody's hands. Tests share it: to start one takes as long as a flight. After
     a test that failed it is a new one."""
     if not shared:
-        shared.append(Laboratory(tmp_path_factory.mktemp("laboratory") / "data").sign_in())
+        shared.append(Laboratory(tmp_path_factory.mktemp("laboratory") / "data"))
     laboratory = shared[-1]
     request.node.stash[PASSED] = False
-    laboratory.left_alone()
-    yield laboratory
-    if laboratory.ended or not request.node.stash[PASSED]:
-        shared.clear()
-        laboratory.close()
+    try:
+        laboratory.left_alone()
+        yield laboratory
+    finally:
+        if laboratory.ended or not request.node.stash[PASSED]:
+            shared.clear()
+            laboratory.close()
 
 
 @pytest.fixture(name="until")

@@ -16,8 +16,10 @@ def test_a_second_up_is_refused_and_ctrl_c_in_flight_lands_first_and_leaves_noth
     lab: Any,
 ) -> None:
     second = type(lab)(lab.data)  # on the same data folder
-    assert second.wait() == 1
-    second.close()
+    try:
+        assert second.wait() == 1
+    finally:
+        second.close()
     lines = [line for line in second.lines if line]
     assert len(lines) == 1, lines
     assert "another quadlab up" in lines[0]
