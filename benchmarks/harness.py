@@ -6,11 +6,15 @@ them; a ratio is the median of the rounds' ratios. Accuracy stands beside time i
 
 from __future__ import annotations
 
+import shutil
 import statistics
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-headless-shell") or "chromium"
+"""Of Debian's packages of these names; the second needs no screen."""
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Target
 from console.parameters import StationTree
 from quadrotor.parameters import ParameterStore
 from vehicle.parameters import new_parameters
 
-CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 STATIC = Path(__file__).resolve().parents[1] / "web" / "static"
 COUNT = 300

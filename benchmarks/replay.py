@@ -20,10 +20,9 @@ from typing import Any
 
 import httpx
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Target
 from benchmarks.recorded_run import MadeRun, write_run
 
-CHROMIUM = "/usr/bin/chromium"
 FLAGS = [
     "--no-sandbox", "--disable-gpu", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--no-first-run",

@@ -31,9 +31,9 @@ import numpy as np
 import websockets
 from websockets.asyncio.client import connect
 
+from benchmarks.harness import CHROMIUM
 from benchmarks.laboratory import ROOT, cpu_seconds, processes, until
 
-CHROMIUM = "/usr/bin/chromium"
 CHARGE = 20
 """A h, of a battery that outlasts a soak."""
 LIMITS = {"gap_p99_ms": 60.0, "web_percent": 25.0}

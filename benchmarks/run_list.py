@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-from benchmarks.harness import Report, Row, Target, time_in_turns
-from benchmarks.parameter_page import CHROMIUM, FLAGS, STATIC
+from benchmarks.harness import CHROMIUM, Report, Row, Target, time_in_turns
+from benchmarks.parameter_page import FLAGS, STATIC
 from console.catalogue import Catalogue
 from console.catalogue_notes import write_notes
 from console.catalogue_search import RunSearch

@@ -20,13 +20,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmarks.harness import Report, Row, Target
+from benchmarks.harness import CHROMIUM, Report, Row, Target
 from vehicle_link.node import Node, Received
 from vehicle_link.session import loopback_session
 from vehicle_link.topics import TOPICS, decode_joy
 
 ROOT = Path(__file__).resolve().parents[1]
-CHROMIUM = "/usr/bin/chromium"
 FLAGS = [
     "--no-sandbox", "--disable-background-networking", "--disable-component-update",
     "--disable-sync", "--no-first-run", "--disable-gpu",

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from quadrotor.errors import LinkError, UsageError
 from vehicle_link.access import access_control
 from vehicle_link.authority import Role, TlsFiles, check_certificate
+from vehicle_link.heap import keep_large_buffers_apart
 
 if TYPE_CHECKING:
     import zenoh
@@ -118,6 +119,7 @@ def radio_session(
         LinkError: the session cannot be opened.
         UsageError: the endpoint cannot be read.
     """
+    keep_large_buffers_apart()
     config = link_config("router", tls, "station")
     endpoints = [quic(*parse_endpoint(vehicle_endpoint))]
     if loopback_port is not None:

@@ -11,9 +11,10 @@ const $ = (id) => document.getElementById(id);
 const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
 
 export class Bar {
-  constructor(events, fly, isOperator, ages) {
+  constructor(events, fly, isOperator, { ages, silence }) {
     this.events = events;
     this.ages = ages; // greys what is old, too
+    this.silence = silence;
     this.controls = ["arm", "take-off", "land"].map($);
     this.isOperator = isOperator;
     // What the label said at the press, whatever has been heard since.
@@ -23,6 +24,7 @@ export class Bar {
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
+    silence.addEventListener("change", () => this.draw());
   }
 
   // Disarming also acknowledges a cut.
@@ -38,7 +40,7 @@ export class Bar {
     this.drawControl(status);
     this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
     this.linkDrawn = link?.state;
-    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && link.state !== "good");
+    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.silence.holds || link.state !== "good"));
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));

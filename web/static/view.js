@@ -8,7 +8,8 @@ import { isAlone, landing } from "./who_flies.js";
 const $ = (id) => document.getElementById(id);
 
 export class View {
-  constructor(events) {
+  constructor(events, silence) {
+    this.silence = silence;
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
@@ -19,6 +20,7 @@ export class View {
       if (age) $("truth-key").hidden = !(age.truth !== null && age.truth < 1);
       this.flags(events);
     });
+    silence.addEventListener("change", () => this.flags(events));
     setInterval(() => this.flags(events), 500); // also while nothing arrives
   }
 
@@ -31,7 +33,7 @@ export class View {
 
   flags(events) {
     const { status, station, link } = events.summary, age = events.age("state");
-    const isSilent = age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
+    const isSilent = this.silence.holds || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
     const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
     const texts = isSilent ? [silence] : (status?.flags ?? []).map(words);
     if (events.age("station_status") < 1.5) texts.push(...(station?.alarms ?? []));

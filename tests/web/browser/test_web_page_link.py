@@ -62,6 +62,21 @@ def test_a_row_of_two_messages_is_grey_when_one_of_them_is_missing(
     look.has_no_class(f"{error} >> td >> nth=3", "stale")
 
 
+def test_silence_of_the_vehicle_shows_before_the_station_says_so(
+    page: Any, look: Any, station: Any
+) -> None:
+    look.has_no_class("#link", "warn")
+    put = station.put
+    station.put = lambda topic, message: topic == "state" or put(topic, message)
+    try:
+        look.has_class("#link", "warn")  # the station's own status still comes and says good
+        look.text("#flags", "^no telemetry for")
+    finally:
+        station.put = put
+    look.has_no_class("#link", "warn")
+    look.text("#flags", "^(?!no telemetry)")
+
+
 def contrast(one: str, other: str) -> float:
     def luminance(color: str) -> float:
         parts = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]

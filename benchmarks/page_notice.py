@@ -1,0 +1,147 @@
+"""How soon an open page says that the vehicle has fallen silent, and that it is back.
+
+    python -m benchmarks page_notice
+
+`quadlab up` whole, the vehicle's comms process stopped and continued (SIGSTOP, SIGCONT): to all
+others the radio is out of reach at once. Timed until the frame after the change is drawn in a
+headless Chromium on the same machine; its 3D view is an empty document, for without a graphics
+card drawing it takes both cores and what would be measured is that.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.harness import CHROMIUM, Report, Row, Target
+from quadrotor.errors import QuadlabError
+
+ROOT = Path(__file__).resolve().parents[1]
+PORT, LINK_PORT = 28081, 28448
+COUNT, QUICK_COUNT = 40, 5
+SILENT, HEARD = 1.0, 3.0  # s
+PATIENCE = 90.0  # s
+LIMIT = 300.0  # ms
+WATCH = """() => {
+  const chips = document.getElementById("flags"), link = document.getElementById("link");
+  const told = () => /no telemetry/.test(chips.textContent) && link.classList.contains("warn");
+  let last = told();
+  window.noticed = [];
+  const all = { subtree: true, childList: true, characterData: true, attributes: true };
+  new MutationObserver(() => {
+    if (told() === last) return;
+    last = !last;
+    const now = last;
+    requestAnimationFrame(() => setTimeout(() => window.noticed.push([now, Date.now()])));
+  }).observe(document.body, all);
+}"""
+
+
+def run(quick: bool = False) -> Report:
+    """Raises QuadlabError when the laboratory or the page does not come up."""
+    from playwright.sync_api import sync_playwright
+
+    count = QUICK_COUNT if quick else COUNT
+    drawn = random.Random(10)
+    report = Report(
+        "page_notice",
+        "The page when the link is lost",
+        [
+            f"{count} times {SILENT:g} s without the vehicle's comms; from the signal until chip "
+            "and bar both say so and the frame is drawn; the vehicle flies on beside",
+            "headless Chromium on the same machine, 1440 x 900, the 3D view empty",
+        ],
+    )
+    lost, back = [], []
+    with laboratory() as (url, comms), sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1440, "height": 900})
+        page.route("**/viser/**", lambda route: route.fulfill(body="", content_type="text/html"))
+        page.goto(url)
+        page.wait_for_selector("#behaviors button")
+        page.evaluate(WATCH)
+        _until(lambda: "no telemetry" not in page.text_content("#flags"))
+        page.wait_for_timeout(5000)
+        page.evaluate("window.noticed.splice(0)")
+        for _ in range(count):
+            page.wait_for_timeout(1e3 * (HEARD + drawn.uniform(0.0, 0.2)))
+            lost.append(noticed(page, comms, signal.SIGSTOP, True))
+            page.wait_for_timeout(1e3 * SILENT)
+            back.append(noticed(page, comms, signal.SIGCONT, False))
+        browser.close()
+    for name, times in (("says that it is silent after", lost), ("that it is back after", back)):
+        low, middle, high = np.percentile(times, [0, 50, 100])
+        report.rows.append(Row(name, {"least, ms": low, "median, ms": middle, "longest, ms": high}))
+    report.targets = [Target("page says so after, longest, ms", max(lost), LIMIT)]
+    return report
+
+
+def noticed(page: Any, comms: int, what: signal.Signals, wanted: bool) -> float:
+    """ms from the signal to the page's saying so; false alarms before it are an error."""
+    early = page.evaluate("window.noticed.splice(0)")
+    if early:
+        raise QuadlabError(f"the page said {early} while nothing had happened")
+    begin = time.time()
+    os.kill(comms, what)
+    says, at = _until(lambda: page.evaluate("window.noticed.splice(0)"))[0]
+    if says is not wanted:
+        raise QuadlabError(f"the page said {says} for {what.name}")
+    return float(at - 1e3 * begin)
+
+
+@contextmanager
+def laboratory() -> Iterator[tuple[str, int]]:
+    """A signed-in address of the page, and the process of the vehicle's comms."""
+    with tempfile.TemporaryDirectory(prefix="quadlab-notice-") as data:
+        up = subprocess.Popen(
+            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", data,
+             "--port", str(PORT), "--link-port", str(LINK_PORT)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+        )  # fmt: skip
+        assert up.stdout is not None
+        reader, lines = up.stdout, list[str]()
+        threading.Thread(
+            target=lambda: lines.extend(iter(reader.readline, "")), daemon=True
+        ).start()
+        try:
+            address = _until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)))[-1]
+            yield address, _until(lambda: _comms(up.pid))[0]
+        finally:
+            for comms in _comms(up.pid):
+                os.kill(comms, signal.SIGCONT)
+            up.send_signal(signal.SIGINT)
+            up.wait(60.0)
+
+
+def _comms(parent: int) -> list[int]:
+    """Descendants of `parent` that run the vehicle's comms."""
+    listed = subprocess.run(
+        ["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True
+    ).stdout
+    rows = [line.split(None, 2) for line in listed.splitlines()]
+    family = {parent}
+    while more := {int(pid) for pid, of, _ in rows if int(of) in family} - family:
+        family |= more
+    return [int(pid) for pid, _, words in rows if int(pid) in family and "vehicle.comms" in words]
+
+
+def _until(look: Callable[[], Any]) -> Any:
+    end = time.monotonic() + PATIENCE
+    while not (found := look()):
+        if time.monotonic() > end:
+            raise QuadlabError(f"laboratory and page: waited {PATIENCE:.0f} s in vain")
+        time.sleep(0.1)
+    return found
