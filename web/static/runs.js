@@ -20,7 +20,9 @@ class RunsPage {
   constructor(session, events) {
     this.isOperator = session.role !== "viewer";
     this.gauge = new Gauge($("gauge"));
-    this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${query($("search").value, $("tag").value, $("of-vehicle").value)}&offset=${offset}&limit=${limit}`));
+    const wanted = () => query($("search").value, $("tag").value, $("of-vehicle").value);
+    this.list = new RunList($("list"), (offset, limit) => get(`/api/runs/search?${wanted()}&offset=${offset}&limit=${limit}`),
+      () => (wanted().toString() ? "No run is like that." : "No runs yet. Recording starts by itself on arming."));
     this.trash = new Trash($("trash"), $("open-trash"), session, (text, undo) => this.say(text, undo));
     this.onboard = new Onboard($("onboard"), $("open-onboard"), this, events);
     $("open-trash").addEventListener("click", () => { if (!$("trash").hidden) this.only(this.trash); });

@@ -13,10 +13,10 @@ const COLUMNS = [
 ];
 
 export class RunList extends EventTarget {
-  // page(offset, limit) answers { total, runs }.
-  constructor(place, page) {
+  // page(offset, limit) answers { total, runs }; nothing() says why there is none.
+  constructor(place, page, nothing) {
     super();
-    this.page = page;
+    Object.assign(this, { page, nothing });
     this.runs = []; // by index, undefined while unknown
     this.total = 0;
     this.cursor = 0;
@@ -112,7 +112,7 @@ export class RunList extends EventTarget {
 
   draw() {
     this.empty.hidden = this.total > 0;
-    this.empty.textContent = this.problem || "No run is like that. Recording starts by itself on arming.";
+    this.empty.textContent = this.problem || this.nothing();
     this.table.setAttribute("aria-rowcount", String(this.total + 1));
     const height = this.frame.clientHeight || 600;
     const first = Math.max(0, Math.floor(this.frame.scrollTop / ROW) - BEYOND);

@@ -12,6 +12,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
+from sqlalchemy import delete
 
 from console.catalogue import Catalogue
 from console.catalogue_completeness import Completeness, keep_completeness
@@ -151,6 +152,17 @@ def test_the_search_finds_words_tags_and_dates(runs: Catalogue, runs_page: Any, 
     runs_page.fill("#search", "nothing is like this")
     sees.text("#count", "^0 runs$")
     sees.text("#list .empty", "No run is like that")
+
+
+def test_a_list_without_any_run_says_how_the_first_is_made(
+    runs: Catalogue, runs_page: Any, sees: Any
+) -> None:
+    with runs.session() as session:
+        session.execute(delete(RunRow))
+    runs_page.reload()
+    sees.text("#list .empty", "^No runs yet. Recording starts by itself on arming.$")
+    runs_page.fill("#search", "wind")
+    sees.text("#list .empty", "^No run is like that.$")
 
 
 def test_deleting_can_be_undone_at_once_and_from_the_trash(
