@@ -5,7 +5,7 @@ import { ChartMenu } from "./chart_menu.js";
 import { LayoutMenu } from "./chart_layout_menu.js";
 import { BUILT_IN, Layouts, MOST_CHARTS } from "./chart_layouts.js";
 import { TimeAxis } from "./chart_time.js";
-import { duration, element } from "./format.js";
+import { duration, element, hide } from "./format.js";
 import { History } from "./history.js";
 import { onKey } from "./keys.js";
 
@@ -147,7 +147,7 @@ export class Charts {
     if (this.windows.value !== String(seconds)) this.windows.value = seconds;
     this.pause.ariaPressed = String(paused);
     set(this.pause, paused ? "Go on" : "Pause");
-    this.reset.hidden = !zoom;
+    hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
     set(this.state, paused ? `paused for ${duration(axis.pausedFor)}${zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : ""}` : "");
   }

@@ -2,7 +2,7 @@
 // a question that waits for a yes. The yes is held, not clicked: motors may turn after it.
 
 import { figure, RUNNING } from "./calibrate_words.js";
-import { element } from "./format.js";
+import { element, hide } from "./format.js";
 import { onHold } from "./hold.js";
 import { isPose } from "./calibrate_sphere.js";
 
@@ -30,17 +30,17 @@ export class Guide {
   draw(status, isOld) {
     const runs = Boolean(status) && RUNNING.includes(status.phase);
     const { instruction = "", question = "", step_count: count = 0, step_number: number = 0, step_share: share = 0, live = [] } = runs ? status : {};
-    this.place.hidden = !runs || !(instruction || question || count || live.length);
+    hide(this.place, !runs || !(instruction || question || count || live.length));
     if (this.place.hidden) { this.asked = ""; return; }
     this.place.classList.toggle("old", isOld);
     set(this.number, count ? `Step ${number} of ${count}` : "");
     set(this.instruction, status.phase === "evaluating" ? JUDGED : instruction);
-    this.progress.hidden = !count;
+    hide(this.progress, !count);
     const all = count ? Math.min(1, Math.max(0, (number - 1 + share) / count)) : 0;
     this.bar.style.width = `${(100 * all).toFixed(1)}%`;
     this.progress.ariaValueNow = String(Math.round(100 * all));
     this.asked = question;
-    this.question.hidden = !question;
+    hide(this.question, !question);
     set(this.text, question);
     this.yes.disabled = !this.isOperator || isOld;
     this.drawLive(live.filter(({ name }) => !isPose(name)));

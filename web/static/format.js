@@ -40,6 +40,9 @@ export function exact(value) {
 
 export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);
 
+// Set anew, even an equal `hidden` makes the browser style and draw a frame.
+export function hide(place, isHidden) { if (place.hidden !== isHidden) place.hidden = isHidden; }
+
 export function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
   for (const [key, value] of Object.entries(attributes)) {
