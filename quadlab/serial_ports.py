@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import stat
-import sys
 from collections.abc import Sequence
 
 from quadrotor.errors import LinkError, UsageError
+from vehicle.terminal import say
 from vehicle_link.serial.capacity import (
     DEFAULT_RATE,
     check_rate,
@@ -41,9 +41,9 @@ def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str
 
         patterns = [word for word in named if word != AUTO]
         ports = find_ports(
-            patterns, robot_id=identity.robot_id, firmware=identity.firmware, say=_say
+            patterns, robot_id=identity.robot_id, firmware=identity.firmware, say=say
         )
-        _say(f"microcontroller of robot {identity.robot_id} at {' and '.join(ports)}")
+        say(f"microcontroller of robot {identity.robot_id} at {' and '.join(ports)}")
         return ports
     if not 1 <= len(named) <= MOST:
         raise UsageError(
@@ -126,7 +126,3 @@ def _other_words(identity: Identity) -> str:
 
 def _print(line: str) -> None:
     print(line, flush=True)
-
-
-def _say(line: str) -> None:
-    print(f"vehicle: {line}", file=sys.stderr, flush=True)

@@ -35,10 +35,11 @@ from vehicle.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_parameters import log_parameters
 from vehicle.onboard_reader import OnboardReader
 from vehicle.onboard_ring import Fetched
-from vehicle.process import GIVEN_UP, say
+from vehicle.process import GIVEN_UP
 from vehicle.process_config import TICK_SLOTS, CommsConfig, Rings, open_rings
 from vehicle.realtime import die_with_parent
 from vehicle.self_checks import SelfChecks
+from vehicle.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.node import Node, Received
@@ -215,6 +216,7 @@ class Comms:
 def main(argument: str) -> int:
     """Exit status: 0 stopped by a signal, GIVEN_UP when it cannot start."""
     config = msgspec.json.decode(argument, type=CommsConfig)
+    speak_for(config.name)
     die_with_parent(config.parent)
     stopping = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):

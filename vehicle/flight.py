@@ -18,11 +18,12 @@ import msgspec
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterStore
 from vehicle import mailbox
-from vehicle.flight_loop import FlightLoop, say
+from vehicle.flight_loop import FlightLoop
 from vehicle.microcontroller import Microcontroller
 from vehicle.pacing import MemoryPacer, Pacer, PortPacer
 from vehicle.process_config import FlightConfig, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
+from vehicle.terminal import say, speak_for
 from vehicle_link.serial.capacity import sample_period_us
 from vehicle_link.serial.port import PortError, PortProblem, SerialPort
 
@@ -143,6 +144,7 @@ def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> lis
 def main(argument: str) -> int:
     """Exit status: 0 stopped by a signal, 1 failed."""
     config = msgspec.json.decode(argument, type=FlightConfig)
+    speak_for(config.name)
     die_with_parent(config.parent)
     try:
         fly(config)

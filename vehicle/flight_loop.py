@@ -6,7 +6,6 @@ that never make this thread wait.
 
 from __future__ import annotations
 
-import sys
 import time
 import traceback
 from typing import TYPE_CHECKING, Protocol
@@ -20,6 +19,7 @@ from vehicle.modes import Mode
 from vehicle.orders import Ordered, Ordering, Orders
 from vehicle.pacing import Pacer
 from vehicle.process_config import Rings
+from vehicle.terminal import say
 from vehicle_link.serial.port import BAUD_RATE
 
 if TYPE_CHECKING:
@@ -210,8 +210,3 @@ class FlightLoop:
         say(line)
         self._stack.say(line, mailbox.WARN)
         self._send_outbox()
-
-
-def say(line: str) -> None:
-    """One line to the terminal."""
-    print(f"vehicle: {line}", file=sys.stderr, flush=True)

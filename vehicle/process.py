@@ -30,6 +30,7 @@ from vehicle.process_config import (
     RingDescriptors,
     create_rings,
 )
+from vehicle.terminal import say, speak_for
 from vehicle_link.instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -139,6 +140,7 @@ def run_vehicle(
         identity: of the microcontroller; motors do not start with another.
         packets: of telemetry a second, FEWEST_PACKETS to PACKETS_A_SECOND.
     """
+    speak_for(name)
     rings = create_rings()
     started_ns = time.time_ns()
     folder = data.resolve()
@@ -150,7 +152,9 @@ def run_vehicle(
         recovery.start()
         children = _Children(
             rings,
-            FlightConfig(parent, rings, ports, rate, values, str(folder / TRAJECTORIES), identity),
+            FlightConfig(
+                parent, rings, ports, rate, values, str(folder / TRAJECTORIES), identity, name
+            ),
             CommsConfig(
                 parent,
                 rings,
@@ -248,8 +252,3 @@ def _how_it_ended(status: int) -> str:
     if status < 0:
         return f"was killed by {signal.Signals(-status).name}"
     return f"ended with status {status}"
-
-
-def say(line: str) -> None:
-    """One line to the terminal."""
-    print(f"vehicle: {line}", file=sys.stderr, flush=True)

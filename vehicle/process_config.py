@@ -39,6 +39,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
     parameters: dict[str, ParameterValue] = {}  # set before the start
     trajectories: str = ""  # folder of trajectory files, may be missing
     identity: Identity = THE_ONE
+    name: str = "quad1"
 
 
 PACKETS_A_SECOND, FEWEST_PACKETS = 100, 20

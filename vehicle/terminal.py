@@ -1,0 +1,22 @@
+"""Lines on the terminal, with the name of the vehicle: several may share one."""
+
+from __future__ import annotations
+
+import sys
+
+
+class _Terminal:
+    def __init__(self) -> None:
+        self._speaker = "vehicle"
+
+    def speak_for(self, name: str) -> None:
+        """Of all lines of this process from now on."""
+        self._speaker = f"vehicle {name}"
+
+    def say(self, line: str) -> None:
+        """One line to the terminal."""
+        print(f"{self._speaker}: {line}", file=sys.stderr, flush=True)
+
+
+_terminal = _Terminal()
+speak_for, say = _terminal.speak_for, _terminal.say
