@@ -14,8 +14,9 @@ class _Terminal:
         self._speaker = f"vehicle {name}"
 
     def say(self, line: str) -> None:
-        """One line to the terminal."""
-        print(f"{self._speaker}: {line}", file=sys.stderr, flush=True)
+        """One line to the terminal, in one piece: other processes write there, too."""
+        sys.stderr.write(f"{self._speaker}: {line}\n")
+        sys.stderr.flush()
 
 
 _terminal = _Terminal()
