@@ -18,7 +18,7 @@ from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue import Catalogue
 from console.dialled import remember_dialled
 from quadrotor.parameters import ParameterValue
-from vehicle_link.authority import TlsFiles, ensure_certificates
+from vehicle_link.authority import TlsFiles, ensure_certificates, readable_keys
 from vehicle_link.instance import new_instance
 from vehicle_link.radio import Radio, is_hanging_up
 from vehicle_link.session import check_station, hub_session, parse_endpoint
@@ -57,6 +57,8 @@ def run_station(
     files = ensure_certificates(data / "certificates", hosts)
     for endpoint in vehicles.values():
         check_station(endpoint, files)  # what cannot be used is told before anything runs
+    for line in readable_keys(files):
+        sys.stderr.write(f"station: {line}\n")
     hub, instance = hub_session(loopback_port), new_instance()
     remember_dialled(data, list(vehicles))
     stations: list[BaseStation] = []

@@ -41,7 +41,7 @@ from vehicle.realtime import die_with_parent
 from vehicle.self_checks import SelfChecks
 from vehicle.terminal import say, speak_for
 from vehicle_link import topics
-from vehicle_link.authority import ensure_certificates
+from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 from vehicle_link.whoami import serve_whoami
@@ -112,7 +112,9 @@ class Comms:
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
         reader = OnboardReader(self._log, config.name)
         node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
-        OnboardFiles(self._log.folder, self._log.files, fetched).serve(node)
+        OnboardFiles(
+            self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
+        ).serve(node)
         self._lane = CommsLane(node, config.link_port + 1)
         self._lane.send(self._radio.publishers)
         for topic in self._inbound.handlers:
@@ -234,6 +236,8 @@ def main(argument: str) -> int:
             f"made certificates of its own in {folder}; a base on another machine is let in after "
             "`quadlab link enrol` there"
         )
+    for line in readable_keys(files):
+        say(line)
     comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
     comms.run(stopping)
     comms.close()

@@ -53,6 +53,8 @@ class Mcu(Ordered, Protocol):
     """What the loop needs of vehicle.microcontroller.Microcontroller."""
 
     failures: list[str]
+    refused: int
+    late: int
 
     @property
     def damaged(self) -> int: ...
@@ -89,7 +91,7 @@ class FlightLoop:
         self._orders = Orders(stack, mcu)
         self._heard_ns = time.monotonic_ns()
         self._silent = False
-        self._damaged_before = 0
+        self._unusable = [0, 0, 0]  # of what came until the newest sample
         self._tell(NOTHING_YET)
 
     def run(self) -> None:
@@ -193,17 +195,34 @@ class FlightLoop:
             if self._silent:
                 self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
             self._heard_ns, self._silent = now_ns, False
-            self._damaged_before = self._mcu.damaged
+            self._unusable = self._came_unusable()
         elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
             self._silent = True
-            damaged = self._mcu.damaged - self._damaged_before
-            asked = (
+            self._report(f"no sample from the microcontroller for 0.5 s; waiting. {self._why()}")
+
+    def _came_unusable(self) -> list[int]:
+        return [self._mcu.late, self._mcu.refused, self._mcu.damaged]
+
+    def _why(self) -> str:
+        """What came instead of samples, and what to look at."""
+        counts = zip(self._came_unusable(), self._unusable, strict=True)
+        late, refused, damaged = (now - before for now, before in counts)
+        if late:
+            return (
+                f"{late} came that are older than the newest before, by the microcontroller's "
+                "clock: newer ones count again"
+            )
+        if refused:
+            return (
+                f"{refused} came with impossible values or times: if that goes on, switch the "
+                "microcontroller off and on"
+            )
+        if damaged:
+            return (
                 f"{damaged} pieces of bytes came that are no frames: is its baud rate "
                 f"{BAUD_RATE}, and are these its ports?"
-                if damaged
-                else "Is it switched on, and are these its ports?"
             )
-            self._report(f"no sample from the microcontroller for 0.5 s; waiting. {asked}")
+        return "Is it switched on, and are these its ports?"
 
     def _report(self, line: str) -> None:
         """To the terminal and to the page."""

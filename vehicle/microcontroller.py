@@ -71,10 +71,11 @@ class Microcontroller:
         identity: what it must be before motors may start.
 
     Attributes:
-        failures: lines about sets and requests given up and ports that are gone, for the caller
-            to report and clear.
+        failures: lines about sets and requests given up, ports that are gone and clocks that were
+            set, for the caller to report and clear.
         flight_control_mode: what the microcontroller has confirmed last.
-        refused: D frames with impossible values; late: samples dropped as older than the newest.
+        refused: D frames with impossible values or times; late: samples dropped as older than the
+            newest.
     """
 
     def __init__(
@@ -257,6 +258,12 @@ class Microcontroller:
         ahead = self._clock.correct(newest_ns - self._clock.stamp_ns(0))
         if ahead:
             self.failures.append(f"the vehicle's clock was {ahead * 1e3:.0f} ms ahead; set back")
+        if moved := self._clock.host_set():
+            self.failures.append(
+                f"the clock of the vehicle's computer was set {'forward' if moved > 0 else 'back'} "
+                f"by {abs(moved):.1f} s; the vehicle's clock, and so the date of its logs, stays "
+                "as it was until `quadlab vehicle` is started again"
+            )
 
     def _in_order(self, samples: list[RawSample]) -> list[RawSample]:
         kept = []

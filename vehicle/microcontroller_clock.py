@@ -5,6 +5,10 @@ without wrapping, plus a constant: the host's epoch time at which the first samp
 sample can only arrive late, so the constant is the least (arrival - elapsed) over the first
 samples, less the time its frame takes on the line; those are spent on it. In simulated time the
 constant is given, usually 0.
+
+The host's clock may be set while the vehicle runs, by an hour or by years. Once the epoch is
+settled the host's time goes on by its steady clock, so that stamps neither jump nor stand still;
+that it was set is told, once each time.
 """
 
 from __future__ import annotations
@@ -30,6 +34,11 @@ RESTART_MS = 1_000
 MS = 1_000_000
 AHEAD_NS = 5_000_000
 """A sample that arrives so long before its own stamp shows that all the first ones came late."""
+LATEST_NS = 2_000_000_000
+"""First samples are not later than this: a clock further ahead is so by a fast microcontroller,
+and set back it would give no sample for as long."""
+SET_NS = 2_000_000_000
+"""By less the host's clock is set for a leap second, or after a short time without a network."""
 FRAME_NS = 34 * 1_000_000_000 // (BAUD_RATE // 10)
 """On the line, a `D` frame of 34 bytes."""
 
@@ -39,9 +48,9 @@ class MicrocontrollerClock:
 
     Args:
         epoch_ns: stamp of the first sample, for simulated time; None takes it from the host.
-        host_ns: the host's clock, read only until the epoch is settled.
-        steady_ns: the host's steady clock, which tells a gap from a sample that came very late;
-            not read when the epoch is given.
+        host_ns: the host's clock; gives the epoch, and is only watched for being set afterwards.
+        steady_ns: the host's steady clock, which tells a gap from a sample that came very late,
+            and that the host's clock was set; not read when the epoch is given.
     """
 
     def __init__(
@@ -53,6 +62,8 @@ class MicrocontrollerClock:
         self._host_ns = host_ns
         self._steady_ns = steady_ns if epoch_ns is None else None
         self._begun_ns = 0
+        self._ahead_of_steady_ns = 0  # the host's clock, when the epoch was settled
+        self._told_ns = 0  # the same when last told
         self._lead_ms = 0  # largest so far of the clock before the host's
         self._refused_ms: int | None = None  # the host's time when the first was
         self._epoch_ns = epoch_ns
@@ -110,6 +121,8 @@ class MicrocontrollerClock:
         self._settling += samples
         if self._settling >= SETTLING_SAMPLES and newest_elapsed_ns >= SETTLING_NS:
             self._epoch_ns = self._least_ns - FRAME_NS
+            if self._steady_ns is not None:
+                self._told_ns = self._ahead_of_steady_ns = self._host_over_steady(self._steady_ns)
 
     def correct(self, newest_elapsed_ns: int) -> float:
         """Set the clock back when it is ahead of the host's: all samples it was set by came late.
@@ -118,11 +131,30 @@ class MicrocontrollerClock:
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0
-        ahead_ns = self._epoch_ns + FRAME_NS + newest_elapsed_ns - self._host_ns()
-        if ahead_ns <= AHEAD_NS:
+        host_ns = self._steady_ns() + self._ahead_of_steady_ns
+        ahead_ns = self._epoch_ns + FRAME_NS + newest_elapsed_ns - host_ns
+        if not AHEAD_NS < ahead_ns <= LATEST_NS:
             return 0.0
         self._epoch_ns -= ahead_ns
         return ahead_ns * 1e-9
+
+    def host_set(self) -> float:
+        """By how much the host's clock was set forward (back: below 0) since last told, s; else 0.
+
+        The vehicle's clock does not follow: its stamps must not jump, and go back even less.
+        """
+        if self._steady_ns is None or self._epoch_ns is None:
+            return 0.0
+        now_ns = -self._steady_ns() + self._host_ns()
+        set_ns = now_ns - self._told_ns
+        if abs(set_ns) <= SET_NS:
+            return 0.0
+        self._told_ns = now_ns
+        return set_ns * 1e-9
+
+    def _host_over_steady(self, steady_ns: Callable[[], int]) -> int:
+        """Read in this order a pause between the two makes it larger: the least is right."""
+        return min(-steady_ns() + self._host_ns() for _ in range(3))
 
     def _host_ms(self) -> int | None:
         """Since the first sample, by the host's clock; None in simulated time."""

@@ -102,6 +102,14 @@ def prepare(vehicle: str) -> None:
         type_hash(topic.type_name)
 
 
+def runs(ticks: Record) -> Iterator[Record]:
+    """Ticks, shape (N,), cut where `armed` changes."""
+    armed = ticks["status"]["armed"]
+    cuts = (np.flatnonzero(armed[1:] != armed[:-1]) + 1).tolist()
+    for start, end in zip([0, *cuts], [*cuts, len(ticks)], strict=True):
+        yield ticks[start:end]
+
+
 class OnboardFile:
     """Made, written and closed by the log's own thread.
 
@@ -165,6 +173,10 @@ class OnboardFile:
             self._mark()
         self._writer.close_chunk()
         self._mark()
+
+    def is_in_place(self) -> bool:
+        """False when somebody removed, moved or replaced the file or its folder."""
+        return self._writer.is_in_place()
 
     def check(self) -> None:
         """Raises StorageError when what was written did not reach the disk."""

@@ -23,6 +23,7 @@ from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, Storage
 from vehicle.file_identity import identity_of
 from vehicle.onboard_checksums import Checksums, Key
 from vehicle.onboard_file import Written
+from vehicle.onboard_mending import LATER
 from vehicle.onboard_ring import Fetched, free_bytes
 from vehicle_link.log import is_closed
 from vehicle_link.log.file_index import FileIndex, begins_as_log, read_index
@@ -58,7 +59,8 @@ class Facts(NamedTuple):
 
 
 class OnboardFiles:
-    """Args: the folder; `written` tells the files of this process (`OnboardLog.files`)."""
+    """Args: the folder; `written` tells the files of this process (`OnboardLog.files`), `mending`
+    when a torn one is mended (`OnboardLog.mending`)."""
 
     def __init__(
         self,
@@ -66,8 +68,10 @@ class OnboardFiles:
         written: Callable[[], list[Written]],
         fetched: Fetched | None = None,
         free: Callable[[Path], int] = free_bytes,
+        mending: Callable[[], str] = lambda: LATER,
     ) -> None:
         self._folder, self._written, self._free = folder, written, free
+        self._mending = mending
         self._fetched = fetched or Fetched()
         self._checksums = Checksums()
         self._closed: OrderedDict[Key, Facts] = OrderedDict()
@@ -116,14 +120,13 @@ class OnboardFiles:
         with self._open(name) as file:
             facts = self._facts(name, file)
         self._fetched.note(name)
+        self._refuse_torn(facts)
         written = self._written_as(name)
         if written is not None:
             (begin, end), channels = _stretch(written, start_ns, end_ns), written.channels()
-        elif facts.closed:
+        else:
             index = self._index(facts)
             (begin, end), channels = index.stretch(start_ns, end_ns, LATE_NS), index.channels
-        else:
-            raise RefusedError(f"{name} was torn and is being mended; ask again in a moment")
         ids = sorted(channels)
         return new(
             f"{SERVICES['onboard_index']}_Response", accepted=True, file=facts.message(),
@@ -198,13 +201,14 @@ class OnboardFiles:
             if 0 < facts.start_ns <= end_ns and (facts.end_ns >= start_ns or not facts.closed):
                 return facts.name
         if any(not facts.start_ns and not facts.closed for facts in files):
-            raise RefusedError("a log was torn and is being mended; ask again in a moment")
+            raise RefusedError(f"a log was torn, and {self._mending()}; ask again later")
         raise RefusedError(
             "there is no onboard log of this time: one is written while the vehicle is armed, and "
             "the oldest are removed to make room"
         )
 
     def _checksum(self, facts: Facts) -> Message:
+        self._refuse_torn(facts)
         if not facts.closed:
             raise RefusedError(f"{facts.name} is still being written; its checksum comes after")
         digest = self._checksums.ask(self._folder / facts.name, facts.identity, facts.size)
@@ -212,6 +216,11 @@ class OnboardFiles:
             f"{SERVICES['onboard_part']}_Response", accepted=True, file=facts.message(),
             sha256=_octets(digest),
         )  # fmt: skip
+
+    def _refuse_torn(self, facts: Facts) -> None:
+        """Its bytes will be others when it is mended. Raises RefusedError."""
+        if not facts.closed and not facts.start_ns:
+            raise RefusedError(f"{facts.name} was torn, and {self._mending()}; ask again later")
 
     def _free_bytes(self) -> int:
         try:

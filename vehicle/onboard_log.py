@@ -13,12 +13,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-import numpy as np
-
 from quadrotor.errors import QuadlabError, StorageError
 from quadrotor.records import Record
 from vehicle.mailbox import ERROR, INFO, WARN
-from vehicle.onboard_file import Batch, Message, OnboardFile, Written, prepare
+from vehicle.onboard_file import Batch, Message, OnboardFile, Written, prepare, runs
+from vehicle.onboard_mending import Mending
 from vehicle.onboard_parameters import OnboardLogParameters
 from vehicle.onboard_recovery import FOLDER
 from vehicle.onboard_ring import Fetched, Ring, free_bytes
@@ -72,6 +71,7 @@ class OnboardLog:
         self._free = free
         self._written = written
         self._ring = Ring(self.folder, fetched, free)
+        self._mending = Mending(data, say, free, lambda: self.stop_bytes)
         self._buffer: list[Batch | Message] = []
         self._buffered = 0
         self._lost = self._lost_ticks = 0
@@ -110,6 +110,11 @@ class OnboardLog:
     def stop_bytes(self) -> int:
         """Of free space, below which nothing is logged."""
         return self._limits().stop_bytes
+
+    @property
+    def mending(self) -> str:
+        """When a torn log is mended, in words that follow its name."""
+        return self._mending.how
 
     def files(self) -> list[Written]:
         """The newest ones of this process, oldest first; from any thread."""
@@ -150,10 +155,20 @@ class OnboardLog:
             self._written(lost_ticks + sum(len(i.ticks) for i in items if isinstance(i, Batch)))
             if closing:
                 break
-            if self._untidy and self._disarmed_ns and self._file is None:
-                self._tidy()
+            self._look_after(bool(self._disarmed_ns) and self._file is None)
             self._closed.wait(PERIOD_S)
         self._finish()
+        self._mending.close()
+
+    def _look_after(self, on_ground: bool) -> None:
+        """The files that are closed, and those that could not be."""
+        if on_ground and self._untidy:
+            self._tidy()
+        for path in self._mending.look(on_ground):
+            self._untidy = True
+            for written in self.files():
+                if written.path == path:  # its places are another file's
+                    self._files.remove(written)
 
     def _store(self, items: Iterable[Batch | Message]) -> None:
         for item in items:
@@ -172,12 +187,13 @@ class OnboardLog:
             if self._file is not None:
                 self._file.add_message(item)
             return
-        for ticks in _runs(item.ticks):
+        for ticks in runs(item.ticks):
             stamps = ticks["imu"]["stamp_ns"]
             if ticks["status"]["armed"][0]:
                 self._disarmed_ns = 0
                 if self._file is None and not self._stopped:
                     self._start(int(stamps[0]))
+                    self.problem = ""
                 self._add_ticks(Batch(ticks, item.log_ns))
                 continue
             self._stopped = False
@@ -188,6 +204,7 @@ class OnboardLog:
                 self._finish()
 
     def _start(self, stamp_ns: int) -> None:
+        """Raises StorageError."""
         self._check_space(stamp_ns)
         instant = datetime.fromtimestamp(stamp_ns / 1e9, UTC)
         stem = f"{self._vehicle}_{instant:%Y%m%dT%H%M%S}_{instant.microsecond // 1000:03d}Z"
@@ -198,7 +215,6 @@ class OnboardLog:
             {**run, **self._facts, **provenance()}, dict(self._attached()),
         )  # fmt: skip
         self._files.append(self._file.written)
-        self.problem = ""
         self._say(INFO, f"onboard log {self._file.path.name} started")
 
     def _free_name(self, stem: str) -> str:
@@ -214,14 +230,23 @@ class OnboardLog:
                 self._say(WARN, f"onboard log without {name}: {error}")
 
     def _add_ticks(self, batch: Batch) -> None:
-        if self._file is not None and len(batch.ticks):
-            self._check_space(int(batch.ticks["imu"]["stamp_ns"][-1]))
-            self._file.add_ticks(batch)
-
-    def _check_space(self, now_ns: int) -> None:
-        """Once a second; the same for what did not reach the disk. Raises StorageError."""
-        if 0 <= now_ns - self._checked_ns < CHECK_NS:
+        """Raises StorageError."""
+        if self._file is None or not len(batch.ticks):
             return
+        stamps = batch.ticks["imu"]["stamp_ns"]
+        if self._check_space(int(stamps[-1])):
+            if not self._file.is_in_place():
+                self._finish()
+                if self._disarmed_ns:
+                    return
+                self._start(int(stamps[0]))
+            self._file.check()
+        self._file.add_ticks(batch)
+
+    def _check_space(self, now_ns: int) -> bool:
+        """Once a second; whether this time. Raises StorageError."""
+        if 0 <= now_ns - self._checked_ns < CHECK_NS:
+            return False
         self._checked_ns = now_ns
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -234,8 +259,7 @@ class OnboardLog:
                 f"{free // 10**6} MB free in {self.folder}, needs {least // 10**6} MB "
                 "(log.stop_free); delete old runs"
             )
-        if self._file is not None:
-            self._file.check()
+        return True
 
     def _stop(self, reason: str) -> None:
         self._say(ERROR, f"onboard log stopped: {reason}")
@@ -249,13 +273,21 @@ class OnboardLog:
         if file is None:
             return
         self._untidy = True
+        in_place, torn = file.is_in_place(), ""
         try:
             file.close()
         except StorageError as error:
-            self._say(ERROR, f"onboard log not closed, recovered at the next start: {error}")
-            return
-        megabytes = file.size / 1e6
-        self._say(INFO, f"onboard log {file.path.name} closed, {megabytes:.1f} MB")
+            torn = str(error)
+        if not in_place:
+            gone = f"{file.path} was removed, moved or replaced while it was written"
+            self._say(ERROR, f"onboard log stopped: {gone}")
+            self.problem = self.problem or gone
+        elif torn:
+            self._mending.tear()
+            self._say(ERROR, f"onboard log not closed; it {self.mending}: {torn}")
+        else:
+            megabytes = file.size / 1e6
+            self._say(INFO, f"onboard log {file.path.name} closed, {megabytes:.1f} MB")
 
     def _tidy(self) -> None:
         self._untidy = False
@@ -269,11 +301,3 @@ class OnboardLog:
 def microcontroller_facts(identity: Identity) -> dict[str, str]:
     """For a file's metadata: the motors started with no other."""
     return {"robot_id": str(identity.robot_id), "firmware_revision": str(identity.firmware)}
-
-
-def _runs(ticks: Record) -> Iterator[Record]:
-    """Cut where `armed` changes."""
-    armed = ticks["status"]["armed"]
-    cuts = (np.flatnonzero(armed[1:] != armed[:-1]) + 1).tolist()
-    for start, end in zip([0, *cuts], [*cuts, len(ticks)], strict=True):
-        yield ticks[start:end]

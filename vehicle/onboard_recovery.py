@@ -1,11 +1,18 @@
-"""Onboard logs whose writer was killed: found and mended at the next start."""
+"""Onboard logs that were not closed: found and mended, at the next start or on the ground.
+
+As a program, `python -m vehicle.onboard_recovery PARENT_PID FILE…`: see vehicle.onboard_mending.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 from quadrotor.errors import QuadlabError
+from vehicle.realtime import die_with_parent
 from vehicle_link.log import is_closed, recover
 from vehicle_link.log.file import is_being_written
 from vehicle_link.log.file_index import holds_nothing
@@ -34,3 +41,17 @@ def recover_logs(paths: list[Path]) -> Iterator[str]:
         else:
             if found.torn:
                 yield f"onboard log {path.name} recovered: {found.messages} messages"
+
+
+def main(parent: int, paths: list[Path]) -> int:
+    """Mend them behind everything else; SIGTERM ends it and leaves the torn file as it was."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    die_with_parent(parent)
+    os.nice(19)
+    for line in recover_logs(paths):
+        print(line, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), [Path(path) for path in sys.argv[2:]]))

@@ -88,7 +88,7 @@ def log_check(problem: str) -> Check:
     """Whether the last flight was logged."""
     if not problem:
         return Check("onboard log", "ok", "nothing was lost", place=PLACE)
-    advice = "make room on the vehicle's disk; arming tries again"
+    advice = "make room on the vehicle's disk, leave the log's folder alone; arming tries again"
     return Check("onboard log", "fail", f"stopped: {problem}", "every tick", advice, PLACE)
 
 

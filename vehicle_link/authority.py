@@ -3,59 +3,59 @@ certificate of it (mutual TLS).
 
 The vehicle needs `ca.pem`, `vehicle.pem`, `vehicle.key`; the station `ca.pem`, `station.pem`,
 `station.key`; `ca.key` stays on the base. A new host name or address of the vehicle makes its
-certificate anew. `web.pem` is the page's under TLS, made when it is asked for.
+certificate anew, for the key it has. `web.pem` is the page's under TLS, made when it is asked for.
+
+Whoever loses the authority is a stranger to all it has let in. So one is made in an empty folder
+alone, and nothing that is there is written over but a certificate that is made anew. Files are
+made in an order, keys first, in which a later start goes on where one was cut off.
 """
 
 from __future__ import annotations
 
 import datetime
-import fcntl
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, StorageError
+from vehicle_link.authority_key import (
+    authority_key,
+    is_of_another_authority,
+    remedy_of_authority,
+    remedy_of_pair,
+    signing_key,
+)
 from vehicle_link.certificates import (
     certificate_builder,
     general_name,
     key_usage,
-    load_certificate,
     names_of,
     pem_of_key,
     signed,
 )
+from vehicle_link.tls_files import (
+    ROLES,
+    Role,
+    TlsFiles,
+    is_there,
+    locked,
+    read_certificate,
+    read_key,
+    readable_keys,
+    write_secret,
+)
 
-Role = Literal["vehicle", "station", "web"]
-ROLES: tuple[Role, ...] = ("vehicle", "station")
-"""Of the link; both ends show theirs."""
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
+
+__all__ = [
+    "LOCAL_NAMES", "ROLES", "WEB_DAYS", "WEB_RENEWED", "Role", "TlsFiles",
+    "check_certificate", "ensure_certificates", "ensure_web_certificate", "issue", "readable_keys",
+]  # fmt: skip
 
 LOCAL_NAMES = ("localhost", "127.0.0.1")
 WEB_DAYS = 397  # browsers refuse a server's certificate for more than 398 (some 825) days
 WEB_RENEWED = 60  # days before its end
-
-
-@dataclass(frozen=True, slots=True)
-class TlsFiles:
-    """The files of one authority, all in one folder."""
-
-    folder: Path
-
-    @property
-    def authority(self) -> Path:
-        return self.folder / "ca.pem"
-
-    @property
-    def authority_key(self) -> Path:
-        return self.folder / "ca.key"
-
-    def certificate(self, role: Role) -> Path:
-        return self.folder / f"{role}.pem"
-
-    def key(self, role: Role) -> Path:
-        return self.folder / f"{role}.key"
 
 
 def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
@@ -67,12 +67,12 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
 
     Raises:
         StorageError: the folder cannot be written.
-        LinkError: the authority's key is not one of quadlab.
+        LinkError: the authority is gone from files that need it, or a file cannot be used.
     """
     files = TlsFiles(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        with _locked(folder):
+        with locked(folder):
             _ensure(files, (*LOCAL_NAMES, *names))
     except OSError as error:
         raise StorageError(
@@ -91,13 +91,13 @@ def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
     Raises StorageError or LinkError.
     """
     files = ensure_certificates(folder)
-    if not files.authority_key.exists():
+    if not is_there(files.authority_key):
         raise LinkError(
             f"{folder} has no authority's key (it is a vehicle's copy), so no certificate of the "
             "page can be made; give one with --tls-certificate and --tls-key"
         )
     try:
-        with _locked(folder):
+        with locked(folder):
             _ensure_web(files, {*LOCAL_NAMES, "::1", *names})
     except OSError as error:
         raise StorageError(
@@ -116,19 +116,15 @@ def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
         LinkError: a file is missing or unreadable, the certificate is not of this authority, has
             expired, does not fit its key, or does not hold `host`.
     """
-    from cryptography.exceptions import InvalidSignature
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+    from cryptography.exceptions import InvalidSignature, UnsupportedAlgorithm
 
-    path = files.certificate(role)
-    try:
-        authority, certificate = load_certificate(files.authority), load_certificate(path)
-        key = load_pem_private_key(files.key(role).read_bytes(), None)
-    except (OSError, ValueError, TypeError) as error:
-        raise LinkError(f"cannot read the certificates in {files.folder}: {error}") from error
-    remedy = f"copy {path.name} and its key anew from the base, or delete them to have them made"
+    path, remedy = files.certificate(role), remedy_of_pair(files, role)
+    authority = read_certificate(files.authority, remedy_of_authority(files))
+    certificate = read_certificate(path, remedy)
+    key = read_key(files.key(role), remedy)
     try:
         certificate.verify_directly_issued_by(authority)
-    except (InvalidSignature, ValueError, TypeError) as error:
+    except (InvalidSignature, ValueError, TypeError, UnsupportedAlgorithm) as error:
         raise LinkError(f"{path} was not signed by {files.authority}; {remedy}") from error
     if certificate.public_key() != key.public_key():
         raise LinkError(f"{path} does not belong to {files.key(role)}; {remedy}")
@@ -147,48 +143,6 @@ def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
         )
 
 
-def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
-    if files.authority.exists() and not files.authority_key.exists():
-        return  # a vehicle's copy of the folder: nothing can be issued here
-    new_authority = not files.authority.exists()
-    if new_authority:
-        _make_authority(files)  # what an authority that is gone has signed is of no use
-    for role in ROLES:
-        wanted = set(names)
-        held_already = files.certificate(role).exists() or files.key(role).exists()
-        if held_already and not new_authority:
-            check_certificate(files, role)  # one that does not fit is never replaced in silence
-            held = names_of(load_certificate(files.certificate(role)))
-            if wanted <= held:
-                continue
-            wanted |= held
-        _make_certificate(files, role, sorted(wanted))
-
-
-def _ensure_web(files: TlsFiles, wanted: set[str]) -> None:
-    if files.certificate("web").exists():
-        held = load_certificate(files.certificate("web"))
-        left = held.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
-        if left > datetime.timedelta(days=WEB_RENEWED):
-            check_certificate(files, "web")
-            if wanted <= names_of(held):
-                return
-        wanted |= names_of(held)
-    _make_certificate(files, "web", sorted(wanted))
-
-
-def _make_authority(files: TlsFiles) -> None:
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec
-
-    key = ec.generate_private_key(ec.SECP256R1())
-    builder = certificate_builder("quadlab private authority", "quadlab private authority", key)
-    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
-    builder = builder.add_extension(key_usage(signs_certificates=True), critical=True)
-    _write(files.authority_key, pem_of_key(key))
-    _write(files.authority, signed(builder, key))
-
-
 def issue(
     authority: TlsFiles,
     folder: Path,
@@ -200,48 +154,106 @@ def issue(
     """A certificate, its key and the authority's certificate, into a folder of another machine.
 
     Args:
-        folder: made when missing, mode 0700.
+        folder: made when missing, mode 0700; what was issued into it before is replaced.
         subject: its common name, what access goes by (vehicle_link.access); the role's if empty.
         owner: whose it is, for people who look at it.
 
     Raises:
         StorageError: the folder cannot be written.
-        LinkError: there is no authority's key here.
+        LinkError: there is no authority's key here, or `folder` has one.
     """
-    if not authority.authority_key.exists():
-        raise LinkError(
-            f"{authority.folder} has no authority's key (it is a copy of another machine's); "
-            "issue certificates on the base, where ca.key is"
-        )
+    signer = signing_key(authority)
     files = TlsFiles(folder)
+    if is_there(files.authority_key):
+        raise LinkError(
+            f"{folder} has a ca.key, so it is the folder of an authority and is left as it is; "
+            "choose another with --out"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        _write(files.authority, authority.authority.read_bytes())
-        _make_certificate(files, role, sorted(names), authority, subject, owner)
+        write_secret(files.authority, authority.authority.read_bytes())
+        files.key(role).unlink(missing_ok=True)
+        _make_certificate(files, role, sorted(names), signer, subject, owner)
     except OSError as error:
         raise StorageError(f"cannot write {folder}: {error.strerror or error}") from error
     return files
+
+
+def _ensure(files: TlsFiles, names: Sequence[str]) -> None:
+    if not is_there(files.authority):
+        _make_authority(files)
+    if not is_there(files.authority_key) or is_of_another_authority(files):
+        return  # the copy of a vehicle or station: nothing can be issued here
+    for role in ROLES:
+        wanted = set(names)
+        if is_there(files.certificate(role)):
+            check_certificate(files, role)  # one that does not fit is never replaced in silence
+            held = _names(files, role)
+            if wanted <= held:
+                continue
+            wanted |= held
+        _make_certificate(files, role, sorted(wanted), signing_key(files))
+
+
+def _ensure_web(files: TlsFiles, wanted: set[str]) -> None:
+    if is_there(files.certificate("web")):
+        held = read_certificate(files.certificate("web"), remedy_of_pair(files, "web"))
+        left = held.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
+        if left > datetime.timedelta(days=WEB_RENEWED):
+            check_certificate(files, "web")
+            if wanted <= names_of(held):
+                return
+        wanted |= names_of(held)
+    _make_certificate(files, "web", sorted(wanted), signing_key(files))
+
+
+def _names(files: TlsFiles, role: Role) -> set[str]:
+    return names_of(read_certificate(files.certificate(role), remedy_of_pair(files, role)))
+
+
+def _make_authority(files: TlsFiles) -> None:
+    """In a folder without any file, or with the key alone, where its making was cut off."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    there = files.present()
+    if there not in ([], [files.authority_key]):
+        names = ", ".join(path.name for path in there)
+        raise LinkError(
+            f"{files.authority} is missing beside {names}; {remedy_of_authority(files)}"
+        )
+    if there:
+        key = authority_key(files)
+    else:
+        key = ec.generate_private_key(ec.SECP256R1())
+        write_secret(files.authority_key, pem_of_key(key))
+    builder = certificate_builder("quadlab private authority", "quadlab private authority", key)
+    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    builder = builder.add_extension(key_usage(signs_certificates=True), critical=True)
+    write_secret(files.authority, signed(builder, key))
 
 
 def _make_certificate(
     files: TlsFiles,
     role: Role,
     names: Sequence[str],
-    authority: TlsFiles | None = None,
+    signer: EllipticCurvePrivateKey,
     subject: str = "",
     owner: str = "",
 ) -> None:
-    """Into `files`, signed by `authority` (default: the same folder's)."""
+    """For the key that is there, so that being cut off leaves no pair that does not fit."""
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
     from cryptography.x509.oid import ExtendedKeyUsageOID
 
-    signer = (authority or files).authority_key
-    authority_key = load_pem_private_key(signer.read_bytes(), None)
-    if not isinstance(authority_key, ec.EllipticCurvePrivateKey):
-        raise LinkError(f"{signer} is not of quadlab; empty {signer.parent}")
-    key = ec.generate_private_key(ec.SECP256R1())
+    if is_there(files.key(role)):
+        found = read_key(files.key(role), remedy_of_pair(files, role))
+        if not isinstance(found, ec.EllipticCurvePrivateKey):
+            raise LinkError(f"{files.key(role)} is not of quadlab; {remedy_of_pair(files, role)}")
+        key = found
+    else:
+        key = ec.generate_private_key(ec.SECP256R1())
+        write_secret(files.key(role), pem_of_key(key))
     subject = subject or f"quadlab {role}"
     builder = certificate_builder(subject, "quadlab private authority", key, owner=owner)
     extended = [ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH]
@@ -258,27 +270,8 @@ def _make_certificate(
         .add_extension(x509.ExtendedKeyUsage(extended), critical=False)
         .add_extension(x509.SubjectAlternativeName(map(general_name, names)), critical=False)
         .add_extension(
-            x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key()),
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()),
             critical=False,
         )
     )
-    _write(files.key(role), pem_of_key(key))
-    _write(files.certificate(role), signed(builder, authority_key))
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Whole or not at all, and never readable by others, not even for a moment."""
-    part = path.with_name(f".{path.name}.part")
-    part.unlink(missing_ok=True)
-    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(data)
-    part.replace(path)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """One process at a time; the lock goes with the descriptor, also in a crash."""
-    with (folder / ".lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+    write_secret(files.certificate(role), signed(builder, signer))

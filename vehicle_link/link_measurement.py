@@ -250,7 +250,10 @@ class _Test:
                 self._heartbeats.put(topics.encode_heartbeat(count, stamp_ns, self._instance))
 
     def _telemetry(self, received: Received) -> None:
-        sequence, ticks = unpack(received.payload)
+        try:
+            sequence, ticks = unpack(received.payload)
+        except (LinkError, ValueError):  # of another protocol; `disagreement` says so
+            return
         self._packets.append((sequence, int(ticks["imu"]["stamp_ns"][-1]), received.received_ns))
 
     def _beat(self, received: Received) -> None:

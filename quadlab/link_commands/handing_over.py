@@ -27,6 +27,7 @@ def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
         with tempfile.TemporaryDirectory() as folder:
             files = issue(Path(folder))
             out.touch(mode=0o600)
+            out.chmod(0o600)  # of one that was there before
             with tarfile.open(out, "w") as tar:
                 for path in sorted(files.folder.iterdir()):
                     tar.add(path, path.name)

@@ -117,18 +117,19 @@ def _table(figures: Figures) -> list[str]:
 
     asked = len(figures.round_trips) + figures.unanswered
     trip = f"p50 {shown('round_trip_p50_s', 1e3, 'ms')}, p99 {shown('round_trip_p99_s', 1e3, 'ms')}"
-    loss = (
-        f"{shown('telemetry_loss', 100, '%')} of {figures.packets} packets, {figures.rate:.0f} Hz"
-    )
+    loss = f"lost {shown('telemetry_loss', 100, '%')} of {figures.packets} packets"
+    if math.isnan(figures.loss):
+        loss = f"not measured, {figures.packets} packets"
     offset = figures.clock_offset
-    ahead = "behind" if offset < 0 else "ahead"
+    ahead = f"{abs(offset) * 1e3:.1f} ms {'behind' if offset < 0 else 'ahead'}"
+    clock = "not measured" if math.isnan(offset) else f"vehicle {ahead}"
     least = "" if math.isnan(figures.throughput) else "at least "
     return [
         f"{figures.vehicle} at {figures.address}, quadlab {figures.version}, we are its "
         f"{figures.access}",
         f"  round trip   {trip}, {figures.unanswered} of {asked} not answered",
-        f"  telemetry    lost {loss}",
+        f"  telemetry    {loss}, {figures.rate:.0f} Hz",
         f"  jitter       {shown('jitter_s', 1e3, 'ms')}",
         f"  throughput   {least}{shown('throughput_bit_s', 1e-6, 'Mbit/s')}, in the background",
-        f"  clock        vehicle {abs(offset) * 1e3:.1f} ms {ahead}",
+        f"  clock        {clock}",
     ]

@@ -54,11 +54,13 @@ def verdict(figures: Figures) -> tuple[Grade, list[str]]:
         step = _step(limit, value)
         if step:
             worst = max(worst, step)
-            shown = "nothing measured" if math.isnan(value) else _shown(limit, value)
             lines.append(
-                f"{GRADES[step]}: {limit.name} {shown}, good is up to "
+                f"{GRADES[step]}: {limit.name} {_shown(limit, value)}, good is up to "
                 f"{_shown(limit, limit.good)}: {limit.advice}"
             )
+    for what, why in _not_measured(figures):
+        worst = 2
+        lines.append(f"{'note' if figures.disagreement else 'bad'}: {what} not measured: {why}")
     if figures.throughput < LEAST_THROUGHPUT[0]:
         step = 1 if figures.throughput >= LEAST_THROUGHPUT[1] else 2
         worst = max(worst, step)
@@ -70,18 +72,42 @@ def verdict(figures: Figures) -> tuple[Grade, list[str]]:
 
 
 def _values(figures: Figures) -> list[tuple[Limit, float]]:
+    """Those that were measured."""
     asked = len(figures.round_trips) + figures.unanswered
-    return [
+    if figures.disagreement and not figures.round_trips:
+        asked = 0  # the questions were not understood: none of them was lost
+    values = [
         (ROUND_TRIP, percentile(figures.round_trips, 99)),
         (UNANSWERED, figures.unanswered / asked if asked else math.nan),
         (LOSS, figures.loss),
         (JITTER, figures.jitter),
     ]
+    return [(limit, value) for limit, value in values if not math.isnan(value)]
+
+
+def _not_measured(figures: Figures) -> list[tuple[str, str]]:
+    """(What, why), without advice on the radio, which need not be to blame."""
+    trip = [] if figures.round_trips else ["round trip"]
+    numbers = (("telemetry loss", figures.loss), ("jitter", figures.jitter))
+    telemetry = [name for name, value in numbers if math.isnan(value)]
+    if figures.disagreement:
+        hidden = trip + telemetry
+        if math.isnan(figures.throughput) and not figures.armed:
+            hidden.append("throughput")
+        return [(_list(hidden), "the vehicle speaks another protocol")] if hidden else []
+    found = [(name, "no question was answered") for name in trip]
+    if telemetry:
+        came = "one packet" if figures.packets == 1 else "no packet"
+        why = f"{came} of telemetry came; its terminal may say why"
+        found.append((_list(telemetry), why))
+    return found
+
+
+def _list(words: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
 def _step(limit: Limit, value: float) -> int:
-    if math.isnan(value):
-        return 2
     return 0 if value <= limit.good else 1 if value <= limit.usable else 2
 
 
@@ -102,7 +128,7 @@ def _notes(figures: Figures) -> list[str]:
         notes.append("note: our certificate lets us observe, not command")
     if figures.armed:
         notes.append("note: the vehicle is armed, so throughput was not measured")
-    elif math.isnan(figures.throughput):
+    elif math.isnan(figures.throughput) and not figures.disagreement:
         notes.append("note: throughput could not be measured, the vehicle told no parameters")
     if figures.packets and figures.rate < 50.0:
         notes.append(

@@ -17,6 +17,7 @@ import pytest
 
 from console.known_vehicles import KnownVehicles
 from quadlab.__main__ import main
+from quadlab.link_commands.test import _table
 from quadlab.link_commands.verdict import Grade, percentile, verdict
 from quadrotor.errors import LinkError, StorageError, UsageError
 from quadrotor.records import TICK
@@ -70,6 +71,8 @@ def test_an_address_belongs_to_one_vehicle_until_it_is_forgotten(
 
 def test_an_observers_files_fit_into_a_tar(tmp_path: Path) -> None:
     out = tmp_path / "ben.tar"
+    out.write_bytes(b"an older one, which others may read")
+    out.chmod(0o644)
     assert _link(tmp_path, "observer", "ben", "--out", str(out)) == 0
     assert out.stat().st_mode & 0o077 == 0
     with tarfile.open(out) as tar:
@@ -182,6 +185,21 @@ def test_a_link_is_measured_with_the_name_the_vehicle_gives_itself(
     assert not found.held_by_another
 
 
+def test_packets_of_another_protocol_are_not_measured_and_spill_no_traceback(
+    vehicle: int, tls: TlsFiles, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refused(payload: bytes) -> None:
+        raise LinkError(f"{len(payload)} bytes are too few for a telemetry packet")
+
+    monkeypatch.setattr("vehicle_link.link_measurement.unpack", refused)
+    monkeypatch.setattr("vehicle_link.link_measurement.disagreement", lambda *_: "another protocol")
+    found = measure(f"127.0.0.1:{vehicle}", tls, 1.0)
+    assert (found.packets, math.isnan(found.loss), math.isnan(found.jitter)) == (0, True, True)
+    hidden = "note: telemetry loss, jitter and throughput not measured: the vehicle speaks another"
+    assert hidden in "\n".join(verdict(found)[1])
+    assert "could not be handled" not in caplog.text
+
+
 def test_no_link_is_told_with_its_cause(
     vehicle: int, tls: TlsFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -234,7 +252,9 @@ def _figures(**changed: Any) -> Figures:
         ({"unanswered": 1}, "usable", "questions not answered 1 %"),
         ({"loss": 0.1}, "usable", "telemetry lost 10 %, good is up to 2 %"),
         ({"loss": 0.3}, "bad", "telemetry lost"),
-        ({"loss": math.nan}, "bad", "telemetry lost nothing measured"),
+        ({"loss": math.nan}, "bad", "telemetry loss not measured: no packet of telemetry came"),
+        ({"jitter": math.nan, "packets": 1}, "bad", "jitter not measured: one packet of"),
+        ({"round_trips": [], "unanswered": 9}, "bad", "round trip not measured: no question was"),
         ({"jitter": 0.02}, "usable", "jitter 20 ms"),
         ({"throughput": 0.5e6}, "usable", "throughput 0.5 Mbit/s"),
         ({"throughput": 0.1e6}, "bad", "throughput 0.1 Mbit/s"),
@@ -251,6 +271,60 @@ def test_the_verdict_names_its_reasons(changed: dict[str, Any], grade: Grade, to
     assert found == grade
     assert told in " ".join(lines)
     assert bool(lines) == bool(changed)
+
+
+def test_of_what_another_protocol_hides_the_radio_is_not_blamed() -> None:
+    nothing = {
+        "round_trips": [], "unanswered": 40, "loss": math.nan, "jitter": math.nan, "packets": 0,
+        "rate": 0.0, "throughput": math.nan, "clock_offset": math.nan,
+    }  # fmt: skip
+    figures = _figures(disagreement="another protocol", **nothing)
+    assert verdict(figures) == (
+        "bad",
+        [
+            "bad: another protocol",
+            "note: round trip, telemetry loss, jitter and throughput not measured: the vehicle "
+            "speaks another protocol",
+        ],
+    )
+    assert _table(figures)[1:] == [
+        "  round trip   p50 not measured, p99 not measured, 40 of 40 not answered",
+        "  telemetry    not measured, 0 packets, 0 Hz",
+        "  jitter       not measured",
+        "  throughput   not measured, in the background",
+        "  clock        not measured",
+    ]
+    heard = _figures(disagreement="another protocol", jitter=0.02, throughput=math.nan)
+    assert [line.split(",")[0] for line in verdict(heard)[1]] == [
+        "bad: another protocol",
+        "usable: jitter 20 ms",
+        "note: throughput not measured: the vehicle speaks another protocol",
+    ]
+
+
+def test_what_was_measured_stands_in_the_table_with_its_unit() -> None:
+    assert _table(_figures(loss=0.1, clock_offset=-0.002))[1:] == [
+        "  round trip   p50 10 ms, p99 10 ms, 0 of 99 not answered",
+        "  telemetry    lost 10 % of 500 packets, 100 Hz",
+        "  jitter       1 ms",
+        "  throughput   at least 9 Mbit/s, in the background",
+        "  clock        vehicle 2.0 ms behind",
+    ]
+
+
+def test_a_base_that_lost_its_authority_says_so_and_keeps_what_is_left(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "certificates"
+    ensure_certificates(folder).authority.unlink()
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    for words in (("enrol", "quad2", "10.0.0.2"), ("observer", "ben"), ("test",)):
+        assert _link(tmp_path, *words) == 1
+        said = capsys.readouterr().err
+        assert said.startswith(f"quadlab: {folder}/ca.pem is missing beside ca.key, vehicle.pem")
+        assert said.count("\n") == 1
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    assert KnownVehicles(tmp_path).all() == {}
 
 
 def test_percentiles_are_of_values_that_were_seen() -> None:

@@ -91,7 +91,7 @@ class FakeMcu:
         self.values: list[tuple[Id, int]] = []
         self.lost_ports = 0
         self.obstacle = ""
-        self.damaged = 0
+        self.damaged = self.refused = self.late = 0
         self.serviced = 0
         self._reader, self._writer = os.pipe()
 
@@ -333,6 +333,25 @@ def test_bytes_that_are_no_frames_are_told_apart_from_silence(
     bench.nothing(600_000_000)
     (line,) = capsys.readouterr().err.splitlines()
     assert "for 0.5 s; waiting. 12 pieces of bytes came that are no frames: is its baud" in line
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("late", "12 came that are older than the newest before"),
+        ("refused", "12 came with impossible values or times"),
+    ],
+)
+def test_samples_that_do_not_count_are_told_apart_from_silence(
+    bench: Bench, capsys: pytest.CaptureFixture[str], what: str, said: str
+) -> None:
+    setattr(bench.mcu, what, 5)  # before: not told
+    bench.samples(1)
+    setattr(bench.mcu, what, 17)
+    bench.nothing(600_000_000)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"for 0.5 s; waiting. {said}" in line
+    assert "switched on" not in line
 
 
 def test_without_samples_an_emergency_acts_and_what_turns_motors_is_refused(bench: Bench) -> None:

@@ -56,7 +56,10 @@ class Vehicle:
             self.folder, "quad1", {"parameters.json": lambda: b"{}"}, lambda *_: None,
             free=lambda _: 10**10,
         )  # fmt: skip
-        self.files = OnboardFiles(self.log.folder, self.log.files, free=lambda _: 10**10)
+        self.files = OnboardFiles(
+            self.log.folder, self.log.files, free=lambda _: 10**10,
+            mending=lambda: self.log.mending,
+        )  # fmt: skip
 
     def fly(self, first: int, count: int, *, late_ns: int = 1_000_000) -> None:
         starts = range(first, first + count, BATCH)
@@ -221,13 +224,31 @@ def test_a_mended_file_is_another_content(vehicle: Vehicle) -> None:
     (torn,) = vehicle.ask("onboard_files").files
     assert (torn.closed, torn.start_ns) == (False, 0)
     for asked in (name, ""):
-        assert "is being mended; ask again" in vehicle.index(100, 200, asked).reason
-    assert "checksum comes after" in vehicle.ask("onboard_part", name=name).reason
+        reason = vehicle.index(100, 200, asked).reason
+        told = "was torn, and is mended once the vehicle stands disarmed; ask again later"
+        assert reason == f"{asked or 'a log'} {told}"
+    assert vehicle.ask("onboard_part", name=name).reason == f"{name} {told}"
     list(recover_logs(torn_logs(vehicle.folder)))
     (mended,) = vehicle.ask("onboard_files").files
     assert mended.identity != torn.identity
     assert (mended.closed, mended.recovered) == (True, True)
     assert set(range(100, 201)) <= set(vehicle.numbers(vehicle.index(100, 200)))
+
+
+def test_a_log_torn_in_this_process_is_told_to_be_so(vehicle: Vehicle) -> None:
+    vehicle.fly(0, 500)
+    name = vehicle.name()
+    file = vehicle.log._file
+    assert file is not None
+    file._writer._broken = StorageError("no space left")
+    vehicle.log._finish()
+    assert [written.path.name for written in vehicle.log.files()] == [name], "it is known still"
+    (torn,) = vehicle.ask("onboard_files").files
+    assert (torn.closed, torn.start_ns) == (False, 0)
+    told = f"{name} was torn, and is mended once the vehicle stands disarmed; ask again later"
+    answer = vehicle.ask("onboard_index", name=name)  # as a station asks for the reason
+    assert (answer.accepted, answer.reason) == (False, told)
+    assert vehicle.ask("onboard_part", name=name, length=100).accepted, "its bytes are there"
 
 
 def test_the_channels_of_a_stretch_are_all_told(vehicle: Vehicle) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import shutil
 import threading
 from collections import Counter
 from pathlib import Path
@@ -439,3 +441,119 @@ def test_a_file_of_a_writer_killed_before_its_first_record_is_removed(
     (line,) = recover_logs(torn_logs(tmp_path))
     assert line.endswith("quad1_x.mcap removed: it holds nothing, its writer was killed")
     assert not path.exists()
+
+
+def test_a_folder_removed_in_flight_is_told_within_a_second_and_a_new_file_begins(
+    tmp_path: Path,
+) -> None:
+    told = Told()
+    log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: 10 * FREE_BYTES_MIN)
+    log.start()
+
+    def feed(batch: Record) -> None:
+        log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
+
+    feed(ticks(0, 10, armed=True))
+    told.wait_for("quad1_20260528T202640_000Z.mcap started")
+    shutil.rmtree(log.folder)
+    feed(ticks(10, 480, armed=True))  # not looked at yet: 0.98 s
+    feed(ticks(490, 20, armed=True))
+    told.wait_for("quad1_20260528T202640_980Z.mcap started")
+    gone = f"{log.folder}/quad1_20260528T202640_000Z.mcap was removed, moved or replaced"
+    assert told.lines[1] == f"onboard log stopped: {gone} while it was written"
+    feed(ticks(510, 2000, armed=True))
+    feed(ticks(2510, 300, armed=False))
+    log.close()
+    assert log.problem == f"{gone} while it was written", "of this flight not all is there"
+    (path,) = log.folder.iterdir()
+    stamps = [(m.publish_ns - START_NS) // (2 * MS) for m in read_log(path, ["/quad1/imu"])]
+    assert stamps == list(range(490, 2761))
+    assert sum("stopped" in line for line in told.lines) == 1
+
+
+def test_a_log_moved_away_in_flight_keeps_its_index_where_it_is(tmp_path: Path) -> None:
+    harness = Harness(tmp_path)
+    harness.log.close()  # written here, by this thread
+    harness.log._store([Batch(ticks(0, 10, armed=True), START_NS)])
+    (path,) = harness.files()
+    moved = path.rename(tmp_path / "moved.mcap")
+    harness.log._store([Batch(ticks(500, 10, armed=True), START_NS)])
+    assert is_closed(moved)
+    assert len(list(read_log(moved, ["/quad1/imu"]))) == 10
+    (new,) = harness.files()
+    assert new.name == "quad1_20260528T202641_000Z.mcap"
+    harness.log._finish()
+    harness.log._store([Batch(ticks(2000, 10, armed=False), START_NS)])
+    assert harness.log.problem.startswith(f"{path} was removed, moved")
+    harness.log._store([Batch(ticks(3000, 10, armed=True), START_NS)])
+    assert harness.log.problem == "", "the next flight is whole"
+    harness.log._finish()
+
+
+def test_a_log_removed_after_landing_is_told_and_none_begins(tmp_path: Path) -> None:
+    harness = Harness(tmp_path)
+    harness.log.close()
+    harness.log._store([Batch(ticks(0, 10, armed=True), START_NS)])
+    harness.files()[0].unlink()
+    harness.log._store([Batch(ticks(10, 300, armed=False), START_NS)])
+    assert harness.files() == []
+    assert [text.split(":")[0] for _, text in harness.said] == [
+        "onboard log quad1_20260528T202640_000Z.mcap started", "onboard log stopped",
+    ]  # fmt: skip
+    assert harness.said[1][0] == 40
+
+
+def test_a_folder_that_cannot_be_made_again_stops_the_log(tmp_path: Path) -> None:
+    harness = Harness(tmp_path)
+    harness.log.close()
+    harness.log._store([Batch(ticks(0, 10, armed=True), START_NS)])
+    shutil.rmtree(harness.log.folder)
+    harness.log.folder.write_text("in the way")
+    for second in (1, 2, 3):
+        harness.log._store([Batch(ticks(500 * second, 10, armed=True), START_NS)])
+    stopped = [text for level, text in harness.said if level == 40]
+    assert stopped[0].startswith(f"onboard log stopped: cannot use {harness.log.folder}: ")
+    assert "was removed, moved or replaced" in stopped[1]
+    assert len(stopped) == 2
+    assert harness.log.problem in stopped[0]
+
+
+def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(descriptor: int, data: bytes) -> int:
+        if os.readlink(f"/proc/self/fd/{descriptor}").endswith(".mcap"):
+            raise OSError(28, "No space left on device")
+        return write(descriptor, data)
+
+    write, told, free = os.write, Told(), [10 * FREE_BYTES_MIN]
+    log = OnboardLog(tmp_path, "quad1", {}, told, free=lambda _: free[0])
+    log._store([Batch(ticks(0, 10, armed=True), START_NS)])
+    with monkeypatch.context() as failing:
+        failing.setattr(os, "write", full)
+        log._store([Batch(ticks(10, 10, armed=True), START_NS)])
+    assert (
+        "onboard log not closed; it is mended once the vehicle stands disarmed: cannot"
+        in (told.lines[-1])
+    )
+    (path,) = log.folder.iterdir()
+    assert not is_closed(path)
+    log._mending._clock = lambda: math.inf  # no pause is too long
+    log._look_after(on_ground=False)
+    assert log._mending._process is None, "never while armed"
+    free[0] = 0
+    log._store([Batch(ticks(20, 300, armed=False), START_NS)])
+    log._look_after(on_ground=True)
+    assert "is mended once 500 MB are free on the vehicle's disk (0 MB are" in log.mending
+    free[0] = 10 * FREE_BYTES_MIN
+    log._look_after(on_ground=True)
+    assert log.mending == "is being mended"
+    assert [written.path for written in log.files()] == [path]
+    process = log._mending._process
+    assert process is not None
+    process.wait(3 * BOUND)
+    log._look_after(on_ground=True)
+    assert is_closed(path)
+    assert len(list(read_log(path, ["/quad1/imu"]))) == 10
+    assert log.files() == [], "its places are those of the torn file"
+    assert f"onboard log {path.name} recovered: 40 messages" in told.lines

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import multiprocessing
+import shutil
 import stat
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import pytest
 
 from quadrotor.errors import LinkError, StorageError
-from vehicle_link.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
+from vehicle_link import authority
+from vehicle_link.authority import (
+    ROLES,
+    TlsFiles,
+    check_certificate,
+    ensure_certificates,
+    ensure_web_certificate,
+)
+from vehicle_link.enrolment import issue_station, issue_vehicle
+from vehicle_link.tls_files import write_secret
 
 
 @pytest.fixture
@@ -63,21 +75,172 @@ def test_a_certificate_with_another_key_is_refused(tls: TlsFiles) -> None:
         check_certificate(tls, "station")
 
 
-@pytest.mark.parametrize("content", [None, b"", b"no certificate"])
-def test_a_missing_or_broken_file_is_named(tls: TlsFiles, content: bytes | None) -> None:
-    tls.certificate("vehicle").unlink()
-    if content is not None:
-        tls.certificate("vehicle").write_bytes(content)
-    with pytest.raises(LinkError, match="cannot read the certificates"):
-        check_certificate(tls, "vehicle")
+def _contents(tls: TlsFiles) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in tls.present()}
 
 
-def test_with_the_authority_gone_all_is_made_anew(tls: TlsFiles) -> None:
-    tls.authority.unlink()
-    tls.authority_key.unlink()
+def _subsets(names: Sequence[str]) -> list[tuple[str, ...]]:
+    return [some for k in range(len(names) + 1) for some in combinations(names, k)]
+
+
+PAIRS = ("station.pem", "station.key", "vehicle.pem", "vehicle.key", "web.pem", "web.key")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A base's folder with every file."""
+    return ensure_web_certificate(tmp_path_factory.mktemp("whole"), []).folder
+
+
+def _copy(whole: Path, folder: Path, names: Sequence[str]) -> TlsFiles:
+    folder.mkdir()
+    for name in names:
+        shutil.copy2(whole / name, folder / name)
+    return TlsFiles(folder)
+
+
+def test_without_ca_pem_nothing_is_made_beside_what_is_left(whole: Path, tmp_path: Path) -> None:
+    left = [some for some in _subsets(("ca.key", *PAIRS)) if some not in ((), ("ca.key",))]
+    assert len(left) == 126
+    for k, names in enumerate(left):
+        tls = _copy(whole, tmp_path / str(k), names)
+        before = _contents(tls)
+        with pytest.raises(LinkError) as caught:
+            ensure_certificates(tls.folder, ["quad1.local"])
+        beside = ", ".join(path.name for path in tls.present())
+        assert str(caught.value).startswith(f"{tls.authority} is missing beside {beside}; copy it")
+        assert f"or move {tls.folder} away to begin anew, and then enrol" in str(caught.value)
+        assert _contents(tls) == before
+
+
+def test_with_the_authority_whole_a_start_changes_no_file_that_is_there(
+    whole: Path, tmp_path: Path
+) -> None:
+    for k, names in enumerate(_subsets(PAIRS[:4])):
+        tls = _copy(whole, tmp_path / str(k), ("ca.pem", "ca.key", *names))
+        before = _contents(tls)
+        lone = [role for role in ROLES if f"{role}.pem" in names and f"{role}.key" not in names]
+        if lone:  # a certificate of which the key is gone would have to be written over
+            with pytest.raises(LinkError, match=rf"{lone[0]}\.key is missing"):
+                ensure_certificates(tls.folder)
+        else:
+            ensure_certificates(tls.folder)
+            for role in ROLES:
+                check_certificate(tls, role)
+        after = _contents(tls)
+        assert {name: after[name] for name in before} == before
+
+
+def test_without_the_authoritys_key_a_folder_is_left_as_it_is(whole: Path, tmp_path: Path) -> None:
+    for k, names in enumerate(_subsets(PAIRS[:4])):
+        tls = _copy(whole, tmp_path / str(k), ("ca.pem", *names))
+        before = _contents(tls)
+        ensure_certificates(tls.folder, ["new.local"])
+        assert _contents(tls) == before
+
+
+def test_an_enrolled_vehicle_that_lost_ca_pem_keeps_its_certificate(tmp_path: Path) -> None:
+    vehicle = issue_vehicle(tmp_path / "base", tmp_path / "vehicle", "quad1", [])
+    ca = vehicle.authority.read_bytes()
+    vehicle.authority.unlink()
+    with pytest.raises(LinkError, match=r"ca\.pem is missing beside vehicle\.pem, vehicle\.key; "):
+        ensure_certificates(vehicle.folder)
+    vehicle.authority.write_bytes(ca)
+    ensure_certificates(vehicle.folder)
+    check_certificate(vehicle, "vehicle")
+
+
+def test_a_link_that_leads_nowhere_is_no_empty_folder(tls: TlsFiles, tmp_path: Path) -> None:
+    """The certificates may be on a disk that is not mounted."""
+    linked = TlsFiles(tmp_path / "linked")
+    linked.folder.mkdir()
+    for path in tls.present():
+        (linked.folder / path.name).symlink_to(tmp_path / "unmounted" / path.name)
+    with pytest.raises(LinkError, match=r"ca\.pem is missing; copy it back"):
+        ensure_certificates(linked.folder)
+    assert all(path.is_symlink() for path in linked.present())
+
+
+def test_a_first_start_that_was_cut_off_anywhere_is_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class CutOff(BaseException):
+        """As a kill: nothing cleans up."""
+
+    for kept in range(7):
+        tls, writes = TlsFiles(tmp_path / str(kept)), iter(range(kept))
+
+        def write(path: Path, data: bytes, writes: Iterator[int] = writes) -> None:
+            if next(writes, None) is None:
+                raise CutOff
+            write_secret(path, data)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(authority, "write_secret", write)
+            if kept < 6:
+                with pytest.raises(CutOff):
+                    ensure_certificates(tls.folder, ["quad1.local"])
+            else:
+                ensure_certificates(tls.folder, ["quad1.local"])
+        before = _contents(tls)
+        assert len(before) == kept
+        ensure_certificates(tls.folder, ["quad1.local"])
+        for role in ROLES:
+            check_certificate(tls, role, "quad1.local")
+        after = _contents(tls)
+        assert {name: after[name] for name in before} == before
+
+
+def test_an_authority_made_of_the_key_alone_is_no_stranger_to_what_it_has_signed(
+    tls: TlsFiles, tmp_path: Path
+) -> None:
+    enrolled = issue_vehicle(tls.folder, tmp_path / "vehicle", "quad1", [])
+    for path in tls.present():
+        if path != tls.authority_key:
+            path.unlink()
     ensure_certificates(tls.folder)
-    for role in ROLES:
-        check_certificate(tls, role, "localhost")
+    enrolled.certificate("station").write_bytes(tls.certificate("station").read_bytes())
+    enrolled.key("station").write_bytes(tls.key("station").read_bytes())
+    check_certificate(enrolled, "station")  # by the ca.pem of before
+
+
+def test_a_certificate_made_anew_keeps_its_key(tls: TlsFiles) -> None:
+    """Two files cannot be replaced at once."""
+    before = _contents(tls)
+    ensure_certificates(tls.folder, ["quad2.local"])
+    after = _contents(tls)
+    changed = {name for name in before if after[name] != before[name]}
+    assert changed == {"vehicle.pem", "station.pem"}
+
+
+def test_a_vehicle_that_had_made_its_own_takes_the_files_of_a_base(tmp_path: Path) -> None:
+    own = ensure_certificates(tmp_path / "own")
+    issued = issue_vehicle(tmp_path / "base", tmp_path / "out", "quad1", ["quad1.local"])
+    for path in issued.present():
+        shutil.copy2(path, own.folder / path.name)
+    before = _contents(own)
+    ensure_certificates(own.folder, ["new.local"])  # its ca.key can sign nothing of this ca.pem
+    assert _contents(own) == before
+    check_certificate(own, "vehicle", "quad1.local")
+    with pytest.raises(LinkError, match=r"ca\.key does not belong to .*ca\.pem; on the base, copy"):
+        issue_vehicle(own.folder, tmp_path / "x", "quad2", [])
+    assert not (tmp_path / "x").exists()
+
+
+def test_nothing_is_issued_into_the_folder_of_an_authority(tls: TlsFiles) -> None:
+    before = _contents(tls)
+    with pytest.raises(LinkError, match=r"has a ca\.key, .*; choose another with --out"):
+        issue_station(tls.folder, tls.folder, "ben", "observer")
+    assert _contents(tls) == before
+
+
+def test_what_was_issued_before_is_issued_anew_with_another_key(
+    tls: TlsFiles, tmp_path: Path
+) -> None:
+    first = _contents(issue_vehicle(tls.folder, tmp_path / "out", "quad1", ["10.0.0.2"]))
+    again = issue_vehicle(tls.folder, tmp_path / "out", "quad1", ["10.0.0.3"])
+    check_certificate(again, "vehicle", "10.0.0.3")
+    assert _contents(again)["vehicle.key"] != first["vehicle.key"]
 
 
 def test_a_certificate_that_does_not_fit_is_said_and_never_replaced(

@@ -1,0 +1,205 @@
+"""Torn onboard logs are mended on the ground: when, by what, and what is said meanwhile."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from vehicle.mailbox import INFO, WARN
+from vehicle.onboard_mending import (
+    FIRST_S,
+    LATER,
+    NOW,
+    PERIOD_S,
+    SOON,
+    TRIES,
+    Mending,
+    start_mending,
+)
+from vehicle_link.log import LogWriter, is_closed, read_log, read_metadata
+
+BOUND = 30.0
+"""s, after which a test that waits has failed."""
+KEEP = 500_000_000
+
+
+def torn_log(folder: Path, name: str = "quad1_a") -> Path:
+    """100 messages and no end."""
+    path = folder / "onboard" / f"{name}.mcap"
+    writer = LogWriter(path, {"run_id": name}, {})
+    for k in range(100):
+        writer.write("/quad1/text", "std_msgs/msg/String", b"\0\1\0\0\2\0\0\0a\0", k, k)
+    writer.close_chunk()
+    writer._file.close()
+    return path
+
+
+class Process:
+    """One that ends when the test says so."""
+
+    def __init__(self) -> None:
+        self.returncode: int | None = None
+        self.lines = ""
+        self.terminated = 0
+
+    def poll(self) -> int | None:
+        return self.returncode
+
+    def terminate(self) -> None:
+        self.terminated += 1
+
+    def communicate(self, timeout: float = 0.0) -> tuple[str, None]:
+        return self.lines, None
+
+
+class Harness:
+    def __init__(self, folder: Path) -> None:
+        self.now_s, self.free = 1000.0, 2 * KEEP
+        self.said: list[tuple[int, str]] = []
+        self.begun: list[list[Path]] = []
+        self.process: Any = Process()
+        self.mending = Mending(
+            folder, lambda level, text: self.said.append((level, text)), lambda _: self.free,
+            lambda: KEEP, lambda: self.now_s, self._begin,
+        )  # fmt: skip
+
+    def _begin(self, paths: Sequence[Path]) -> Any:
+        self.begun.append(list(paths))
+        self.process = Process()
+        return self.process
+
+    def after(self, seconds: float, *, on_ground: bool = True) -> list[Path]:
+        self.now_s += seconds
+        return self.mending.look(on_ground)
+
+    def end(self, status: int, lines: str = "") -> None:
+        self.process.returncode, self.process.lines = status, lines
+
+
+def test_what_the_start_did_not_mend_is_tried_again_on_the_ground_only(tmp_path: Path) -> None:
+    path, harness = torn_log(tmp_path), Harness(tmp_path)
+    harness.after(10 * FIRST_S, on_ground=False)
+    harness.after(0.0)
+    harness.after(FIRST_S - 1.0)
+    assert (harness.begun, harness.mending.how) == ([], SOON)
+    harness.after(1.0)
+    assert (harness.begun, harness.mending.how) == ([[path]], NOW)
+
+
+def test_a_log_torn_now_is_mended_at_once_when_on_the_ground(tmp_path: Path) -> None:
+    path, harness = torn_log(tmp_path), Harness(tmp_path)
+    harness.mending.tear()
+    harness.after(3600.0, on_ground=False)
+    assert harness.begun == []
+    harness.after(0.0)
+    assert harness.begun == [[path]]
+    assert harness.after(1.0) == [], "it is under way"
+    path.unlink()
+    harness.end(0, "onboard log quad1_a.mcap removed: it holds nothing, its writer was killed\n")
+    assert harness.after(1.0) == [path]
+    assert harness.said == [
+        (INFO, "onboard log quad1_a.mcap removed: it holds nothing, its writer was killed")
+    ]
+    harness.after(1e6)
+    assert len(harness.begun) == 1, "nothing is torn any more"
+
+
+def test_it_waits_for_room_and_says_how_much(tmp_path: Path) -> None:
+    path, harness = torn_log(tmp_path), Harness(tmp_path)
+    need = path.stat().st_size + KEEP
+    harness.free = need - 1
+    harness.mending.tear()
+    harness.after(0.0)
+    assert harness.begun == []
+    assert harness.mending.how == (
+        "is mended once 500 MB are free on the vehicle's disk (500 MB are: delete old runs there)"
+    )
+    harness.free = 300_000_000
+    for _ in range(10 * TRIES):
+        harness.after(PERIOD_S)
+    assert "once 500 MB are free on the vehicle's disk (300 MB are" in harness.mending.how
+    harness.free = need
+    harness.after(PERIOD_S / 2)
+    assert harness.begun == []
+    harness.after(PERIOD_S / 2)
+    assert harness.begun == [[path]]
+
+
+def test_arming_ends_it_and_the_next_landing_begins_it_again(tmp_path: Path) -> None:
+    path, harness = torn_log(tmp_path), Harness(tmp_path)
+    harness.mending.tear()
+    harness.after(0.0)
+    for _ in range(3):
+        harness.after(0.025, on_ground=False)
+    assert (harness.process.terminated, harness.mending.how) == (1, SOON)
+    harness.end(1)
+    assert harness.after(0.025, on_ground=False) == []
+    harness.after(3600.0, on_ground=False)
+    assert len(harness.begun) == 1
+    harness.after(0.0)
+    assert harness.begun == [[path], [path]]
+
+
+@pytest.mark.parametrize("status", [0, -9])
+def test_what_cannot_be_mended_is_said_once_and_given_up_in_the_end(
+    tmp_path: Path, status: int
+) -> None:
+    torn_log(tmp_path)
+    harness, begun_s = Harness(tmp_path), []
+    harness.mending.tear()
+    for second in range(3000):
+        before = len(harness.begun)
+        harness.after(1.0)
+        if len(harness.begun) > before:
+            begun_s.append(second)
+            harness.end(status, "onboard log quad1_a.mcap not recovered: no room\n")
+    pauses = [b - a for a, b in pairwise(begun_s)]
+    assert pauses == [1 + PERIOD_S * 2**k for k in range(TRIES - 1)]
+    assert harness.mending.how == LATER
+    assert harness.said == [(WARN, "onboard log quad1_a.mcap not recovered: no room")]
+    harness.mending.tear()
+    harness.after(1.0)
+    assert len(harness.begun) == TRIES + 1, "another flight's log is tried anew"
+
+
+def test_without_torn_logs_nothing_is_begun(tmp_path: Path) -> None:
+    harness = Harness(tmp_path)
+    for seconds in (0.0, FIRST_S, 1e6):
+        harness.after(seconds)
+    assert harness.begun == []
+    assert harness.mending._due_s == math.inf
+
+
+def test_the_process_mends_and_tells_at_the_lowest_priority(tmp_path: Path) -> None:
+    path = torn_log(tmp_path)
+    process = start_mending([path])
+    told, _ = process.communicate(timeout=BOUND)
+    assert (process.returncode, told) == (0, "onboard log quad1_a.mcap recovered: 100 messages\n")
+    assert is_closed(path)
+    assert len(list(read_log(path))) == 100
+    assert "quadlab.recovered" in read_metadata(path)
+    assert os.listdir(path.parent) == [path.name]
+
+
+def test_closing_ends_the_process(tmp_path: Path) -> None:
+    path, harness = torn_log(tmp_path), Harness(tmp_path)
+    processes = []
+
+    def begin(paths: Sequence[Path]) -> Any:
+        processes.append(start_mending(paths))
+        return processes[0]
+
+    harness.mending._begin = begin
+    harness.mending.tear()
+    harness.after(0.0)
+    harness.mending.close()
+    (process,) = processes
+    assert process.returncode is not None
+    assert len(list(read_log(path))) == 100, "torn or mended, nothing is lost"
+    harness.mending.close()

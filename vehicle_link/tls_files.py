@@ -1,0 +1,149 @@
+"""The files of a folder of certificates: where they are, what one that cannot be used lacks, and
+who may read the secret ones."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shlex
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from quadrotor.errors import LinkError
+from vehicle_link.certificates import load_certificate
+
+if TYPE_CHECKING:  # cryptography costs 0.1 s to load
+    from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes
+    from cryptography.x509 import Certificate
+
+Role = Literal["vehicle", "station", "web"]
+ROLES: tuple[Role, ...] = ("vehicle", "station")
+"""Of the link; both ends show theirs."""
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """The files of one authority, all in one folder."""
+
+    folder: Path
+
+    @property
+    def authority(self) -> Path:
+        return self.folder / "ca.pem"
+
+    @property
+    def authority_key(self) -> Path:
+        return self.folder / "ca.key"
+
+    def certificate(self, role: Role) -> Path:
+        return self.folder / f"{role}.pem"
+
+    def key(self, role: Role) -> Path:
+        return self.folder / f"{role}.key"
+
+    def present(self) -> list[Path]:
+        """Those that are there, the authority's first."""
+        files = [self.authority, self.authority_key]
+        for role in (*ROLES, "web"):
+            files += [self.certificate(role), self.key(role)]
+        return [path for path in files if is_there(path)]
+
+
+def is_there(path: Path) -> bool:
+    """Also as a link that leads nowhere, to a disk that is not mounted for instance."""
+    return os.path.lexists(path)
+
+
+def readable_keys(files: TlsFiles) -> list[str]:
+    """A line for each secret key that others than its owner may use; for the start of an end."""
+    lines = []
+    for path in files.present():
+        try:
+            mode = stat.S_IMODE(path.stat().st_mode)
+        except OSError:  # what needs it says so
+            continue
+        if path.suffix == ".key" and mode & 0o077:
+            lines.append(
+                f"{path} is a secret and has mode {mode:04o}, so that others may use it; "
+                f"`chmod 600 {shlex.quote(str(path))}`"
+            )
+    return lines
+
+
+def read_certificate(path: Path, remedy: str) -> Certificate:
+    """Raises LinkError: the file, what is wrong with it, and `remedy`."""
+    from cryptography.exceptions import UnsupportedAlgorithm
+
+    text = _content(path, remedy)
+    try:
+        certificate = load_certificate(path)
+        certificate.public_key()  # read only now, and damage may be there
+    except (ValueError, UnsupportedAlgorithm):
+        raise LinkError(f"{path} {_no('certificate', text)}; {remedy}") from None
+    return certificate
+
+
+def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
+    """Raises LinkError: the file, what is wrong with it, and `remedy`."""
+    from cryptography.exceptions import UnsupportedAlgorithm
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    text = _content(path, remedy)
+    try:
+        return load_pem_private_key(text, None)
+    except TypeError:
+        raise LinkError(f"{path} is locked by a password; {remedy}") from None
+    except (ValueError, UnsupportedAlgorithm):
+        raise LinkError(f"{path} {_no('private key', text)}; {remedy}") from None
+
+
+def write_secret(path: Path, data: bytes) -> None:
+    """Whole or not at all, and never readable by others, not even for a moment."""
+    part = path.with_name(f".{path.name}.part")
+    part.unlink(missing_ok=True)
+    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())  # a robot's power may go right after
+    part.replace(path)
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """One process at a time; the lock goes with the descriptor, also in a crash."""
+    with (folder / ".lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def _content(path: Path, remedy: str) -> bytes:
+    try:
+        text = path.read_bytes()
+    except FileNotFoundError:
+        raise LinkError(f"{path} is missing; {remedy}") from None
+    except IsADirectoryError:
+        raise LinkError(f"{path} is a folder, and a file is wanted; {remedy}") from None
+    except PermissionError:
+        raise LinkError(
+            f"{path} may not be read by this user; start as its owner, or as root "
+            f"`chown {os.getuid()} {shlex.quote(str(path))}`"
+        ) from None
+    except OSError as error:
+        raise LinkError(f"{path} cannot be read ({error.strerror}); {remedy}") from None
+    if not text.strip():
+        raise LinkError(f"{path} is empty; {remedy}")
+    return text
+
+
+def _no(kind: str, text: bytes) -> str:
+    """What a file holds that is no certificate, or no private key."""
+    if f"{kind.upper()}-----".encode() in text:
+        return f"holds a damaged {kind}"
+    if b"PRIVATE KEY-----" in text or b"CERTIFICATE-----" in text:
+        return f"holds no {kind} but a {'private key' if b'KEY-----' in text else 'certificate'}"
+    return f"holds no {kind} (PEM, which begins with -----BEGIN)"
