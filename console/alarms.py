@@ -36,9 +36,10 @@ class AlarmBoard:
             return dict(self._lines)
 
     def lines(self, foreign: Sequence[str] = ()) -> list[str]:
-        """All alarms with those another object keeps itself (the recorder)."""
+        """All alarms with those another object keeps itself (the recorder), each line once."""
         with self._lock:
             own = list(self._lines.values())
+            foreign = [line for line in dict.fromkeys(foreign) if line not in own]
             begun = [line for line in foreign if line not in self._foreign]
             self._foreign = set(foreign)
         for line in begun:

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
+from contextlib import suppress
 from pathlib import Path
 
 from quadrotor.errors import StorageError
+
+TRIED_BYTES = 1 << 20
+"""Written to see whether a disk takes anything: of a quota its free space tells nothing."""
 
 
 def free_bytes(folder: Path) -> int:
@@ -19,21 +24,61 @@ def free_bytes(folder: Path) -> int:
         ) from error
 
 
+def make_again(folder: Path) -> None:
+    """A missing folder, where the one it belongs into is there: else its disk may be away."""
+    with suppress(OSError):  # told by whoever asks for it next
+        folder.mkdir()
+
+
+def folder_problem(folder: Path) -> tuple[str, str]:
+    """What keeps files from being written into it, and what to do; ("", "") when nothing does."""
+    try:
+        is_folder = stat.S_ISDIR(os.stat(folder).st_mode)
+        is_read_only = bool(os.statvfs(folder).f_flag & os.ST_RDONLY)
+    except FileNotFoundError:
+        return f"the folder {folder} is missing", "mount its disk, or choose another with --data"
+    except OSError as error:
+        found = f"the folder {folder} cannot be reached ({error.strerror})"
+        return found, "mount its disk and mend its permissions, or choose another with --data"
+    if not is_folder:
+        return f"{folder} is no folder", "move that file away, or choose another with --data"
+    if is_read_only:
+        advice = "mount it writable (one with errors turns read-only: see dmesg), or choose another"
+        return f"the disk of {folder} is read-only", f"{advice} with --data"
+    if not os.access(folder, os.W_OK | os.X_OK):
+        advice = "mend its permissions or choose another with --data"
+        return f"the folder {folder} is not writable", advice
+    return "", ""
+
+
 def check_folder(folder: Path, keep_free: int) -> None:
     """Make it if needed; raises StorageError when it is not writable or its disk is too full."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StorageError(
-            f"cannot make the folder {folder} ({error.strerror}); choose another with --data"
-        ) from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise StorageError(
-            f"the folder {folder} is not writable; mend its permissions or choose another "
-            "with --data"
-        )
+    make_again(folder)
+    found, advice = folder_problem(folder)
+    if found:
+        raise StorageError(f"{found}; {advice}")
     if (free := free_bytes(folder)) < keep_free:
         raise StorageError(
             f"only {free // 10**6} MB are free in {folder}, {keep_free // 10**6} MB are kept; "
             "delete or move runs"
         )
+
+
+def try_disk(folder: Path) -> None:
+    """Write and sync a file that goes again. Raises StorageError."""
+    tried = folder / ".tried"
+    try:
+        with tried.open("wb") as file:
+            file.write(bytes(TRIED_BYTES))
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise StorageError(f"cannot write into {folder}: {error.strerror}") from error
+    finally:
+        with suppress(OSError):
+            tried.unlink()
+
+
+def size_text(count: float) -> str:
+    """`500 MB`, `1.5 GB`; of a gigabyte or more in gigabytes."""
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"

@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from console.disk import check_folder, free_bytes
+from console.disk import check_folder, free_bytes, make_again, try_disk
 from console.disk_chores import DiskChores
-from console.run import RecorderStatus, Run, RunEnd
+from console.run import AGAIN_SPARE, RecorderStatus, Run, RunEnd
 from console.run_file import RunFile
 from quadrotor.errors import QuadlabError, StorageError
 
@@ -29,6 +29,8 @@ QUEUE_LIMIT = 20_000
 PERIOD = 0.01
 SYNC_PERIOD = 0.25
 WATCH_PERIOD = 1.0
+AGAIN_PERIOD = 3.0
+"""s between questions whether a run that the disk ended may have a next one."""
 
 Message = tuple[str, str, bytes, int, int]
 """Topic, type name, CDR payload, log_ns, publish_ns."""
@@ -41,6 +43,8 @@ class Recorder:
         folder: where runs are written; watched also while nothing is recorded.
         on_start, on_end: called in a thread beside the recorder's (catalogue), for a commit may
             take a second; StorageError becomes an alarm.
+        on_again: called in that thread some seconds after the disk ended a run, or kept one from
+            beginning, and again until one begins: whether one is to begin.
         queue_limit: messages that may wait for the disk.
     """
 
@@ -50,9 +54,10 @@ class Recorder:
         on_start: Callable[[Run], None] = lambda run: None,
         on_end: Callable[[RunEnd], None] = lambda end: None,
         queue_limit: int = QUEUE_LIMIT,
+        on_again: Callable[[], None] = lambda: None,
     ) -> None:
         self._folder = folder
-        self._on_start, self._on_end = on_start, on_end
+        self._on_start, self._on_end, self._on_again = on_start, on_end, on_again
         self._limit = queue_limit
         self._queue: deque[Message | Run | None] = deque()  # None: stop
         self._wake = threading.Event()
@@ -66,6 +71,8 @@ class Recorder:
         self._dropped: Counter[str] = Counter()  # by run
         self._free = 0
         self._alarms: dict[str, str] = {}
+        self._is_owed = False  # the disk ended a run, and none began since
+        self._asked = 0.0
         self._lock = threading.Lock()
         self._chores = DiskChores("recorder-chores", self._rest)
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -77,25 +84,34 @@ class Recorder:
         run = self._wanted
         return run.run_id if run else ""
 
-    def start(self, run: Run) -> None:
+    def start(self, run: Run, *, again: bool = False) -> None:
         """Begin; messages put from now on belong to the run.
+
+        Args:
+            again: after the disk ended one. Wants AGAIN_SPARE more room and a disk that takes a
+                file; until then the alarm of that end stays as it is.
 
         Raises StorageError when a run is being recorded, the folder is not writable or the disk
         is too full.
         """
         try:
             # Not within the lock: a disk that does not answer must not hold up `stop`.
-            check_folder(run.path.parent, run.keep_free)
+            check_folder(run.path.parent, run.keep_free + again * AGAIN_SPARE)
+            if again:
+                try_disk(run.path.parent)
         except StorageError as error:
-            self._alarms["run"] = str(error)
+            if not again:
+                self._alarms["run"] = str(error)
+                self._is_owed = True
             raise
         with self._lock:
             if self._wanted is not None:
                 raise StorageError(f"run {self._wanted.run_id} is being recorded; stop it first")
-            if not self._thread.is_alive():
+            if self._closing or not self._thread.is_alive():
                 raise StorageError("the recorder has stopped; start the station again")
             self._alarms.pop("run", None)
             self._alarms.pop("dropped", None)
+            self._is_owed = False
             self._idle.clear()
             self._bytes = 0
             self._since = time.monotonic()
@@ -136,8 +152,8 @@ class Recorder:
 
     def close(self, timeout: float = 30.0) -> None:
         """Stop, write what waits, close the file, end the thread."""
+        self._closing = True  # first: none begins any more
         self.stop()
-        self._closing = True
         self._wake.set()
         self._thread.join(timeout)
         self._chores.close(timeout)
@@ -236,6 +252,7 @@ class Recorder:
             self._alarms["run"] = f"recording stopped: {words}"
             if self._wanted is run:
                 self._wanted = None
+                self._is_owed, self._asked = isinstance(error, StorageError), time.monotonic()
         self._end(words)
         self._rest()
 
@@ -263,6 +280,7 @@ class Recorder:
 
     def _watch(self) -> None:
         """Once a second: is there still a disk below us?"""
+        make_again(self._folder)
         try:
             self._free = free_bytes(self._folder)
             self._alarms.pop("folder", None)
@@ -273,6 +291,14 @@ class Recorder:
             problem = self._open.problem(self._folder, self._free)
             if problem is not None:
                 self._fail(self._open.run, problem)
+        self._ask_again()
+
+    def _ask_again(self) -> None:
+        """Beside this thread: the answer asks the disk, which may take its time."""
+        now = time.monotonic()
+        if self._is_owed and now - self._asked >= AGAIN_PERIOD and self._chores.is_idle:
+            self._asked = now
+            self._chores.put(self._on_again)
 
 
 def _words(error: Exception) -> str:

@@ -6,6 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+AGAIN_SPARE = 50_000_000
+"""Bytes more than are kept free that a run wants after one the disk has ended: minutes of it."""
+
 
 @dataclass(frozen=True)
 class Run:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from console.run import Run, RunEnd
+from console.run import AGAIN_SPARE, Run, RunEnd
 from quadrotor.errors import StorageError
 from vehicle_link.log import LogWriter
 
@@ -42,7 +42,8 @@ class RunFile:
         if free < self.run.keep_free:
             return StorageError(
                 f"only {free // 10**6} MB are free in {folder}, "
-                f"{self.run.keep_free // 10**6} MB are kept; delete or move runs"
+                f"{self.run.keep_free // 10**6} MB are kept; delete or move runs: while armed, "
+                f"the next begins with {(self.run.keep_free + AGAIN_SPARE) // 10**6} MB"
             )
         return None
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from console.catalogue import Catalogue
+from console.disk import size_text
 from console.parameters import RecorderParameters
 from console.run import RecorderStatus
 from console.run_files import tidy_runs
@@ -67,7 +68,9 @@ class Housekeeping:
                 self._stuck = self._purge()
             self._alarm("trash", self._stuck)
         except StorageError as error:
-            self._alarm("trash", str(error))
+            # Without the folder nothing is done here, and the recorder says that it is away.
+            away = not self._catalogue.folder.is_dir()
+            self._alarm("trash", None if away else str(error))
 
     def _purge(self) -> str | None:
         """What could not be removed, in one line."""
@@ -85,4 +88,4 @@ class Housekeeping:
         rate = status.bytes / status.duration if status.duration > 1.0 else 0.0
         left = disk.lasts(round(self._parameters.keep_free * 1e6), rate)
         lasts = "" if left is None else f", recording lasts {left / 60.0:.0f} min more"
-        return f"disk: {disk.free / 1e9:.1f} GB free{lasts}; delete runs and empty the trash"
+        return f"disk: {size_text(disk.free)} free{lasts}; delete runs and empty the trash"

@@ -49,6 +49,7 @@ class RunKeeper:
         self._vehicle = vehicle
         self._operator = operator
         self._asked = (operator, float("-inf"))
+        self._latest = operator  # of the newest run
         self._policy = RecordingPolicy()
         self._held = ""  # the run that an experiment keeps going, motors on or off
         self._lock = threading.Lock()
@@ -56,7 +57,7 @@ class RunKeeper:
         self._provenance = provenance()
         self.on_closed: Callable[[str], None] = lambda run_id: None
         """Told the id of each run that ended, in the recorder's thread."""
-        self.recorder = Recorder(catalogue.folder, self._started, self._ended)
+        self.recorder = Recorder(catalogue.folder, self._started, self._ended, on_again=self._again)
 
     def asked(self, command: str, requester: str) -> None:
         """Somebody asked for this command; whoever arms is the run's operator."""
@@ -111,8 +112,9 @@ class RunKeeper:
         self.recorder.stop()
         return run_id
 
-    def start(self, operator: str) -> str:
-        """Begin a run; its id. Raises StorageError."""
+    def start(self, operator: str, *, again: bool = False) -> str:
+        """Begin a run; its id. `again` as of the recorder. Raises StorageError."""
+        self._latest = operator
         now = datetime.now(UTC)
         run_id = run_name(now, self._vehicle, self._catalogue.folder, self._names)
         run = Run(
@@ -131,13 +133,21 @@ class RunKeeper:
             attachments=self._attachments,
             keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
         )
-        self.recorder.start(run)
+        self.recorder.start(run, again=again)
         self._names.add(run_id)
         return run_id
 
     def close(self) -> None:
         """End the run and write its file to the end."""
         self.recorder.close()
+
+    def _again(self) -> None:
+        """The disk ended a run: what is left of the flight is recorded as soon as it can be."""
+        with self._lock:
+            armed = self._policy.armed
+        if armed and not self.recorder.run_id:
+            with suppress(StorageError):  # asked again
+                self.start(self._latest, again=True)
 
     def _attachments(self) -> dict[str, bytes]:
         values, revision, problem = self._vehicle_parameters.snapshot()

@@ -41,7 +41,8 @@ class Facts:
     parameters_behind: float | None = None  # s since ours were the vehicle's; None: never
     free_bytes: float = 0.0
     keep_free: float = 0.0  # bytes
-    writable: bool = True
+    folder_problem: tuple[str, str] = ("", "")
+    """Why no run can be written into their folder, and what to do."""
     alarms: tuple[str, ...] = ()
     notices: tuple[str, ...] = field(default=())
     """Alarms that are no reason to stay on the ground."""

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from console.alarms import AlarmBoard
 from console.checks.facts import Box, Facts
 from console.checks.observed import Observed
+from console.disk import folder_problem
 from console.link_monitor import LinkMonitor
 from console.parameters import StationParameters
 from console.recorder import Recorder
@@ -39,7 +40,7 @@ class Gatherer:
         station: StationParameters,
         recorder: Recorder,
         alarms: AlarmBoard,
-        folder: str | os.PathLike[str],
+        folder: Path,
         sticks_dropped: Callable[[], bool],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -54,6 +55,7 @@ class Gatherer:
         """Of now; looks at the disk."""
         status, observed = self._observed.newest_status(), self._observed
         board, recorder = self._alarms.keyed(), self._recorder.status()
+        noticed = [line for key, line in board.items() if key in NOTICES]
         tracker = self._station.tracker
         return Facts(
             link=self._link.state(),
@@ -75,9 +77,9 @@ class Gatherer:
             parameters_behind=self._behind(),
             free_bytes=recorder.free_bytes,
             keep_free=1e6 * self._station.recorder.keep_free,
-            writable=os.access(self._folder, os.W_OK | os.X_OK),
+            folder_problem=folder_problem(self._folder),
             alarms=tuple(x for k, x in board.items() if k not in (*JUDGED, *NOTICES)),
-            notices=(*(x for k, x in board.items() if k in NOTICES), *recorder.alarms),
+            notices=tuple(dict.fromkeys((*noticed, *recorder.alarms))),
             deflection=observed.deflection,
             sticks_dropped=self._sticks_dropped(),
             **self._estimate(),

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from console.checks.facts import Facts
 from console.checks.parameters import PreflightParameters
+from console.disk import size_text
 from vehicle_link.checks import Check, State
 from vehicle_link.heartbeat import LinkState
 
@@ -151,10 +152,10 @@ def parameters(f: Facts, p: PreflightParameters) -> Check:
 
 
 def recording(f: Facts, p: PreflightParameters) -> Check:
-    found, wanted = f"{f.free_bytes / 1e9:.1f} GB free", f"at least {f.keep_free / 1e9:.1f} GB"
-    if not f.writable:
-        advice = "mend the permissions of the data folder"
-        return Check("recording", "fail", "the runs' folder is not writable", "writable", advice)
+    found, wanted = f"{size_text(f.free_bytes)} free", f"at least {size_text(f.keep_free)}"
+    problem, advice = f.folder_problem
+    if problem:
+        return Check("recording", "fail", problem, "a folder to write runs into", advice)
     if f.free_bytes < f.keep_free:
         return Check("recording", "fail", found, wanted, "delete or move runs")
     return Check("recording", "ok", found, wanted)

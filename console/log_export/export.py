@@ -44,15 +44,7 @@ def export(
     if kind not in FORMATS:
         raise UsageError(f"unknown format {kind!r}; there are {', '.join(FORMATS)}")
     tables = Tables(log, topics, begin, end)
-    existed = folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if any(folder.iterdir()):
-            raise UsageError(
-                f"{folder} is not empty; export into a new folder, nothing is overwritten"
-            )
-    except OSError as error:
-        raise StorageError(f"cannot write into {folder}: {error.strerror}") from error
+    made = _make(folder)
     files: Format = (
         MatFile(folder, log.stem, tables.run)
         if kind == "mat"
@@ -69,14 +61,43 @@ def export(
             why = next(iter(problems), "") or tables.missing or "no message is in that time"
             raise LogFormatError(f"{log.name} has nothing to export: {why}")
         written = files.finish()
-    except OSError as error:
+    except BaseException as error:
         files.discard()
-        why = error.strerror or str(error)
-        raise StorageError(f"cannot write into {folder}: {why}; nothing was exported") from error
-    except BaseException:
-        files.discard()
-        if not existed:
-            with suppress(OSError):
-                folder.rmdir()
+        _remove(made)
+        if isinstance(error, OSError):
+            why = error.strerror or str(error)
+            raise StorageError(
+                f"cannot write into {folder}: {why}; nothing was exported; make room, or choose "
+                "another disk with --out"
+            ) from error
         raise
     return Exported(tuple(written), rows, problems, tables.missing)
+
+
+def _make(folder: Path) -> list[Path]:
+    """What was made of it and the folders above it, the deepest first.
+
+    Raises UsageError when something is in it, StorageError when it cannot be made.
+    """
+    missing: list[Path] = []
+    try:
+        missing += [one for one in (folder, *folder.parents) if not one.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise UsageError(
+                f"{folder} is not empty; export into a new folder, nothing is overwritten"
+            )
+    except OSError as error:
+        _remove(missing)
+        taken = isinstance(error, FileExistsError | NotADirectoryError)
+        why = "a file is there" if taken else error.strerror
+        raise StorageError(
+            f"cannot write into {folder}: {why}; choose a new folder with --out"
+        ) from error
+    return missing
+
+
+def _remove(folders: list[Path]) -> None:
+    for folder in folders:
+        with suppress(OSError):  # not made, or somebody else's files are in it
+            folder.rmdir()

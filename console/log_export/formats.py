@@ -64,9 +64,10 @@ class ColumnFiles:
         return self._files
 
     def discard(self) -> None:
-        for topic, writer in self._writers.items():
-            with contextlib.suppress(OSError):  # the disk that is full, once more
+        for writer in self._writers.values():
+            with contextlib.suppress(OSError, ValueError):  # the disk that is full, once more
                 writer.close()
+        for topic in self._waiting:  # one that failed as it was opened has a file, and no writer
             self._aside(topic).unlink(missing_ok=True)
         for path in self._files:
             path.unlink(missing_ok=True)

@@ -18,7 +18,7 @@ from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import PartFile, Range
 from console.transfers.process import run_process
 from console.transfers.source import EDGE_NS, Source, together
-from console.transfers.vehicle_files import VehicleFile, VehicleFiles, check_name
+from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
 from console.transfers.verdict import judged
 from quadrotor.errors import LogFormatError
 from vehicle_link.log.recovery import is_closed
@@ -103,7 +103,7 @@ class Backfill:
             if not file.start_ns or file.start_ns > until or end < since:
                 continue
             if not file.closed:
-                raise NotYetError(f"{check_name(file.name)} is still being written on board")
+                raise NotYetError(why_open(self._files, file))
             first, last = max(since, file.start_ns - EDGE_NS), min(until, end + EDGE_NS)
             spans = [(first, first + 2 * EDGE_NS), (last - 2 * EDGE_NS, last)]
             holes = [tuple(hole) for hole in told["holes"]] if told["ticks"] else [(since, until)]
@@ -124,7 +124,7 @@ class Backfill:
         ):
             for source in found:
                 source.part.close()
-            raise NotYetError(f"{check_name(torn[0].name)} is being mended on board")
+            raise NotYetError(why_open(self._files, torn[0]))
         return found
 
     def _count(self, source: Source) -> int | None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import PartFile, unwant
-from console.transfers.vehicle_files import VehicleFile, VehicleFiles
+from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
 from quadrotor.errors import StorageError
 from vehicle_link.log.file import sync_folder
 
@@ -91,7 +91,7 @@ def sum_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
 def _closed(job: Job, files: VehicleFiles) -> VehicleFile:
     file, _ = files.part(job.name, 0, 8)
     if not file.closed:
-        raise NotYetError(f"{file.name} is still being written; it is fetched when it is closed")
+        raise NotYetError(why_open(files, file))
     return file
 
 

@@ -98,6 +98,21 @@ class LinkedFiles:
         return answer
 
 
+def why_open(files: VehicleFiles, file: VehicleFile) -> str:
+    """Why a file is not closed; of a torn one the vehicle knows when it is mended.
+
+    Raises LinkError, RefusedError for what is no name of a log.
+    """
+    name = check_name(file.name)
+    if file.start_ns:
+        return f"{name} is still being written on board; it is fetched when it is closed"
+    try:
+        files.index(name, 0, 0)
+    except RefusedError as error:
+        return str(error)
+    return f"{name} is not closed on board yet; it is fetched when it is"
+
+
 def check_name(name: str) -> str:
     """A name from outside becomes a path only when it is one of a log. Raises RefusedError."""
     if not NAME.fullmatch(name):

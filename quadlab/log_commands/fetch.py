@@ -78,7 +78,8 @@ def _list(vehicle: str, answer: Any) -> int:
         lasted = f"{(one.end_ns - one.start_ns) * 1e-9:8.1f} s"
         if not one.start_ns:
             start, lasted = " " * 19, " " * 10
-        state = "mended" if one.recovered else "closed" if one.closed else "being written"
+        open_ = "being written" if one.start_ns else "torn, not mended yet"
+        state = "mended" if one.recovered else "closed" if one.closed else open_
         print(f"{one.name:{width}}  {start} {lasted} {one.size / 1e6:8.1f} MB  {state}")
     print(f"{answer.free_bytes / 1e9:.1f} GB are free on board; quadlab log fetch NAME fetches one")
     return 0

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from quadlab.log_commands.log_file import LogFile, check_log_file
+from quadrotor.errors import LogFormatError
 
 
 @dataclass
 class Recover:
-    """Mend the log of a writer that was killed, in place; a whole one is left alone."""
+    """Mend the log of a writer that was killed, in place; a whole one is left alone. Damage that
+    cannot be mended is told, with exit status 1."""
 
     file: LogFile
     """the MCAP file"""
@@ -20,13 +22,30 @@ class Recover:
         check_log_file(self.file)
         found = recover(self.file)
         if not found.torn:
-            print(f"{self.file} is whole; nothing was changed")
-        else:
+            return self._left_alone()
+        print(
+            f"{self.file} was torn ({found.reason}) and is mended in place: "
+            f"{found.messages} messages kept, {found.lost_bytes} bytes behind the tear "
+            f"and {found.damaged_chunks} damaged chunks lost"
+        )
+        if found.kept is not None:
+            print(f"as it was, it is kept as {found.kept}: there is more behind the tear")
+        return 0
+
+    def _left_alone(self) -> int:
+        from vehicle_link.log.damage import damage
+
+        try:
+            lines = damage(self.file)
+        except LogFormatError:  # compressed in a way not read here; its index is sound
+            lines = []
+        for line in lines:
+            print(f"damaged, and cannot be brought back: {line}")
+        if lines:
             print(
-                f"{self.file} was torn ({found.reason}) and is mended in place: "
-                f"{found.messages} messages kept, {found.lost_bytes} bytes behind the tear "
-                f"and {found.damaged_chunks} damaged chunks lost"
+                f"{self.file} has its index, and nothing was changed; the rest of it can be read, "
+                "checked and exported as it is"
             )
-            if found.kept is not None:
-                print(f"as it was, it is kept as {found.kept}: there is more behind the tear")
+            return 1
+        print(f"{self.file} is whole; nothing was changed")
         return 0

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -158,9 +160,17 @@ def test_a_folder_that_cannot_be_made_is_refused_in_one_line(
 
 
 def test_a_missing_folder_is_an_alarm_also_while_nothing_is_recorded(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "absent")
+    recorder = Recorder(tmp_path / "absent" / "runs")
     assert until(lambda: any("mounted?" in alarm for alarm in recorder.status().alarms))
+    assert not (tmp_path / "absent").exists(), "its disk may be away"
     recorder.close()
+
+
+def test_a_missing_folder_is_made_again_where_the_data_folder_is(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "runs")
+    assert until((tmp_path / "runs").is_dir)
+    recorder.close()
+    assert recorder.status().alarms == ()
 
 
 def test_a_catalogue_that_fails_is_an_alarm_and_the_file_is_whole(tmp_path: Path) -> None:
@@ -179,5 +189,31 @@ def test_a_catalogue_that_fails_is_an_alarm_and_the_file_is_whole(tmp_path: Path
 
 def test_an_unwritable_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.access", lambda *_: False)
-    with pytest.raises(StorageError, match="not writable"):
+    with pytest.raises(StorageError, match="not writable; mend its permissions"):
         disk.check_folder(tmp_path, 0)
+
+
+def test_missing_read_only_and_a_file_in_its_place_are_told_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").write_text("")
+    assert disk.folder_problem(tmp_path) == ("", "")
+    assert disk.folder_problem(tmp_path / "a" / "runs") == (
+        f"the folder {tmp_path}/a/runs is missing",
+        "mount its disk, or choose another with --data",
+    )
+    found, advice = disk.folder_problem(tmp_path / "file")
+    assert (found, advice.split(",")[0]) == (
+        f"{tmp_path}/file is no folder",
+        "move that file away",
+    )
+    monkeypatch.setattr("os.statvfs", lambda _: SimpleNamespace(f_flag=os.ST_RDONLY))
+    found, advice = disk.folder_problem(tmp_path)
+    assert found == f"the disk of {tmp_path} is read-only"
+    assert advice.startswith("mount it writable")
+
+
+def test_sizes_below_a_gigabyte_are_in_megabytes() -> None:
+    assert [disk.size_text(n) for n in (1e7, 9.99e8, 1e9, 1.25e10)] == [
+        "10 MB", "999 MB", "1.0 GB", "12.5 GB",
+    ]  # fmt: skip

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import resource
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -122,8 +125,39 @@ def test_a_full_disk_leaves_no_file(
 
     monkeypatch.setattr(Path, "replace", full)
     with pytest.raises(StorageError, match="No space left on device; nothing was exported"):
-        export(log, tmp_path / "out", kind)
-    assert list((tmp_path / "out").iterdir()) == []
+        export(log, tmp_path / "new" / "out", kind)
+    assert list(tmp_path.iterdir()) == [], "nor the folders made for it"
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "mat"])
+@pytest.mark.parametrize("size", [0, 5000])
+def test_a_disk_that_takes_so_many_bytes_is_left_as_it_was_and_the_next_try_works(
+    log: Path, tmp_path: Path, kind: str, size: int
+) -> None:
+    def limited(size: int) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    words = [sys.executable, "-m", "quadlab", "log", "export", str(log), "--format", kind, "--out"]
+    for folder in (tmp_path / "out", mine):
+        tried = subprocess.run(
+            [*words, str(folder)], capture_output=True, text=True, check=False, timeout=120,
+            preexec_fn=lambda: limited(size),
+        )  # fmt: skip
+        assert (tried.returncode, tried.stdout) == (1, "")
+        assert f"cannot write into {folder}: " in tried.stderr
+        assert "nothing was exported" in tried.stderr
+    assert list(tmp_path.rglob("*")) == [mine], "a folder that was there stays"
+    assert export(log, mine, kind).rows == 900
+
+
+def test_a_file_in_the_folders_place_stays_and_is_told(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "afile").write_text("mine")
+    for out in (tmp_path / "afile", tmp_path / "afile" / "out"):
+        with pytest.raises(StorageError, match="a file is there; choose a new folder with --out"):
+            export(log, out, "csv")
+    assert (tmp_path / "afile").read_text() == "mine"
 
 
 def test_the_commands_say_what_they_did(

@@ -21,6 +21,7 @@ from console.transfers import desk as desk_module
 from console.transfers import process
 from console.transfers.backfill import Backfill
 from console.transfers.desk import TransferDesk
+from console.transfers.download import download
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
@@ -310,15 +311,28 @@ def test_ticks_that_flight_itself_left_out_are_not_missing(
 
 
 def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
-    tmp_path: Path, link: Link, onboard: Path
+    tmp_path: Path, link: Link, onboard: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flight = Flight(flown(1000), with_holes(1000, 6))
     run, log = tmp_path / "run.mcap", onboard / "flight.mcap"
     flight.log_onboard(log)
     flight.record(run)
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    with pytest.raises(NotYetError, match="mended"):
-        filler(run, tmp_path / "here", link)()
+    when = "flight.mcap was torn, and is mended once 500 MB are free"
+
+    def torn(request: Any) -> None:
+        raise RefusedError(when)
+
+    with monkeypatch.context() as vehicle:
+        vehicle.setattr(link.files, "index", torn)
+        with pytest.raises(NotYetError) as told:
+            filler(run, tmp_path / "here", link)()
+        assert str(told.value) == when, "the vehicle knows it, and nobody else"
+        files = LinkedFiles(link)  # type: ignore[arg-type]
+        job = Job("download", "flight.mcap")
+        fetcher = Fetcher(files, lambda count: None)
+        with pytest.raises(NotYetError, match="once 500 MB are free"):
+            download(job, tmp_path / "here", files, fetcher, lambda count: None, lambda s: None)
     recover(log)
     found = filler(run, tmp_path / "here", link)()
     kept = set(index_run(log).ticks.tolist())

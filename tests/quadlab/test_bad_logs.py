@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import struct
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 from quadlab.__main__ import main
@@ -31,13 +33,24 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def foreign(
-    path: Path, encoding: str, schema: str, text: bytes, compression: CompressionType
+    path: Path,
+    encoding: str,
+    schema: str,
+    text: bytes,
+    compression: CompressionType,
+    name: str = "x/msg/Y",
+    beside: str = "",
 ) -> None:
-    """By another program's hand."""
+    """By another program's hand; with a sound topic `beside`."""
     with path.open("wb") as stream:
         writer = Writer(stream, compression=compression)
         writer.start("", "other")
-        number = writer.register_schema("x/msg/Y", schema, text) if schema else 0
+        if beside:
+            sound = writer.register_schema("x/msg/Sound", "ros2msg", b"float64 x\n")
+            good = writer.register_channel(beside, "cdr", sound)
+            for k in range(10):
+                writer.add_message(good, START + k, b"\0\1\0\0" + bytes(8), START + k)
+        number = writer.register_schema(name, schema, text) if schema else 0
         channel = writer.register_channel("/thing", encoding, number)
         for k in range(10):
             writer.add_message(channel, START + k, b"\0\1\0\0" + bytes(8), START + k)
@@ -53,6 +66,7 @@ FOREIGN = {
     "idl": (("cdr", "ros2idl", b"module x {};", LZ4), "described in 'ros2idl'"),
     "nonsense": (("cdr", "ros2msg", b"\xff\xfe", LZ4), "description of x/msg/Y cannot be read"),
     "undescribed": (("cdr", "ros2msg", b"no/Such a\n", LZ4), "made of 'no/msg/Such'"),
+    "named": (("cdr", "ros2msg", b"float64 x\n", LZ4, "foxglove.Thing"), "no name of a ROS 2"),
     "of itself": (("cdr", "ros2msg", b"x/msg/Y a\n", LZ4), "made of itself"),
     "zstd": (("cdr", "ros2msg", b"float64 x\n", ZSTD), "compressed with 'zstd'"),
 }
@@ -142,6 +156,28 @@ def test_another_programs_log_is_named_for_what_it_is(
     assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
 
 
+@pytest.mark.parametrize("kind", sorted(FOREIGN.keys() - {"zstd"}))
+def test_a_topic_that_cannot_be_read_costs_the_others_nothing(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, kind: str
+) -> None:
+    log = tmp_path / "a.mcap"
+    words, expected = FOREIGN[kind]
+    foreign(log, *words, beside="/ok")
+    status, out, complaint = run("check", log)
+    assert (status, out.count("\n"), complaint) == (1, 1, "")
+    assert out.startswith("not sound: /thing: ")
+    assert expected in out
+    status, out, complaint = run("export", log)
+    [told, _, rows] = out.splitlines()
+    assert (status, rows, complaint) == (1, "10 rows in 1 files", "")
+    assert told.startswith("not exported: /thing: ")
+    table = (tmp_path / "out" / "ok.csv").read_text().splitlines()
+    assert (len(table), table[0].split(",")[-1]) == (11, '"x"')
+    shutil.rmtree(tmp_path / "out")
+    assert run("report", log)[0] == 0
+    assert [p.suffix for p in (tmp_path / "out").iterdir()] == [".html"]
+
+
 @pytest.mark.parametrize("kind", ["cut", "cut, then zeros", "zeros behind the end"])
 def test_a_torn_log_is_shown_exported_with_a_note_and_mended_to_be_sound(
     run: Callable[..., tuple[int, str, str]], tmp_path: Path, whole: bytes, kind: str
@@ -166,6 +202,35 @@ def test_a_torn_log_is_shown_exported_with_a_note_and_mended_to_be_sound(
     assert run("recover", log)[0] == 0
     assert run("check", log)[0] == 0
     assert log.stat().st_size < 2 * len(whole)
+
+
+def test_check_and_recover_agree_on_a_damaged_chunk(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path
+) -> None:
+    log = tmp_path / "a.mcap"
+    with LogWriter(log, {"vehicle": "q"}, {}) as writer:
+        for k in range(2000):
+            stamp = START + k * 2_000_000
+            message = encode(new("sensor_msgs/Imu", header=header(stamp)))
+            writer.write("/q/imu", "sensor_msgs/Imu", message, stamp, stamp)
+    with log.open("rb") as stream:
+        chunk = make_reader(stream).get_summary().chunk_indexes[1]  # type: ignore[union-attr]
+    data = bytearray(log.read_bytes())
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 0xFF
+    log.write_bytes(data)
+    status, out, _ = run("check", log)
+    assert (status, out) == (1, "not sound: 1 damaged chunks, whose messages are lost\n")
+    first, last = ((ns - START) * 1e-9 for ns in (chunk.message_start_time, chunk.message_end_time))
+    status, out, complaint = run("recover", log)
+    [which, rest] = out.splitlines()
+    assert (status, complaint) == (1, "")
+    assert which == (
+        f"damaged, and cannot be brought back: a chunk of {chunk.chunk_length} bytes at byte "
+        f"{chunk.chunk_start_offset}, with the messages from {first:.3f} to {last:.3f} s"
+    )
+    assert "nothing was changed" in rest
+    assert "whole" not in rest
+    assert log.read_bytes() == data
 
 
 def test_two_logs_in_one_file_are_not_mended_by_dropping_the_second(

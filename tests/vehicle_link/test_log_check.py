@@ -17,13 +17,13 @@ START = 1_769_851_842_000_000_000
 PERIOD = 2_000_000
 
 
-def write(path: Path, stamps: list[int], **options: Any) -> Path:
-    """States with these stamps (ns since START), received when true."""
-    with LogWriter(path, {"vehicle": "q"}, {}, **options) as log:
-        for stamp in stamps:
+def write(path: Path, stamps: list[int], topic: str = "state", received: Any = None) -> Path:
+    """Odometry with these stamps (ns since START), received when true unless told otherwise."""
+    with LogWriter(path, {"vehicle": "q"}, {}) as log:
+        for stamp, came in zip(stamps, received or stamps, strict=True):
             message = new("nav_msgs/Odometry", header=header(START + stamp))
             log.write(
-                "/q/state", "nav_msgs/Odometry", encode(message), START + stamp, START + stamp
+                f"/q/{topic}", "nav_msgs/Odometry", encode(message), START + came, START + stamp
             )
     return path
 
@@ -51,6 +51,23 @@ def test_a_stamp_that_goes_back_is_a_problem(tmp_path: Path) -> None:
     stamps[50], stamps[51] = stamps[51], stamps[50]
     problems = check_log(write(tmp_path / "a.mcap", stamps)).problems
     assert problems == ["/q/state: 1 stamps go back", "/q/state: 1 receptions go back"]
+
+
+@pytest.mark.parametrize("topic", ["tracker_pose", "bearings", "joy", "state", "imu"])
+def test_datagrams_that_overtook_one_another_are_noted_and_no_problem(
+    tmp_path: Path, topic: str
+) -> None:
+    stamps = regular(100)
+    stamps[50], stamps[51] = stamps[51], stamps[50]
+    found = check_log(write(tmp_path / "a.mcap", stamps, topic, regular(100)))
+    line = f"/q/{topic}: 1 stamps go back"
+    if topic in ("state", "imu"):
+        assert (found.problems, found.notes) == ([line], [])
+    else:
+        note = f"{line}: datagrams overtook one another"
+        assert (found.problems, found.notes) == ([], [note])
+    backwards = check_log(write(tmp_path / "b.mcap", regular(100), topic, stamps))
+    assert backwards.problems == [f"/q/{topic}: 1 receptions go back"]
 
 
 def test_a_torn_log_says_how_to_mend_it(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.base import TypesysError
 
-from quadrotor.errors import LogFormatError
+from quadrotor.errors import LogFormatError, UsageError
 from vehicle_link.messages import stored_name, typestore
 
 MOST_ITEMS = 64
@@ -66,6 +66,11 @@ class SchemaLayouts:
         try:
             self._name = stored_name(schema.name)
             found = get_types_from_msg(schema.data.decode(), self._name)
+        except UsageError as error:
+            raise LogFormatError(
+                f"{schema.name!r:.80} is no name of a ROS 2 type; read are package/msg/Name and "
+                "package/Name"
+            ) from error
         except (TypesysError, UnicodeDecodeError, ValueError) as error:
             raise LogFormatError(f"the description of {schema.name} cannot be read") from error
         self._types: Mapping[str, Any] = {**typestore().fielddefs, **found}

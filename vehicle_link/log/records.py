@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,6 +23,7 @@ from vehicle_link.log.walk import (
 )
 
 _MESSAGE = struct.Struct("<HIQQ")
+_TIMES = struct.Struct("<QQ")
 
 
 class RawMessage(NamedTuple):
@@ -38,12 +39,22 @@ class RawMessage(NamedTuple):
 LogRecord = Header | Attachment | Metadata | Schema | Channel | RawMessage
 
 
+class Damaged(NamedTuple):
+    """A record that was passed over."""
+
+    is_chunk: bool
+    place: int  # byte it begins at
+    size: int  # bytes
+    times_ns: tuple[int, int]  # of a chunk: reception of its first and last message, as it says
+
+
 @dataclass
 class ReadState(WalkState):
     """Filled while `records` runs; final when it ended."""
 
     damaged_chunks: int = 0  # passed over, because their checksum was wrong
     damaged_records: int = 0  # passed over: attachments, metadata and such
+    damaged: list[Damaged] = field(default_factory=list)  # both, in the order of the file
 
 
 def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
@@ -67,9 +78,18 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
         except UNREADABLE:  # the next one may be whole again
             state.damaged_chunks += opcode == Opcode.CHUNK
             state.damaged_records += opcode != Opcode.CHUNK
+            state.damaged.append(_damaged(opcode, data, state.whole_bytes))
             # Each schema and channel stands once before the index; it may have been here.
             found = [one for name in index_names(path) for one in _one(*name)]
         yield from found
+
+
+def _damaged(opcode: int, data: bytes, end: int) -> Damaged:
+    """`end`: of the record, in bytes of the file."""
+    is_chunk = opcode == Opcode.CHUNK
+    times = _TIMES.unpack_from(data) if is_chunk and len(data) >= _TIMES.size else (0, 0)
+    size = RECORD.size + len(data)
+    return Damaged(is_chunk, end - size, size, times)
 
 
 def _split(data: bytes) -> Iterator[LogRecord]:

@@ -6,7 +6,7 @@ from functools import cache
 
 from rosbags.serde import SerdeError
 
-from quadrotor.errors import LinkError
+from quadrotor.errors import LinkError, UsageError
 from vehicle_link.messages.construct import Message
 from vehicle_link.messages.names import stored_name
 from vehicle_link.messages.store import typestore
@@ -21,7 +21,7 @@ def decode(payload: bytes | memoryview, type_name: str) -> Message:
     """Raises LinkError when the bytes are no message of this type."""
     try:
         return typestore().deserialize_cdr(payload, stored_name(type_name))
-    except (SerdeError, AssertionError, IndexError, TypeError) as error:
+    except (SerdeError, AssertionError, IndexError, TypeError, UsageError) as error:
         raise LinkError(
             f"{len(payload)} bytes are no {type_name} ({error}); "
             "do both ends run the same version of quadlab?"

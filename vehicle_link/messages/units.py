@@ -60,9 +60,13 @@ def unit_of_path(type_name: str, path: str) -> str:
 
 @cache
 def _units_of(type_name: str) -> dict[str, str]:
+    try:
+        found = numbers(type_name, 1)
+    except KeyError:  # a type of another program, whose log is read too
+        return {}
     return {
         ".".join(step for step in path if isinstance(step, str)): unit_of(fields)
-        for path, fields in numbers(type_name, 1)
+        for path, fields in found
     }
 
 

@@ -1,0 +1,190 @@
+"""A flight whose recording the disk has ended is recorded again as soon as the disk allows it."""
+
+from __future__ import annotations
+
+import shutil
+from collections import namedtuple
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from console.alarms import AlarmBoard
+from console.catalogue import Catalogue
+from console.parameter_store import StationStore
+from console.parameters import RecorderParameters
+from console.run import AGAIN_SPARE
+from console.run_housekeeping import Housekeeping
+from console.run_keeper import RunKeeper
+from quadrotor.errors import StorageError
+from tests.waiting import until, wait_for
+from vehicle_link.log import is_closed
+
+KEPT = 10_000_000
+Usage = namedtuple("Usage", "total used free")
+
+
+class Disk:
+    """As much is free as a test says."""
+
+    def __init__(self) -> None:
+        self.free = 10**12
+        self.asked = 0
+
+    def usage(self, folder: Path) -> Usage:
+        folder.stat()
+        self.asked += 1
+        return Usage(10**13, 0, self.free)
+
+    def wait_asked(self, times: int) -> None:
+        end = self.asked + times
+        wait_for(lambda: self.asked >= end)
+
+
+@pytest.fixture
+def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
+    made = Disk()
+    monkeypatch.setattr("console.disk.shutil", SimpleNamespace(disk_usage=made.usage))
+    monkeypatch.setattr("console.recorder.AGAIN_PERIOD", 0.02)
+    monkeypatch.setattr("console.recorder.WATCH_PERIOD", 0.01)
+    return made
+
+
+@pytest.fixture
+def catalogue(tmp_path: Path) -> Catalogue:
+    return Catalogue(tmp_path / "data")
+
+
+@pytest.fixture
+def runs(disk: Disk, catalogue: Catalogue) -> Iterator[RunKeeper]:
+    store = StationStore()
+    store.preset({"station.recorder.keep_free": KEPT / 1e6, "station.recorder.after_disarm": 0.0})
+    parameters: Any = SimpleNamespace(snapshot=lambda: ({}, 1, ""), defaults=dict)
+    keeper = RunKeeper(catalogue, store, parameters, "quad1", "eva", lambda: b"{}")
+    yield keeper
+    keeper.close()
+
+
+def begun(runs: RunKeeper, but: str = "") -> str:
+    """The run that is being recorded, not this one."""
+    run_id = until(lambda: runs.recorder.run_id != but and runs.recorder.run_id)
+    assert run_id
+    return str(run_id)
+
+
+def ended(runs: RunKeeper) -> str:
+    """The alarm of the end."""
+    wait_for(lambda: not runs.recorder.run_id)
+    return until(lambda: "; ".join(runs.recorder.status().alarms))
+
+
+def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
+    runs: RunKeeper, disk: Disk, catalogue: Catalogue
+) -> None:
+    runs.asked("arm", "ada")
+    runs.status(True)
+    first = begun(runs)
+    wait_for((catalogue.folder / f"{first}.mcap").exists)
+    disk.free = KEPT - 1
+    assert "only 9 MB are free" in ended(runs)
+    assert "the next begins with 60 MB" in runs.recorder.status().alarms[0]
+    disk.free = KEPT + AGAIN_SPARE - 1  # so little more would be gone at once
+    disk.wait_asked(20)
+    assert not runs.recorder.run_id
+    assert "only 9 MB are free" in runs.recorder.status().alarms[0], "why it ended stays"
+    disk.free = KEPT + AGAIN_SPARE
+    second = begun(runs)
+    assert (second != first, runs.recorder.status().alarms) == (True, ())
+    runs.close()
+    assert [is_closed(catalogue.folder / f"{one}.mcap") for one in (first, second)] == [True] * 2
+    assert {entry.id: entry.operator for entry in map(catalogue.get, (first, second))} == {
+        first: "ada",
+        second: "ada",
+    }
+    assert [p.name for p in catalogue.folder.iterdir() if p.suffix != ".mcap"] == []
+
+
+def test_a_run_that_could_not_begin_at_arming_begins_when_there_is_room(
+    runs: RunKeeper, disk: Disk
+) -> None:
+    disk.free = 0
+    runs.status(True)
+    assert "only 0 MB are free" in ended(runs)
+    disk.free = 10**12
+    begun(runs)
+    assert runs.recorder.status().alarms == ()
+
+
+def test_a_folder_that_vanishes_in_flight_is_made_again_and_recorded_into(
+    runs: RunKeeper, catalogue: Catalogue
+) -> None:
+    runs.status(True)
+    first = begun(runs)
+    wait_for((catalogue.folder / f"{first}.mcap").exists)
+    shutil.move(catalogue.folder, catalogue.folder.with_name("moved"))
+    second = begun(runs, but=first)
+    wait_for((catalogue.folder / f"{second}.mcap").exists)
+    wait_for(lambda: runs.recorder.status().alarms == ())
+
+
+def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
+    runs: RunKeeper, disk: Disk, catalogue: Catalogue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[Path] = []
+
+    def full(folder: Path) -> None:
+        tried.append(folder)
+        raise StorageError("Disk quota exceeded")
+
+    with monkeypatch.context() as quota:
+        quota.setattr("console.recorder.try_disk", full)
+        runs.status(True)
+        first = begun(runs)
+        wait_for((catalogue.folder / f"{first}.mcap").exists)
+        disk.free = 0
+        ended(runs)
+        disk.free = 10**12
+        wait_for(lambda: len(tried) >= 3)
+        assert not runs.recorder.run_id
+        assert [path.stem for path in catalogue.folder.iterdir()] == [first]
+    begun(runs)
+
+
+@pytest.mark.parametrize("how", ["disarmed", "by hand"])
+def test_nothing_begins_again_that_was_ended_otherwise(
+    runs: RunKeeper, disk: Disk, how: str
+) -> None:
+    runs.status(True)
+    begun(runs)
+    if how == "disarmed":
+        disk.free = 0
+        ended(runs)
+        runs.status(False)
+        disk.free = 10**12
+    else:
+        runs.by_hand(start=False, requester="ada")
+    disk.wait_asked(30)
+    assert runs.recorder.run_id == ""
+
+
+def test_a_folder_that_is_away_is_one_alarm(
+    runs: RunKeeper, catalogue: Catalogue, tmp_path: Path
+) -> None:
+    said: list[str] = []
+    board = AlarmBoard(said.append)
+    keeping = Housekeeping(
+        catalogue, RecorderParameters(), runs.recorder.status, lambda _: None, board.set
+    )
+    (tmp_path / "data").rename(tmp_path / "away")
+    wait_for(lambda: runs.recorder.status().alarms)
+    keeping.look()
+    [line] = board.lines(runs.recorder.status().alarms)
+    assert line == (
+        f"the folder {catalogue.folder} cannot be reached (No such file or directory); "
+        "is its disk mounted?"
+    )
+    assert said == [line]
+    board.set("other", line)
+    assert board.lines([line]) == [line]
