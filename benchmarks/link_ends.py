@@ -234,11 +234,13 @@ def station(folder: Path, plan: Plan) -> None:
     def ask() -> None:
         began = time.monotonic_ns()
         request = new(f"{COMMAND}_Request", request_id=str(began), requester="benchmark")
-        for _ in range(CALL_TRIES):
+        for k in range(CALL_TRIES):  # as console.commands does
             with suppress(LinkError):
                 command.call(request, timeout=CALL_TIMEOUT)
                 calls.add(began, time.monotonic_ns() - began)
                 return
+            again = began * 1e-9 + (k + 1) * CALL_TIMEOUT
+            time.sleep(max(0.0, again - time.monotonic()))
         calls.add(began, -1)
 
     def say_beat(k: int) -> None:

@@ -7,12 +7,14 @@ the request id, so that a repeated request has one effect. Each service has a th
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
 from quadrotor.errors import LinkError, ParameterError, RefusedError, StorageError
+from vehicle_link.client import NoAnswerError
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node
@@ -23,8 +25,11 @@ from vehicle_link.topics import SERVICES
 CALL_TIMEOUT = 1.0
 """s the vehicle has for an answer; clients of the station wait a little longer."""
 
-EMERGENCIES = 4
+EMERGENCIES = CHANGES = 4
 """At once."""
+AGAIN = 5
+"""Times in all a change of parameters is asked for, a second apart, under one id and while the
+link is there. Not what moves the vehicle: done late it would surprise."""
 
 FORWARDED = ("arm", "disarm", "start_behavior", "emergency")
 
@@ -62,12 +67,11 @@ class CommandGateway:
             threads = EMERGENCIES if name == "emergency" else 1
             handler = partial(self._forward, name)
             node.serve(f"station/{name}", SERVICES[name], handler, threads=threads)
-        for name, handler in (
-            ("change_parameters", self._change_parameters),
-            # Only here: a repeated command must reach the vehicle when the first one did not.
-            ("record", Idempotent(self._start_or_stop)),
-        ):
-            node.serve(f"station/{name}", SERVICES[name], handler)
+        change = "change_parameters"
+        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, threads=CHANGES)
+        # Only here: a repeated command must reach the vehicle when the first one did not.
+        record = Idempotent(self._start_or_stop)
+        node.serve("station/record", SERVICES["record"], record)
 
     def _forward(self, name: str, request: Any) -> Any:
         # Requests queue up behind one that waits in vain; executed late they would surprise.
@@ -76,13 +80,27 @@ class CommandGateway:
         try:
             self._permit(name, request.requester)
             self._on_asked(name, request.requester)
-            return self._clients[name].call(request, timeout=CALL_TIMEOUT)
+            return self._ask(name, request, AGAIN if name == "change_parameters" else 1)
         except RefusedError as error:
             return _refused(name, str(error))
         except LinkError as error:
             if name == "emergency":  # an error, not a refusal: who asks tries again
                 raise LinkError(f"the vehicle did not answer: {error}") from error
             return _refused(name, f"the vehicle did not answer: {error}")
+
+    def _ask(self, name: str, request: Any, tries: int) -> Any:
+        """The vehicle's answer. Raises LinkError; RefusedError when the link is lost meanwhile."""
+        began = time.monotonic()
+        for more in reversed(range(tries)):
+            try:
+                return self._clients[name].call(request, timeout=CALL_TIMEOUT)
+            except NoAnswerError:
+                if not more:
+                    raise
+            time.sleep(max(0.0, began + CALL_TIMEOUT * (tries - more) - time.monotonic()))
+            if reason := self._refusal(name):
+                raise RefusedError(reason)
+        raise AssertionError("tries are at least one")
 
     def _change_parameters(self, request: Any) -> Any:
         """Names of the station here, all others at the vehicle; all or nothing."""

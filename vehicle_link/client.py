@@ -17,6 +17,10 @@ TIMEOUT = 1.0
 """s; a command is worth repeating under the same request id for 5 s, not waiting for longer."""
 
 
+class NoAnswerError(LinkError):
+    """The question or its answer may have been lost: worth asking again under the same id."""
+
+
 def wait_for_match(entity: zenoh.Querier | zenoh.Publisher, timeout: float) -> bool:
     """Whether a querier has a service, or a publisher a subscription, waiting at most `timeout`."""
     matched = threading.Event()
@@ -60,7 +64,8 @@ class ServiceClient:
         """The response; blocks for at most `timeout` seconds.
 
         Raises:
-            LinkError: nobody answered in time, or the service answered with an error.
+            NoAnswerError: nobody answered in time.
+            LinkError: the service answered with an error.
         """
         started = time.monotonic()
         try:
@@ -84,7 +89,7 @@ class ServiceClient:
             if text != "Timeout":  # Zenoh's own way of saying that time is up
                 raise LinkError(f"{self._name}: {text}")
         if time.monotonic() - started < 0.5 * timeout:  # nobody to wait for
-            raise LinkError(
+            raise NoAnswerError(
                 f"nobody serves {self._name}; is the other end running and the link up?"
             )
-        raise LinkError(f"{self._name} did not answer within {timeout:g} s; is the link up?")
+        raise NoAnswerError(f"{self._name} did not answer within {timeout:g} s; is the link up?")

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from vehicle_link.parameter_service import ParameterClient
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
-PATIENCE = {"checks": 8.0, "experiment": 4.0, "onboard_files": 4.0}  # s, for what takes its time
+PATIENCE = {"change_parameters": 6.0, "checks": 8.0, "experiment": 4.0, "onboard_files": 4.0}
+"""s, for what takes its time; a change of parameters is asked for again and again."""
 RETRY = 1.0  # s
 JOY = "sensor_msgs/Joy"
 

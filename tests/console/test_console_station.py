@@ -19,6 +19,7 @@ import pytest
 
 from console.base_station import BaseStation
 from console.catalogue import Catalogue
+from console.commands import CALL_TIMEOUT
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record
@@ -63,6 +64,7 @@ class FakeVehicle:
         self.node = node
         self.requests: list[tuple[str, Any]] = []
         self.refusal = ""
+        self.lost_answers = 0  # of the next changes: they come later than anybody waits
         self.armed = False
         self.revision = 0
         self.sequence = 0
@@ -127,6 +129,9 @@ class FakeVehicle:
 
     def _change(self, request: Any) -> Any:
         self.requests.append(("change_parameters", request))
+        if self.lost_answers:
+            self.lost_answers -= 1
+            self._closing.wait(1.2 * CALL_TIMEOUT)
         self.revision += 1
         self.gains.update(from_parameters(request.parameters))
         return new(
@@ -501,6 +506,18 @@ def test_vehicle_parameters_go_to_the_vehicle_and_both_kinds_at_once_work(bench:
     _, request = bench.vehicle.requests[-1]
     assert from_parameters(request.parameters) == {"position.kp_xy": 5.0}
     assert request.requester == "ada"
+
+
+def test_a_change_whose_answer_is_lost_is_asked_for_again_under_its_id(bench: Bench) -> None:
+    answers = bench.vehicle.lost_answers = 2
+    answer = bench.call("change_parameters", parameters=to_parameters({"position.kp_xy": 4.5}))
+    assert answer.accepted
+    assert from_parameters(answer.applied) == {"position.kp_xy": 4.5}
+    assert bench.vehicle.lost_answers == 0
+    asked = [request for name, request in bench.vehicle.requests if name == "change_parameters"]
+    ids = [str(request.request_id) for request in asked[-1 - answers :]]
+    assert len(ids) == 3
+    assert len(set(ids)) == 1
 
 
 def test_a_bad_station_parameter_changes_nothing_anywhere(bench: Bench) -> None:
