@@ -542,10 +542,14 @@ def test_the_stations_parameters_are_described_to_ros2_param(bench: Bench) -> No
 
 def test_the_truth_becomes_tracker_poses_and_bearings_at_the_vehicle(bench: Bench) -> None:
     start_ns = vehicle_now()
-    for k in range(20):
-        bench.send_truth((0.5, -0.5, 1.0), start_ns + k * 20_000_000)
     poses, frames = bench.vehicle.inbox.got["tracker_pose"], bench.vehicle.inbox.got["bearings"]
-    assert until(lambda: poses and frames)
+
+    def stream() -> bool:
+        """Best effort: of a single burst a loaded machine may drop all but the first."""
+        bench.send_truth((0.5, -0.5, 1.0), vehicle_now())
+        return bool(poses and frames)
+
+    assert until(stream)
     pose = topics.decode_pose(poses[0].payload)
     np.testing.assert_allclose(pose["position_w"][0], (0.5, -0.5, 1.0), atol=0.01)
     assert int(pose["stamp_ns"][0]) >= start_ns
@@ -562,10 +566,14 @@ def test_sticks_reach_the_vehicle_and_silence_drops_them(bench: Bench) -> None:
     assert (first.axes, first.enabled) == (axes, True)
     assert abs(first.stamp_ns - AHEAD_NS - joys[have].received_ns) < 1_000_000_000
     assert until(lambda: not topics.decode_joy(joys[-1].payload).enabled)
-    assert until(lambda: any("dead-man" in a for s in bench.inbox.decoded("station_status")
-                             for a in s.alarms))  # fmt: skip
+
+    def is_alarm() -> bool:
+        alarms = bench.inbox.decoded("station_status")[-1].alarms
+        return any("dead-man" in alarm for alarm in alarms)
+
+    assert until(is_alarm)
     bench.stick.put(topics.encode_joy(time.time_ns(), axes, False))
-    assert until(lambda: not bench.inbox.decoded("station_status")[-1].alarms)
+    assert until(lambda: not is_alarm())
 
 
 def test_sticks_of_a_page_that_stood_still_are_ignored(bench: Bench) -> None:
