@@ -7,7 +7,6 @@ in its own namespace. They share the catalogue and nothing else.
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +18,7 @@ from console.catalogue import Catalogue
 from console.dialled import remember_dialled
 from quadrotor.parameters import ParameterValue
 from vehicle_link.authority import TlsFiles, ensure_certificates, readable_keys
+from vehicle_link.end_signal import EndSignal
 from vehicle_link.instance import new_instance
 from vehicle_link.radio import Radio, is_hanging_up
 from vehicle_link.session import check_station, hub_session, parse_endpoint
@@ -49,9 +49,7 @@ def run_station(
     # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every thread that
     # waits wakes that often; with the threads of eight vehicles that alone would take a processor.
     sys.setswitchinterval(SWITCH_INTERVAL * len(vehicles))
-    stopping = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopping.set())
+    stopping = EndSignal()
     hosts = list(dict.fromkeys(parse_endpoint(endpoint)[0] for endpoint in vehicles.values()))
     catalogue = Catalogue(data, database_url)
     files = ensure_certificates(data / "certificates", hosts)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import sys
 import threading
 import time
@@ -42,6 +41,7 @@ from vehicle.self_checks import SelfChecks
 from vehicle.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates, readable_keys
+from vehicle_link.end_signal import Ending, EndSignal
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 from vehicle_link.whoami import serve_whoami
@@ -120,7 +120,7 @@ class Comms:
         for topic in self._inbound.handlers:
             self._lane.take(topic, self._receiver(topic))
 
-    def run(self, stopping: threading.Event) -> None:
+    def run(self, stopping: Ending) -> None:
         """Until `stopping` is set; then once more, so that nothing read is lost."""
         wait_s = self._longest_wait_s
         while not stopping.wait(wait_s):
@@ -220,9 +220,7 @@ def main(argument: str) -> int:
     config = msgspec.json.decode(argument, type=CommsConfig)
     speak_for(config.name)
     die_with_parent(config.parent)
-    stopping = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stopping.set())
+    stopping = EndSignal()
     try:
         folder = Path(config.data) / "certificates"
         is_enrolled = (folder / "ca.pem").exists()

@@ -1,0 +1,52 @@
+"""A signal ends a loop, whatever the loop is just at."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from vehicle_link.end_signal import EndSignal
+
+WAITS = """
+from vehicle_link.end_signal import EndSignal
+ending = EndSignal()
+print("up", flush=True)
+while not ending.wait(0.0):  # all its time within `wait`
+    pass
+print("ended")
+"""
+
+
+def test_a_signal_is_seen_at_once_and_stays() -> None:
+    before = signal.getsignal(signal.SIGUSR1)
+    try:
+        ending = EndSignal([signal.SIGUSR1])
+        assert not ending.wait(0.0)
+        for _ in range(1000):  # more than its socket may hold
+            os.kill(os.getpid(), signal.SIGUSR1)
+        began = time.monotonic()
+        assert ending.wait(60.0)
+        assert ending.wait(60.0)
+        assert time.monotonic() - began < 30.0
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_loop_that_only_waits_ends_whenever_the_signal_comes(number: signal.Signals) -> None:
+    """With a threading.Event it hung at about every second try."""
+    for _ in range(5):
+        child = subprocess.Popen([sys.executable, "-c", WAITS], stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        assert child.stdout.readline() == "up\n"
+        child.send_signal(number)
+        try:
+            said, _ = child.communicate(timeout=30.0)
+        finally:
+            child.kill()
+        assert (said, child.returncode) == ("ended\n", 0)

@@ -1,0 +1,44 @@
+"""Whether a signal asked this process to end."""
+
+from __future__ import annotations
+
+import select
+import signal
+import socket
+from collections.abc import Iterable
+from contextlib import suppress
+from types import FrameType
+from typing import Protocol
+
+
+class Ending(Protocol):
+    """What a loop waits on; a threading.Event where no signal sets it."""
+
+    def wait(self, timeout: float) -> bool: ...
+
+
+class EndSignal:
+    """Set by signals from now on; made by the main thread.
+
+    A handler must not set a threading.Event: handlers run in the main thread, between any two of
+    its steps, and where it is just within the event's lock, which is not re-entrant, it would wait
+    for itself for ever.
+    """
+
+    def __init__(self, numbers: Iterable[int] = (signal.SIGTERM, signal.SIGINT)) -> None:
+        self._is_set = False
+        self._reader, self._writer = socket.socketpair()
+        self._writer.setblocking(False)
+        for number in numbers:
+            signal.signal(number, self._note)
+
+    def wait(self, timeout: float) -> bool:
+        """Whether one came, waiting for it for at most `timeout` seconds."""
+        if not self._is_set:
+            select.select([self._reader], [], [], timeout)
+        return self._is_set
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._is_set = True
+        with suppress(BlockingIOError):  # it is full: whoever waits has been woken
+            self._writer.send(b"\0")
