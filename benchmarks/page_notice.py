@@ -63,7 +63,7 @@ def run(quick: bool = False) -> Report:
         "The page when the link is lost",
         [
             f"{count} times {SILENT:g} s without the vehicle's comms; from the signal until chip "
-            "and bar both say so and the frame is drawn; the vehicle flies on beside",
+            "and bar both say so and the frame is drawn; the vehicle stands on the ground",
             "headless Chromium on the same machine, 1440 x 900, the 3D view empty",
         ],
     )

@@ -89,18 +89,22 @@ class CommandGateway:
             return _refused(name, f"the vehicle did not answer: {error}")
 
     def _ask(self, name: str, request: Any, tries: int) -> Any:
-        """The vehicle's answer. Raises LinkError; RefusedError when the link is lost meanwhile."""
-        began = time.monotonic()
-        for more in reversed(range(tries)):
+        """The vehicle's answer.
+
+        Raises LinkError; RefusedError when link or control are lost meanwhile.
+        """
+        began, asked = time.monotonic(), 0
+        while True:
             try:
                 return self._clients[name].call(request, timeout=CALL_TIMEOUT)
             except NoAnswerError:
-                if not more:
+                asked += 1
+                if asked == tries:
                     raise
-            time.sleep(max(0.0, began + CALL_TIMEOUT * (tries - more) - time.monotonic()))
+            time.sleep(max(0.0, began + CALL_TIMEOUT * asked - time.monotonic()))
             if reason := self._refusal(name):
                 raise RefusedError(reason)
-        raise AssertionError("tries are at least one")
+            self._permit(name, request.requester)
 
     def _change_parameters(self, request: Any) -> Any:
         """Names of the station here, all others at the vehicle; all or nothing."""
