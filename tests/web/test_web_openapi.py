@@ -27,6 +27,14 @@ def as_text(_: Any, value: Any) -> bytes:
 
 EXAMPLES = 2  # of each route and kind
 NOT_ASKED = ("/api/session/sign_out",)  # ends the session the others are asked with
+SOUND = schemathesis.GenerationMode.POSITIVE
+
+
+def can_be_wrong(operation: Any) -> bool:
+    """Whether something of a request is described closer than as a text; else every request is
+    sound, and schemathesis tries hundreds of times before it says so."""
+    described = [set(one.definition.get("schema", ())) for one in operation.path_parameters]
+    return bool(operation.query or operation.body or any(d - {"type", "title"} for d in described))
 
 
 @pytest.fixture
@@ -54,11 +62,12 @@ def test_no_request_makes_the_server_fail(own_site: Any) -> None:
         operation = found.ok()
         if operation.path in NOT_ASKED:
             continue
-        for mode in schemathesis.GenerationMode:
+        modes = tuple(schemathesis.GenerationMode) if can_be_wrong(operation) else (SOUND,)
+        for mode in modes:
             attempt = given(case=operation.as_strategy(generation_mode=mode))(
                 lambda case: ask(case)
             )
-            with contextlib.suppress(Unsatisfiable):  # nothing to be wrong about: no body, no query
+            with contextlib.suppress(Unsatisfiable):  # a body of any text: none is wrong
                 settings(
                 max_examples=EXAMPLES, deadline=None, derandomize=True, database=None,
                 suppress_health_check=list(HealthCheck), phases=(Phase.generate,),

@@ -56,7 +56,7 @@ class BoundSlice:
         if wish is not None and self._work is None and wish != self._drawn and is_time:
             self._begun, self._working_on = now, wish
             self._work = self._worker.submit(self._draw, wish)
-        if wish is None and self._work is None:
+        if wish is None:
             self.scale, self._drawn = None, None
         if self._node is not None:
             self._node.visible = wish is not None and self.scale is not None
