@@ -22,7 +22,8 @@ class AlarmBoard:
     def set(self, key: str, line: str | None) -> None:
         """Raise or change the alarm of this cause; None clears it."""
         with self._lock:
-            begins = line is not None and key not in self._lines
+            is_known = line in self._lines.values() or line in self._foreign
+            begins = key not in self._lines and not is_known
             if line is None:
                 self._lines.pop(key, None)
             else:
@@ -38,7 +39,7 @@ class AlarmBoard:
     def lines(self, foreign: Sequence[str] = ()) -> list[str]:
         """All alarms with those another object keeps itself (the recorder), each line once."""
         with self._lock:
-            own = list(self._lines.values())
+            own = list(dict.fromkeys(self._lines.values()))
             foreign = [line for line in dict.fromkeys(foreign) if line not in own]
             begun = [line for line in foreign if line not in self._foreign]
             self._foreign = set(foreign)

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session, sessionmaker
 
 from console.catalogue_search import RunSearch, condition
 from console.catalogue_tables import Base, RunRow, TrashRow
+from console.database_file import DatabaseFile
 from quadrotor.errors import StorageError
 
 RUNS = "runs"
@@ -76,6 +77,12 @@ class Catalogue:
                 Base.metadata.create_all(self._engine)
         except SQLAlchemyError as error:
             raise _storage_error(error) from error
+        self._file = DatabaseFile(self._engine, data)
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be kept, and what to do: its file or the data folder is gone; or ""."""
+        return self._file.problem()
 
     @property
     def engine(self) -> Engine:

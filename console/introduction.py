@@ -49,6 +49,7 @@ class Introduction:
             if now >= max(self._down_since + STRANGE, self._knock_due):
                 self._knock_due = now + AGAIN
                 standing.unreachable = self._unreachable()
+                standing.stranger = ""
             return
         self._down_since, self._door = 0.0, None
         standing.unreachable = ""
@@ -59,28 +60,31 @@ class Introduction:
             self._due = now + (AGAIN if standing.access != OBSERVER else STRANGE)
         except LinkError:
             log.debug("the vehicle did not say who it is", exc_info=True)
-            if not standing.access:  # else a question was lost, and nothing is new
-                standing.stranger = self._stranger()
+            # With access a question was lost, and nothing is new.
+            if not standing.access and (found := self._stranger()) is not None:
+                standing.stranger = found
 
     def _unreachable(self) -> str:
-        """Why there is no link, as far as a packet without certificates can tell."""
+        """Why there is no link, as far as our files and a packet without certificates can tell."""
         radio = self._link.radio
         if radio is None:
             return ""
+        if reason := radio.problem():
+            return f"no link to {radio.address}: {reason}"
         before, door = self._door, knock(*parse_endpoint(radio.address))
         self._door = door
         if door is Door.ANSWERS is not before:
             return ""  # it may have come up this moment
         return f"no link to {radio.address}: {WHY[door]}"
 
-    def _stranger(self) -> str:
-        """What is known of a vehicle that does not answer; "" while it may still do."""
+    def _stranger(self) -> str | None:
+        """What is known of a vehicle that does not answer; None while it may still do."""
         radio = self._link.radio
         heard = self._link.state() is not LinkState.LOST
-        if radio is None or heard or radio.connected_for < STRANGE:
-            return ""
-        if self._whoami.is_there:
+        if radio is None or heard or self._whoami.is_there:
             return ""  # it would understand; it is busy
+        if radio.connected_for < STRANGE:
+            return None
         names = radio.names()
         if names and self._vehicle not in names:
             found = ", ".join(sorted(names))

@@ -140,6 +140,6 @@ class LinkMonitor:
             address="" if self.radio is None else self.radio.address,
             access=self.standing.access,
             path=self.path if quality.rate else "",
-            problem=self.problem(),
+            problem=self.problem() or self.standing.unreachable,
             reopened=0 if self.radio is None else self.radio.reopened,
         )

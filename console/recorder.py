@@ -45,6 +45,7 @@ class Recorder:
             take a second; StorageError becomes an alarm.
         on_again: called in that thread some seconds after the disk ended a run, or kept one from
             beginning, and again until one begins: whether one is to begin.
+        on_watch: asked once a second; what is wrong with all that is kept, "" for nothing.
         queue_limit: messages that may wait for the disk.
     """
 
@@ -55,9 +56,11 @@ class Recorder:
         on_end: Callable[[RunEnd], None] = lambda end: None,
         queue_limit: int = QUEUE_LIMIT,
         on_again: Callable[[], None] = lambda: None,
+        on_watch: Callable[[], str] = lambda: "",
     ) -> None:
         self._folder = folder
         self._on_start, self._on_end, self._on_again = on_start, on_end, on_again
+        self._on_watch = on_watch
         self._limit = queue_limit
         self._queue: deque[Message | Run | None] = deque()  # None: stop
         self._wake = threading.Event()
@@ -280,13 +283,18 @@ class Recorder:
 
     def _watch(self) -> None:
         """Once a second: is there still a disk below us?"""
-        make_again(self._folder)
+        problem = self._on_watch()
+        if not problem:
+            make_again(self._folder)
         try:
             self._free = free_bytes(self._folder)
-            self._alarms.pop("folder", None)
         except StorageError as error:
             self._free = 0
-            self._alarms["folder"] = str(error)
+            problem = problem or str(error)
+        if problem:
+            self._alarms["folder"] = problem
+        else:
+            self._alarms.pop("folder", None)
         if self._open is not None:
             problem = self._open.problem(self._folder, self._free)
             if problem is not None:

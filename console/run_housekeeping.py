@@ -69,7 +69,7 @@ class Housekeeping:
             self._alarm("trash", self._stuck)
         except StorageError as error:
             # Without the folder nothing is done here, and the recorder says that it is away.
-            away = not self._catalogue.folder.is_dir()
+            away = self._catalogue.problem or not self._catalogue.folder.is_dir()
             self._alarm("trash", None if away else str(error))
 
     def _purge(self) -> str | None:

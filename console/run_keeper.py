@@ -57,7 +57,10 @@ class RunKeeper:
         self._provenance = provenance()
         self.on_closed: Callable[[str], None] = lambda run_id: None
         """Told the id of each run that ended, in the recorder's thread."""
-        self.recorder = Recorder(catalogue.folder, self._started, self._ended, on_again=self._again)
+        self.recorder = Recorder(
+            catalogue.folder, self._started, self._ended,
+            on_again=self._again, on_watch=lambda: catalogue.problem,
+        )  # fmt: skip
 
     def asked(self, command: str, requester: str) -> None:
         """Somebody asked for this command; whoever arms is the run's operator."""

@@ -55,8 +55,9 @@ class Standing:
         self.stranger = disagreement(str(whoami.protocol), str(whoami.version))
 
     def gone(self) -> None:
-        """The link is down: who comes back may be another."""
-        self.access = self.stranger = ""
+        """The link is down: who comes back may be another. What was said of a stranger stays until
+        more is known, for a link that brings nothing is opened anew again and again."""
+        self.access = ""
 
     @property
     def beats(self) -> bool:

@@ -59,6 +59,7 @@ class Radio:
         host, port = parse_endpoint(endpoint)
         self.address = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
         self.reopened = 0
+        self._unopened = ""
         self._endpoint, self._tls = endpoint, tls
         self._loopback = loopback_port, loopback_host
         self._silent, self._say = silent, say
@@ -88,6 +89,14 @@ class Radio:
         session = self._session
         return set() if session is None else namespaces(session)
 
+    def problem(self) -> str:
+        """Why no session can be opened, or which of our files no vehicle accepts; reads them."""
+        try:
+            check_station(self._endpoint, self._tls)
+        except LinkError as error:
+            return str(error)
+        return self._unopened
+
     def close(self, patience: float = 0.0) -> None:
         """Hang up. Waits at most `patience` seconds for it: with a vehicle that is gone it can
         take ten."""
@@ -100,11 +109,12 @@ class Radio:
             try:
                 session = radio_session(self._endpoint, self._tls, *self._loopback)
             except LinkError as error:  # files that are gone, no memory: never for good
+                self._unopened = str(error)
                 self._say(f"radio to {self.address}: {error}; trying again in {patience:g} s")
                 self._closing.wait(patience)
                 patience = min(2 * patience, LONGEST)
                 continue
-            self._session = session
+            self._session, self._unopened = session, ""
             patience = self._watch(session, patience)
             self._stands.clear()
             self._session = None

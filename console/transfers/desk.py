@@ -19,7 +19,7 @@ from console.catalogue_completeness import (
     keep_completeness,
     open_runs,
 )
-from console.disk import free_bytes
+from console.disk import check_folder, folder_problem, free_bytes, make_again
 from console.parameters import RecorderParameters
 from console.run_files import enter_again
 from console.transfers.backfill import Backfill
@@ -103,7 +103,9 @@ class TransferDesk:
     def ask(self, kind: Kind, name: str, by_person: bool = False) -> None:
         """Once, however often it is asked for. Raises RefusedError or StorageError."""
         if kind == "download":
-            want(self.folder, check_name(name))
+            check_name(name)
+            self._make_folder()
+            want(self.folder, name)
         elif by_person:
             self._catalogue.resolve(name)
             if (whose := self._catalogue.get(name).vehicle) != self._vehicle:
@@ -193,6 +195,10 @@ class TransferDesk:
         fetcher = Fetcher(self._files, self._came(job))
         try:
             job.check()
+            try:
+                self._make_folder()
+            except StorageError as error:
+                raise NotYetError(f"{error}; it goes on when it is there") from error
             if job.kind == "download":
                 download(job, self.folder, self._files, fetcher, self._room, self._wait)
             else:
@@ -271,10 +277,21 @@ class TransferDesk:
 
         return came
 
+    def _make_folder(self) -> None:
+        """Where the data folder is there, as the recorder does: else its disk may be away, and
+        what is made now would lie in the folder below it. Raises StorageError."""
+        if problem := self._catalogue.problem:
+            raise StorageError(problem)
+        make_again(self.folder.parent)
+        check_folder(self.folder, 0)
+
     def _room(self, count: int) -> None:
-        """Raises NoRoomError when so many more bytes leave less than the recorder keeps free."""
+        """Raises NoRoomError when so many more bytes leave less than the recorder keeps free, and
+        NotYetError when the folder has vanished meanwhile."""
         keep = round(self._parameters.keep_free * 1e6)
-        self.folder.mkdir(parents=True, exist_ok=True)
+        found, advice = folder_problem(self.folder)
+        if found:
+            raise NotYetError(f"{found}; {advice}; it goes on when it is there")
         free = free_bytes(self.folder)
         if free - count < keep:
             raise NoRoomError(

@@ -53,6 +53,7 @@ def download(
         job.bytes, job.total_bytes, job.phase = part.size, file.size, "fetching"
         room(file.size - part.size)
         fetcher.fetch(part, [(0, file.size)])
+        room(0)  # the folder itself may have vanished meanwhile
         job.phase = "checking"
         part.sync()
         if sum_of(part.path, job.check) != _sum_on_board(job, file, files, wait):

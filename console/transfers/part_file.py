@@ -45,7 +45,7 @@ class PartFile:
         self.restarted = False
         self._ranges: list[Range] = []
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(exist_ok=True)  # no parents: its disk may be away
             self._data = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             self._lines = os.open(self.journal, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             self._resume(wanted)
@@ -156,7 +156,7 @@ def want(folder: Path, name: str) -> None:
     if journal.exists():
         return
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(exist_ok=True)
         journal.write_text(json.dumps({"identity": 0, "wanted": True}) + "\n")
     except OSError as error:
         raise _storage_error(journal, error) from error

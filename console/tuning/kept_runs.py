@@ -76,7 +76,7 @@ class KeptRuns:
         """Write it; the oldest beyond the number kept are gone. Raises StorageError."""
         with self._lock:
             try:
-                self._folder.mkdir(parents=True, exist_ok=True)
+                self._folder.mkdir(exist_ok=True)
                 with _aside(self._path(run.id, ".npz")) as aside, aside.open("wb") as stream:
                     np.savez_compressed(
                         stream,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shutil
 import socket
 import threading
 import time
@@ -15,8 +17,8 @@ from console import introduction
 from console.introduction import Introduction
 from console.link_monitor import LinkMonitor
 from tests.waiting import free_port
-from vehicle_link import whoami
-from vehicle_link.authority import TlsFiles, ensure_certificates
+from vehicle_link import radio, whoami
+from vehicle_link.authority import Role, TlsFiles, ensure_certificates
 from vehicle_link.enrolment import issue_station
 from vehicle_link.node import Node
 from vehicle_link.radio import Radio
@@ -30,15 +32,20 @@ WAIT = 10.0  # s: a bound, not an expectation
 class Station:
     """Of one hub, one radio and the thread that asks."""
 
-    def __init__(self, port: int, tls: TlsFiles) -> None:
+    def __init__(self, port: int, tls: TlsFiles, silent: float = 0.0) -> None:
         loopback = free_port(socket.SOCK_STREAM)
         self.hub: Any = hub_session(loopback)
         self.link = LinkMonitor("quad1", 1)
-        self.link.radio = Radio(f"127.0.0.1:{port}", tls, loopback, lambda: 0.0)
+        self.link.radio = Radio(f"127.0.0.1:{port}", tls, loopback, lambda: silent)
         asks = Introduction(Node(self.hub, "/quad1", "station"), "quad1", self.link)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=asks.run, args=(self._closing, lambda act: act()))
         self._thread.start()
+
+    @property
+    def told(self) -> str:
+        """What pages hear."""
+        return str(self.link.message(time.time_ns()).problem)
 
     def until(self, condition: Callable[[LinkMonitor], object]) -> None:
         deadline = time.monotonic() + WAIT
@@ -75,8 +82,8 @@ def _vehicle(closed: list[Any], port: int, tls: TlsFiles, name: str = "quad1") -
     return closed[-1]  # type: ignore[no-any-return]
 
 
-def _station(closed: list[Any], port: int, tls: TlsFiles) -> Station:
-    closed.append(Station(port, tls))
+def _station(closed: list[Any], port: int, tls: TlsFiles, silent: float = 0.0) -> Station:
+    closed.append(Station(port, tls, silent))
     return closed[-1]  # type: ignore[no-any-return]
 
 
@@ -139,3 +146,53 @@ def test_no_link_is_told_with_its_likely_cause(tmp_path: Path, closed: list[Any]
     _vehicle(closed, port, ensure_certificates(tmp_path / "foreign"))
     station.until(lambda link: "not accept the other's certificate" in link.standing.unreachable)
     assert station.link.problem() == ""
+    assert station.told == station.link.standing.unreachable
+
+
+def test_a_vehicle_s_certificate_at_the_station_is_told_until_the_right_one_is_there(
+    tmp_path: Path, closed: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(radio, "SILENT", 0.3)
+    ours, port = ensure_certificates(tmp_path / "base"), free_port(socket.SOCK_DGRAM)
+    serve_whoami(_vehicle(closed, port, ours), "quad1", 5, THE_ONE)
+    wrong = TlsFiles(tmp_path / "wrong")
+    shutil.copytree(ours.folder, wrong.folder)
+    _copy_pair(ours, "vehicle", wrong)
+    station = _station(closed, port, wrong, silent=math.inf)
+    station.until(lambda link: "shows nothing to this station: its certificate" in station.told)
+    dialled = station.link.radio
+    assert dialled
+    told: set[str] = set()
+    enough = dialled.reopened + 2
+
+    def is_reopened_again(_: LinkMonitor) -> bool:
+        told.add(station.told)
+        return dialled.reopened >= enough
+
+    station.until(is_reopened_again)
+    assert told == {station.told}
+    _copy_pair(ours, "station", wrong)
+    station.until(lambda link: link.standing.access == "pilot" and not station.told)
+
+
+def test_a_certificate_of_another_authority_is_told_by_its_file_until_it_is_ours(
+    tmp_path: Path, closed: list[Any]
+) -> None:
+    ours, port = ensure_certificates(tmp_path / "ours"), free_port(socket.SOCK_DGRAM)
+    kept, foreign = TlsFiles(tmp_path / "kept"), ensure_certificates(tmp_path / "foreign")
+    shutil.copytree(ours.folder, kept.folder)
+    station = _station(closed, port, ours)
+    station.until(lambda link: "no `quadlab vehicle` listens" in station.told)
+    _copy_pair(foreign, "station", ours)
+    path = ours.certificate("station")
+    reason = f"no link to 127.0.0.1:{port}: {path} was not signed by {ours.authority}; copy "
+    station.until(lambda link: station.told.startswith(reason))
+    _copy_pair(kept, "station", ours)
+    serve_whoami(_vehicle(closed, port, kept), "quad1", 5, THE_ONE)
+    station.until(lambda link: link.standing.access == "pilot" and not station.told)
+
+
+def _copy_pair(source: TlsFiles, role: Role, to: TlsFiles) -> None:
+    """Over the station's."""
+    shutil.copy(source.certificate(role), to.certificate("station"))
+    shutil.copy(source.key(role), to.key("station"))

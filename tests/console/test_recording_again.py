@@ -169,22 +169,35 @@ def test_nothing_begins_again_that_was_ended_otherwise(
     assert runs.recorder.run_id == ""
 
 
+@pytest.mark.parametrize("which", ["data", "runs"])
 def test_a_folder_that_is_away_is_one_alarm(
-    runs: RunKeeper, catalogue: Catalogue, tmp_path: Path
+    runs: RunKeeper, catalogue: Catalogue, tmp_path: Path, which: str
 ) -> None:
     said: list[str] = []
     board = AlarmBoard(said.append)
     keeping = Housekeeping(
         catalogue, RecorderParameters(), runs.recorder.status, lambda _: None, board.set
     )
-    (tmp_path / "data").rename(tmp_path / "away")
+    away = {"data": tmp_path / "data", "runs": catalogue.folder}[which]
+    away.rename(tmp_path / "away")
+    if which == "runs":
+        away.symlink_to(tmp_path / "not_mounted")
     wait_for(lambda: runs.recorder.status().alarms)
     keeping.look()
     [line] = board.lines(runs.recorder.status().alarms)
-    assert line == (
-        f"the folder {catalogue.folder} cannot be reached (No such file or directory); "
-        "is its disk mounted?"
-    )
+    reasons = {
+        "data": f"the data folder is gone: {away}; nothing is recorded or saved; mount its disk or "
+        "put it back, or start quadlab anew: it begins with what is there",
+        "runs": f"the folder {away} cannot be reached (No such file or directory); is its disk "
+        "mounted?",
+    }
+    assert line == reasons[which]
     assert said == [line]
     board.set("other", line)
+    board.set("another", line)
     assert board.lines([line]) == [line]
+    assert said == [line]
+    if which == "runs":
+        away.unlink()
+    (tmp_path / "away").rename(away)
+    wait_for(lambda: not runs.recorder.status().alarms)

@@ -27,7 +27,7 @@ from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
 from console.transfers.service import Transfers
 from console.transfers.vehicle_files import LinkedFiles
-from quadrotor.errors import LinkError, RefusedError
+from quadrotor.errors import LinkError, RefusedError, StorageError
 from quadrotor.records import TICK
 from tests.vehicle_link.drop_outs import START_NS, Flight, flown, with_holes
 from tests.waiting import until
@@ -424,6 +424,34 @@ def test_a_download_goes_on_when_the_link_is_back_and_after_a_new_start(
     assert (bench.desk.folder / "flight.mcap").read_bytes() == data
     lengths = sum(length for _, length in link.asked if length > 8)
     assert lengths < len(data) + 4 * 2800, "much was fetched twice"
+
+
+def test_nothing_is_made_where_the_data_folder_is_away_and_it_goes_on_when_it_is_back(
+    bench: Bench, onboard: Path, link: Link, tmp_path: Path
+) -> None:
+    log = random_file(onboard, 60_000)
+    data, away = tmp_path / "data", tmp_path / "away"
+
+    def unmount(number: int) -> None:
+        if number == 5:
+            data.rename(away)
+            data.mkdir()  # the mount point below the disk
+
+    link.before_piece = unmount
+    bench.desk.start()
+    bench.desk.ask("download", "flight.mcap")
+    gone = f"catalogue.sqlite is gone from the data folder {data}"
+    assert until(lambda: bench.desk.jobs()[0].problem.startswith(gone))
+    [job] = bench.desk.jobs()
+    assert job.phase == "waiting"
+    assert job.problem.endswith("; it goes on when it is there")
+    with pytest.raises(StorageError, match=gone):
+        bench.desk.ask("download", "other.mcap")
+    assert list(data.iterdir()) == []
+    data.rmdir()
+    away.rename(data)
+    assert ended(bench, "flight.mcap").phase == "done"
+    assert (bench.desk.folder / "flight.mcap").read_bytes() == log
 
 
 @pytest.mark.parametrize("is_filled_first", [False, True])

@@ -1,0 +1,65 @@
+"""That the database's file is still the one that was opened.
+
+SQLite goes on writing into a file that was removed or replaced under it, and says nothing: all it
+takes is lost with the process. So each transaction begins with a look at the name.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Engine, event
+
+from quadrotor.errors import StorageError
+
+Identity = tuple[int, int]
+"""Device and inode."""
+
+
+class DatabaseFile:
+    """Looked at before every transaction of an engine from now on; StorageError ends it there.
+
+    Args:
+        engine: of SQLite, with its file made; one without a file is never missed.
+        data: the data folder, for what people are told.
+    """
+
+    def __init__(self, engine: Engine, data: Path) -> None:
+        self._data = data
+        name = engine.url.database if engine.dialect.name == "sqlite" else None
+        self._path = Path(name) if name and name != ":memory:" else None
+        self._opened = self._identity()
+        if self._path is not None:
+            # Before a new connection too: it would make an empty file.
+            event.listen(engine, "do_connect", self._look)
+            event.listen(engine, "checkout", self._look)
+
+    def problem(self) -> str:
+        """Why nothing can be kept, and what to do; "" when it can. Never waits for the database."""
+        if self._path is None or self._identity() == self._opened:
+            return ""
+        remedy = (
+            "mount its disk or put it back, or start quadlab anew: it begins with what is there"
+        )
+        if not self._data.is_dir():
+            return f"the data folder is gone: {self._data}; nothing is recorded or saved; {remedy}"
+        if not self._path.exists():
+            found = f"{self._path.name} is gone from the data folder {self._path.parent}"
+        else:
+            found = f"{self._path} is another file than the one that was opened"
+        return f"{found}; nothing but recordings is saved; {remedy}"
+
+    def _identity(self) -> Identity | None:
+        if self._path is None:
+            return None
+        try:
+            found = os.stat(self._path)
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
+
+    def _look(self, *_: Any) -> None:
+        if problem := self.problem():
+            raise StorageError(problem)

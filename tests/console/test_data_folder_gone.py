@@ -1,0 +1,96 @@
+"""A database whose file is gone keeps nothing, and says so instead of taking what is lost."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from console.catalogue import DATABASE, Catalogue
+from console.catalogue_notes import write_notes
+from console.parameter_history import ParameterChange, ParameterHistory
+from console.parameter_presets import ParameterPresets
+from console.tuning.kept_runs import KeptRuns
+from quadrotor.errors import StorageError
+from tests.console.test_console_catalogue import entry
+
+REMEDY = "mount its disk or put it back, or start quadlab anew: it begins with what is there"
+CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
+
+
+class Keepers:
+    """All that writes into the data folder's database."""
+
+    def __init__(self, data: Path) -> None:
+        self.catalogue = Catalogue(data)
+        self.history = ParameterHistory(self.catalogue.engine, "quad1")
+        self.presets = ParameterPresets(self.catalogue.engine, "quad1")
+        self.catalogue.add(entry("r1"))
+
+    def changes(self) -> list[Callable[[], object]]:
+        return [
+            lambda: self.catalogue.add(entry("r2")),
+            lambda: write_notes(self.catalogue, "r1", "windy"),
+            lambda: self.history.add([CHANGE]),
+            lambda: self.presets.save("mine", {"control.k_p": 2.0}, "ada"),
+        ]
+
+    def refuse_with(self, reason: str) -> None:
+        assert self.catalogue.problem == reason
+        for change in self.changes():
+            with pytest.raises(StorageError, match=f"^{re.escape(reason)}$"):
+                change()
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def keepers(data: Path) -> Keepers:
+    return Keepers(data)
+
+
+def test_what_cannot_be_kept_is_refused_when_the_data_folder_was_removed(
+    data: Path, keepers: Keepers
+) -> None:
+    assert keepers.catalogue.problem == ""
+    shutil.rmtree(data)
+    gone = f"the data folder is gone: {data}; nothing is recorded or saved; {REMEDY}"
+    keepers.refuse_with(gone)
+    assert not data.exists()
+    with pytest.raises(StorageError, match=r"cannot be kept: .*No such file"):
+        KeptRuns(data).keep(None, None)  # type: ignore[arg-type]  # refused before it looks
+    assert not data.exists()
+
+
+def test_a_data_folder_that_comes_back_is_written_again(data: Path, keepers: Keepers) -> None:
+    away = data.with_name("away")
+    data.rename(away)
+    keepers.refuse_with(f"the data folder is gone: {data}; nothing is recorded or saved; {REMEDY}")
+    data.mkdir()  # as the folder below a disk that is not mounted
+    missing = f"{DATABASE} is gone from the data folder {data}; nothing but recordings is saved"
+    keepers.refuse_with(f"{missing}; {REMEDY}")
+    assert list(data.iterdir()) == []
+    data.rmdir()
+    away.rename(data)
+    for change in keepers.changes():
+        change()
+    keepers.catalogue.close()
+    again = Keepers(data)
+    assert [(run.id, run.notes) for run in again.catalogue.runs()] == [("r2", ""), ("r1", "windy")]
+    assert [change.new for change in again.history.changes()] == [2.0]
+    assert [preset.name for preset in again.presets.all()] == ["mine"]
+
+
+def test_another_database_under_the_name_is_not_taken_for_the_one_that_was_opened(
+    data: Path, keepers: Keepers
+) -> None:
+    shutil.copy(data / DATABASE, data / "copy")
+    (data / "copy").replace(data / DATABASE)
+    other = f"{data / DATABASE} is another file than the one that was opened"
+    keepers.refuse_with(f"{other}; nothing but recordings is saved; {REMEDY}")
