@@ -25,7 +25,7 @@ from benchmarks.line_plot import draw_lines
 
 NAMES = (
     "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
-    "replay", "sticks", "parameter_page", "run_list", "loop_rate", "faults", "loop",
+    "replay", "sticks", "parameter_page", "run_list", "loop_rate", "faults", "loop", "fleet",
     "serial_line", "failures", "identification", "link", "page_notice", "onboard_log",
     "killed_logs", "logs",
 )  # fmt: skip

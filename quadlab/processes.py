@@ -95,7 +95,7 @@ class Vehicle:
     link_port: int = 7447
     """UDP port of the radio link to listen on"""
     telemetry: Annotated[int, tyro.conf.arg(metavar="HZ")] = 100
-    """packets of telemetry a second, 20 to 100, each with the ticks since the one before"""
+    """packets of telemetry a second, 12 to 100, each with the ticks since the one before"""
     name: str = "quad1"
     """namespace of the vehicle's topics"""
     set: Settings = ()
@@ -103,8 +103,8 @@ class Vehicle:
 
     def run(self) -> int:
         check_name(self.name)
-        if not 20 <= self.telemetry <= 100:
-            raise UsageError(f"--telemetry {self.telemetry} is not possible; allowed are 20 to 100")
+        if not 12 <= self.telemetry <= 100:
+            raise UsageError(f"--telemetry {self.telemetry} is not possible; allowed are 12 to 100")
         identity = Identity(self.robot_id, self.firmware)
         identity.check()
         if self.find and self.check:

@@ -28,7 +28,7 @@ class Rates:
 
 ALONE = Rates(DEFAULT_RATE, 100, 100, 30)
 SOME = Rates(100, 33, 30, 10)
-MANY = Rates(60, 20, 20, 5)
+MANY = Rates(60, 12, 12, 3)
 FEW = 3
 """Vehicles that fly at `SOME`."""
 

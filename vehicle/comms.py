@@ -46,7 +46,7 @@ from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 from vehicle_link.whoami import serve_whoami
 
-SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.025
+SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.05
 STATION_LOST_S = 1.0
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5

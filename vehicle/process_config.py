@@ -42,7 +42,7 @@ class FlightConfig(msgspec.Struct, frozen=True):
     name: str = "quad1"
 
 
-PACKETS_A_SECOND, FEWEST_PACKETS = 100, 20
+PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
 """Of telemetry: usual, and the least; several vehicles on one computer send fewer."""
 
 

@@ -97,7 +97,7 @@ class ComparisonFeed:
     def _run(self) -> None:
         due = time.monotonic()
         while not self._closing.is_set():
-            due = max(due + PERIOD, time.monotonic())
+            due = max(due + (PERIOD if self._child else LOOK), time.monotonic())
             self._closing.wait(due - time.monotonic())
             if not self._is_wanted():
                 self._rest()

@@ -8,9 +8,14 @@ import pytest
 
 from console.dialled import dialled, remember_dialled
 from quadlab.processes import parse_names, parse_vehicles
-from quadlab.simulated_fleet import SimulatedFleet
+from quadlab.simulated_fleet import MOST, SimulatedFleet
 from quadrotor.errors import LinkError, UsageError
+from vehicle.process_config import FEWEST_PACKETS, PACKETS_A_SECOND
+from vehicle.simulator.process import pace_of
 from vehicle_link.authority import check_certificate, ensure_certificates
+from vehicle_link.telemetry import SAMPLES_A_PACKET
+
+PERIOD = 0.001  # s, of the simulated microcontroller
 
 
 def test_addresses_of_several_vehicles_are_read_with_their_names() -> None:
@@ -53,6 +58,16 @@ def test_several_vehicles_have_their_own_names_and_ports() -> None:
     assert several.ports == {"quad1": 7447, "quad2": 7449, "quad3": 7451}
     with pytest.raises(UsageError, match="leave --name or --vehicles away"):
         SimulatedFleet(3, "lab", 7447).check()
+
+
+@pytest.mark.parametrize("count", range(1, MOST + 1))
+def test_the_rates_of_so_many_fit_together(count: int) -> None:
+    fleet = SimulatedFleet(count, "quad1", 7447)
+    rates, pace = fleet.rates, pace_of(count)
+    assert FEWEST_PACKETS <= rates.packets <= PACKETS_A_SECOND
+    assert rates.ticks <= rates.packets * SAMPLES_A_PACKET, "a packet holds all since the last"
+    assert rates.bearings <= rates.poses <= pace.truth_rate, "each pose is of a truth of its own"
+    assert pace.periods * PERIOD < 0.6 / rates.ticks, "the motors obey within the tick"
 
 
 def test_a_vehicle_s_folder_has_its_certificate_and_cannot_issue_others(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def run(
         stop = _stop_on_signals()
     # Before there are devices: who finds one may take it that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
-    pace = ALONE if len(vehicles) == 1 else TOGETHER
+    pace = pace_of(len(vehicles))
     session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
     robots: list[_Robot] = []
     try:
@@ -107,8 +107,15 @@ class Pace:
 
 
 ALONE = Pace(1, 100)
-TOGETHER = Pace(5, 30)
-"""Of several on one processor: commands then take up to 4 ms longer to the motors."""
+SOME, MANY = Pace(5, 30), Pace(9, 24)
+"""Of several on one processor: commands then take up to 4 ms or 8 ms longer to the motors."""
+FEW = 3
+"""Vehicles that move by `SOME`."""
+
+
+def pace_of(count: int) -> Pace:
+    """Of each of so many vehicles."""
+    return ALONE if count == 1 else SOME if count <= FEW else MANY
 
 
 class _Robot:

@@ -1,0 +1,194 @@
+"""Whether the simulated vehicles of one `quadlab up` hover together, and what that costs.
+
+    python -m benchmarks fleet
+
+`quadlab up --vehicles 8` whole, nobody at the page. All are armed, take off, hover and land over
+the station as from a terminal. In flight and recorded all the time: the heights are the true ones.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from benchmarks.harness import Report, Row, Target
+from benchmarks.laboratory import TICK, processes
+from quadlab.station_client import StationClient, station
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+
+ROOT = Path(__file__).resolve().parents[1]
+PORT, LINK_PORT = 28082, 28450
+COUNT, QUICK_COUNT = 8, 3
+HOVER, QUICK_HOVER = 60.0, 10.0  # s
+PATIENCE = 120.0  # s
+HEIGHT, NEAR = 1.0, 0.1  # m
+TOPICS = ("status", "truth", "station_status", "link_status")
+SETTLED = 5.0  # s after the last one has arrived above
+LOOK = 0.1  # s
+
+
+class Pilot:
+    """Of one vehicle: what it says last, and what it is told."""
+
+    def __init__(self, client: StationClient) -> None:
+        self._client = client
+        self.newest: dict[str, Any] = {}
+        self.wrong: Counter[str] = Counter()
+        self.lowest, self.highest = float("inf"), -float("inf")
+        for topic in TOPICS:
+            threading.Thread(
+                target=self._hear, args=(topic, client.listen(topic)), daemon=True
+            ).start()
+
+    def _hear(self, topic: str, queue: Any) -> None:
+        while True:
+            self.newest[topic] = queue.get()
+
+    def ask(self, what: str, **fields: str) -> None:
+        """Until it is accepted: a vehicle that has just started is refused for some seconds."""
+
+        def accepted() -> bool:
+            try:
+                self._client.ask(what, **fields)
+            except (RefusedError, LinkError) as error:
+                self._refusal = str(error)
+                return False
+            return True
+
+        until(accepted, f"{what} {fields}", lambda: self._refusal)
+
+    @property
+    def height(self) -> float:
+        return float(self.newest["truth"].pose.pose.position.z)
+
+    @property
+    def is_up(self) -> bool:
+        return "truth" in self.newest and abs(self.height - HEIGHT) <= NEAR
+
+    def look(self) -> None:
+        """What is not as it is to be while it hovers."""
+        status = self.newest["status"]
+        self.lowest = min(self.lowest, self.height)
+        self.highest = max(self.highest, self.height)
+        self.wrong["not hovering"] += status.behavior != "hover" or not status.airborne
+        self.wrong["not recorded"] += not self.newest["station_status"].recording
+        self.wrong["link not good"] += self.newest["link_status"].state != "good"
+
+
+def run(quick: bool = False) -> Report:
+    """Raises QuadlabError when the vehicles do not come up."""
+    count, hover = (QUICK_COUNT, QUICK_HOVER) if quick else (COUNT, HOVER)
+    report = Report(
+        "fleet",
+        "Several vehicles on one computer",
+        [
+            f"{count} simulated vehicles hover {hover:g} s, each recorded, no page open",
+            "CPU of all processes while they hover, in percent of one core",
+        ],
+    )
+    with laboratory(count) as (up, lines), contextlib.ExitStack() as stack:
+        names = [f"quad{number}" for number in range(1, count + 1)]
+        pilots = [Pilot(stack.enter_context(station(LINK_PORT, name))) for name in names]
+        for pilot in pilots:
+            pilot.ask("arm")
+        for pilot in pilots:
+            pilot.ask("start_behavior", name="take_off")
+        until(lambda: all(pilot.is_up for pilot in pilots), "all at their height")
+        time.sleep(SETTLED)
+        costs, stolen = hovering(up, pilots, hover)
+        report.rows = [
+            Row(name, {
+                "lowest, m": pilot.lowest, "highest, m": pilot.highest, **shares(pilot),
+                "frames missed, %": 100.0 * pilot.newest["status"].missed_share,
+            })
+            for name, pilot in zip(names, pilots, strict=True)
+        ]  # fmt: skip
+        for pilot in pilots:
+            pilot.ask("start_behavior", name="land")
+        until(lambda: not any(p.newest["status"].airborne for p in pilots), "all on the ground")
+    report.notes.append(
+        "CPU, % of a core: " + ", ".join(f"{name} {cost:.0f}" for name, cost in costs.items())
+    )
+    report.notes.append(f"taken by the host meanwhile: {stolen:.0f} % of a core")
+    stops = re.findall(r"simulator: (this machine stopped for [\d.]+ s)", "".join(lines))
+    report.notes.append("the simulator says: " + ("; ".join(stops) or "nothing"))
+    held = sum(not pilot.wrong["not hovering"] for pilot in pilots)
+    report.targets = [Target("hovered all the time", held, count, at_most=False)]
+    return report
+
+
+def shares(pilot: Pilot) -> dict[str, float | str]:
+    looks = pilot.wrong.pop("looks")
+    return {f"{what}, %": 100.0 * times / looks for what, times in pilot.wrong.items()}
+
+
+def hovering(up: int, pilots: list[Pilot], duration: float) -> tuple[dict[str, float], float]:
+    """Looks at all of them; CPU by process in % of a core, and what the host took."""
+    before, stolen, began = cpu_seconds(up), taken(), time.monotonic()
+    while time.monotonic() < began + duration:
+        for pilot in pilots:
+            pilot.wrong["looks"] += 1
+            pilot.look()
+        time.sleep(LOOK)
+    took = time.monotonic() - began
+    spent = cpu_seconds(up)
+    spent.subtract(before)
+    costs = {name: 100.0 * seconds / took for name, seconds in spent.most_common()}
+    return {**costs, "all": sum(costs.values())}, 100.0 * (taken() - stolen) / took
+
+
+def cpu_seconds(up: int) -> Counter[str]:
+    """Of `up` and its descendants, those of one kind together."""
+    spent: Counter[str] = Counter()
+    for pid, name in processes(up).items():
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+        spent[name] += (int(fields[11]) + int(fields[12])) / TICK
+    return spent
+
+
+def taken() -> float:
+    """s of processor time that the host gave to others than this machine."""
+    return int(Path("/proc/stat").read_text().split()[8]) / TICK
+
+
+@contextmanager
+def laboratory(count: int) -> Iterator[tuple[int, list[str]]]:
+    """The process of `quadlab up`, once its page is there, and its lines as they come."""
+    with tempfile.TemporaryDirectory(prefix="quadlab-fleet-") as data:
+        up = subprocess.Popen(
+            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", data, "--vehicles",
+             str(count), "--port", str(PORT), "--link-port", str(LINK_PORT)],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+        )  # fmt: skip
+        assert up.stdout is not None
+        reader, lines = up.stdout, list[str]()
+        threading.Thread(
+            target=lambda: lines.extend(iter(reader.readline, "")), daemon=True
+        ).start()
+        try:
+            until(lambda: "token=" in "".join(lines), "the page", lambda: "".join(lines[-3:]))
+            yield up.pid, lines
+        except QuadlabError as error:
+            raise QuadlabError(f"{error}\n{''.join(lines[-30:])}") from error
+        finally:
+            up.send_signal(signal.SIGINT)
+            up.wait(60.0)
+
+
+def until(look: Callable[[], bool], what: str, why: Callable[[], str] = lambda: "") -> None:
+    end = time.monotonic() + PATIENCE
+    while not look():
+        if time.monotonic() > end:
+            raise QuadlabError(f"{what}: waited {PATIENCE:.0f} s in vain. {why()}")
+        time.sleep(0.2)
