@@ -46,6 +46,7 @@ from vehicle.comms_radio import LinkRadio
 from vehicle.safety_parameters import SafetyParameters
 from vehicle_link import telemetry, topics
 from vehicle_link.authority import ensure_certificates
+from vehicle_link.end_signal import EndSignal
 from vehicle_link.heartbeat import HEARTBEAT_RATE, LinkState
 from vehicle_link.instance import new_instance
 from vehicle_link.lane.datagram import LARGEST, LARGEST_PAYLOAD
@@ -90,8 +91,7 @@ class Program:
         self.ending = threading.Event()
         self._threads: list[threading.Thread] = []
         self.notes: dict[str, Notebook] = {}
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, lambda *_: self.ending.set())
+        self._asked_to_end = EndSignal()
         sys.setswitchinterval(SWITCH_INTERVAL)
 
     def note(self, name: str, columns: int, rate: float) -> Notebook:
@@ -139,7 +139,9 @@ class Program:
         for thread in self._threads:
             thread.start()
         print("up", flush=True)
-        self.ending.wait()
+        while not self._asked_to_end.wait(1.0):
+            pass
+        self.ending.set()
         rows: dict[str, Any] = {key: notes.rows for key, notes in self.notes.items()}
         np.savez(self.folder / f"{name}.npz", **rows)
         print("written", flush=True)

@@ -45,7 +45,10 @@ def program() -> NoReturn:
     A session of Zenoh may still be closing, and one of its threads that calls Python meanwhile
     aborts a process that is finalising.
     """
-    status = main()
+    try:
+        status = main()
+    except SystemExit as stop:  # of --help, or of a signal that ends the page's process
+        status = stop.code if isinstance(stop.code, int) else int(bool(stop.code))
     atexit._run_exitfuncs()
     with contextlib.suppress(BrokenPipeError):
         sys.stdout.flush()

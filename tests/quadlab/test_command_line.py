@@ -148,6 +148,19 @@ def test_the_module_runs_as_a_program() -> None:
     assert ran.stderr.count("\n") == 1
 
 
+def test_a_signal_leaves_the_interpreter_standing_too() -> None:
+    """A thread of a library that calls Python while it is taken apart aborts the process."""
+    words = (
+        "import atexit, sys, quadlab.__main__ as program; "
+        "program.main = lambda: sys.exit(3); "
+        "atexit.register(print, 'left in order'); "
+        "kept = type('Kept', (), {'__del__': lambda self: print('taken apart')})(); "
+        "program.program()"
+    )
+    ran = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=False)
+    assert (ran.returncode, ran.stdout, ran.stderr) == (3, "left in order\n", "")
+
+
 def test_gains_prints_the_computed_margin_of_every_preset(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
