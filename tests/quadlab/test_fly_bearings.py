@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import sys
 from pathlib import Path
@@ -17,6 +19,26 @@ from vehicle_link.log import read_log
 from vehicle_link.log.reader import read_attachments
 from vehicle_link.messages import decode
 
+HOVERED = ("--set", "experiment.duration=5", "--seed", "7")
+
+
+def flown(out: Path, *words: str) -> dict[str, Any]:
+    """The report of a flight that several tests share."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        main(["fly", *words, "--out", str(out), "--json"])
+    report: dict[str, Any] = json.loads(printed.getvalue().strip().splitlines()[-1])
+    return report
+
+
+def estimators(log: Path) -> list[str]:
+    """What the vehicle said it flew on, one after another."""
+    told = [
+        decode(message.payload, "quadlab_msgs/EstimatorStatus").estimator
+        for message in read_log(log, {"/quad1/estimator"})
+    ]
+    return [name for k, name in enumerate(told) if k == 0 or name != told[k - 1]]
+
 
 def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:
     main(["fly", "bearings", *words, "--out", str(out), "--json"])
@@ -24,34 +46,49 @@ def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str,
     return report
 
 
-def test_the_eight_on_bearings_is_flown_judged_and_the_same_for_the_same_seed(
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """A hover on bearings of seed 7, with its report."""
+    pytest.importorskip("matplotlib")
+    return flown(tmp_path_factory.mktemp("reported"), "bearings", *HOVERED, "--report")
+
+
+@pytest.fixture(scope="module")
+def on_the_tracker(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """A hover that never flies on bearings, with beacons of another layout."""
+    words = ("hover", "--set", "bearings.layout=wide")
+    return flown(tmp_path_factory.mktemp("tracker"), *words)
+
+
+def test_the_eight_on_bearings_is_flown_and_judged(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     words = ("--set", "experiment.manoeuvre=figure_eight", "--set", "experiment.duration=8")
-    one, again = (fly(capsys, tmp_path / name, *words, "--seed", "7") for name in "ab")
+    one = fly(capsys, tmp_path, *words, "--seed", "7")
     metrics = one["metrics"]
     assert one["verdict"] == "passed"
     assert 0.005 < metrics["position_rms_m"] <= 0.04  # on the tracker it were 3 mm
     assert 0.004 < metrics["estimate_position_rms_m"] < 0.025
     assert 0.0 < metrics["estimate_attitude_rms_deg"] < 0.5
     assert (metrics["saturated_share"], metrics["fallbacks"]) == (0.0, 0.0)
-    messages = [
-        [(m.topic, m.publish_ns, m.payload) for m in read_log(Path(report["log"]))]
-        for report in (one, again)
-    ]
-    assert messages[0] == messages[1]
-    told = [
-        decode(payload, "quadlab_msgs/EstimatorStatus").estimator
-        for topic, _, payload in messages[0]
-        if topic == "/quad1/estimator"
-    ]
-    changes = [name for k, name in enumerate(told) if k == 0 or name != told[k - 1]]
-    assert changes == ["complementary", "error_state", "complementary"]
+    assert estimators(Path(one["log"])) == ["complementary", "error_state", "complementary"]
 
     flight = read_flight(Path(one["log"]), "quad1", 4.0)
     rows = flight.judged
     apart = np.linalg.norm((flight.truth[:, :3] - flight.reference_w)[rows], axis=1)
     assert np.sqrt(np.mean(apart**2)) == pytest.approx(metrics["position_rms_m"])
+
+
+def test_the_same_seed_gives_the_same_messages_with_and_without_a_report(
+    reported: dict[str, Any], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    again = fly(capsys, tmp_path, *HOVERED)
+    messages = [
+        [(m.topic, m.publish_ns, m.payload) for m in read_log(Path(report["log"]))]
+        for report in (reported, again)
+    ]
+    assert messages[0] == messages[1]
+    assert estimators(Path(again["log"])) == ["complementary", "error_state", "complementary"]
 
 
 def test_recorded_sticks_fly_the_complementary_filter(
@@ -81,11 +118,8 @@ def test_a_failing_sensor_ends_on_the_tracker_and_fails(
     assert report["verdict"] == "failed"
 
 
-def test_the_report_is_a_page_a_paper_four_plots_and_a_table(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    pytest.importorskip("matplotlib")
-    report = fly(capsys, tmp_path, "--set", "experiment.duration=5", "--report")
+def test_the_report_is_a_page_a_paper_four_plots_and_a_table(reported: dict[str, Any]) -> None:
+    report = reported
     page, paper, picture, text = (Path(file) for file in report["report"])
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert paper.read_bytes().startswith(b"%PDF")
@@ -150,27 +184,23 @@ def test_without_matplotlib_a_report_is_refused_before_the_flight(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_log_that_never_flew_on_bearings_is_told(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    main(["fly", "hover", "--out", str(tmp_path), "--json"])
-    log = json.loads(capsys.readouterr().out.strip().splitlines()[-1])["log"]
+def test_a_log_that_never_flew_on_bearings_is_told(on_the_tracker: dict[str, Any]) -> None:
     with pytest.raises(LogFormatError, match="never flew on bearings"):
-        read_flight(Path(log), "quad1")
+        read_flight(Path(on_the_tracker["log"]), "quad1")
 
 
 def test_the_vehicle_is_told_where_the_emulated_beacons_stand_unless_it_is_told_otherwise(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    on_the_tracker: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def layouts(*words: str) -> tuple[str, str]:
-        main(["fly", "hover", "--set", "bearings.layout=wide", *words, "--out", str(tmp_path),
-              "--json"])  # fmt: skip
-        log = json.loads(capsys.readouterr().out.strip().splitlines()[-1])["log"]
-        values = json.loads(read_attachments(Path(log))["parameters.json"])
+    def layouts(report: dict[str, Any]) -> tuple[str, str]:
+        values = json.loads(read_attachments(Path(report["log"]))["parameters.json"])
         return values["bearings.layout"], values["beacons.layout"]
 
-    assert layouts() == ("wide", "wide")
-    assert layouts("--set", "beacons.layout=paper") == ("wide", "paper")
+    assert layouts(on_the_tracker) == ("wide", "wide")
+    monkeypatch.setattr("console.experiments.hover.DURATION", 0.5)  # s; how it flies is no matter
+    words = ("--set", "bearings.layout=wide", "--set", "beacons.layout=paper")
+    other = flown(tmp_path, "hover", *words)
+    assert layouts(other) == ("wide", "paper")
 
 
 def test_another_sensor_is_reported_and_not_held_to_the_limits(
