@@ -108,4 +108,6 @@ def _beacon(number: int, part: str) -> tuple[int, float, float, float]:
 
 
 def _shown(text: str) -> str:
-    return repr(text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…")
+    """Cut as it is written: an escaped character takes up to ten."""
+    shown = repr(text)
+    return shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}…{shown[0]}"

@@ -23,6 +23,8 @@ AGAIN = 5.0
 """s between questions to a vehicle that has answered: another may have its address by now."""
 STRANGE = 3.0
 """s for which a link stands without a word before we say why."""
+DOWN = 3.0
+"""s for which there is none before we say why."""
 
 
 class Introduction:
@@ -46,7 +48,7 @@ class Introduction:
             standing.gone()
             self._due = 0.0
             self._down_since = self._down_since or now
-            if now >= max(self._down_since + STRANGE, self._knock_due):
+            if now >= max(self._down_since + DOWN, self._knock_due):
                 self._knock_due = now + AGAIN
                 standing.unreachable = self._unreachable()
                 standing.stranger = ""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bearing_sim import PAPER_BEACONS, PRESETS, Beacons, format_layout, parse_layout
@@ -127,6 +127,7 @@ def test_a_layout_is_read_back_to_the_last_bit(ids: list[int], data: Any, height
 
 
 @given(st.text(max_size=80))
+@example(":" * 7 + "\U000101fe" * 60)
 def test_any_other_text_is_refused_with_one_line(text: str) -> None:
     if text.strip() in PRESETS:
         return
