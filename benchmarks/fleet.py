@@ -43,6 +43,7 @@ class Pilot:
 
     def __init__(self, client: StationClient) -> None:
         self._client = client
+        self._refusal = ""
         self.newest: dict[str, Any] = {}
         self.wrong: Counter[str] = Counter()
         self.lowest, self.highest = float("inf"), -float("inf")
@@ -55,18 +56,32 @@ class Pilot:
         while True:
             self.newest[topic] = queue.get()
 
-    def ask(self, what: str, **fields: str) -> None:
-        """Until it is accepted: a vehicle that has just started is refused for some seconds."""
+    def rise(self) -> None:
+        """Armed and sent up: again while refused, as one that has just started is."""
+        until(lambda: self._is_done("arm", "start_behavior", name="take_off"), *self._why("rise"))
 
-        def accepted() -> bool:
-            try:
-                self._client.ask(what, **fields)
-            except (RefusedError, LinkError) as error:
-                self._refusal = str(error)
-                return False
-            return True
+    def land(self) -> None:
+        """Unless it did by itself."""
+        until(
+            lambda: not self.is_airborne or self._is_done("start_behavior", name="land"),
+            *self._why("land"),
+        )
 
-        until(accepted, f"{what} {fields}", lambda: self._refusal)
+    def _is_done(self, *asked: str, **fields: str) -> bool:
+        try:
+            for one in asked:
+                self._client.ask(one, **(fields if one == asked[-1] else {}))
+        except (RefusedError, LinkError) as error:
+            self._refusal = str(error)
+            return False
+        return True
+
+    def _why(self, what: str) -> tuple[str, Callable[[], str]]:
+        return what, lambda: self._refusal
+
+    @property
+    def is_airborne(self) -> bool:
+        return bool(self.newest["status"].airborne)
 
     @property
     def height(self) -> float:
@@ -101,9 +116,7 @@ def run(quick: bool = False) -> Report:
         names = [f"quad{number}" for number in range(1, count + 1)]
         pilots = [Pilot(stack.enter_context(station(LINK_PORT, name))) for name in names]
         for pilot in pilots:
-            pilot.ask("arm")
-        for pilot in pilots:
-            pilot.ask("start_behavior", name="take_off")
+            pilot.rise()
         until(lambda: all(pilot.is_up for pilot in pilots), "all at their height")
         time.sleep(SETTLED)
         costs, stolen = hovering(up, pilots, hover)
@@ -115,8 +128,8 @@ def run(quick: bool = False) -> Report:
             for name, pilot in zip(names, pilots, strict=True)
         ]  # fmt: skip
         for pilot in pilots:
-            pilot.ask("start_behavior", name="land")
-        until(lambda: not any(p.newest["status"].airborne for p in pilots), "all on the ground")
+            pilot.land()
+        until(lambda: not any(pilot.is_airborne for pilot in pilots), "all on the ground")
     report.notes.append(
         "CPU, % of a core: " + ", ".join(f"{name} {cost:.0f}" for name, cost in costs.items())
     )
