@@ -35,6 +35,8 @@ CAMERA = "ViewerCameraMessage"
 IDLE = ("SceneNodeDragMessage", "SceneNodeClickMessage", "ScenePointerMessage")
 """What a pointer in viser's client may bring about; nothing of it reaches viser."""
 LARGEST_UPWARD = 4096  # bytes; a camera message is about 300
+CLOSING = 0.5
+"""s for viser to answer a farewell, which waits behind frames that nobody reads any more."""
 RATE, BURST = 200.0, 400.0  # messages a second, and at once; viser's client sends 50 a second
 POLICY_VIOLATION = 1008  # close code
 CLIENT_POLICY = (
@@ -153,6 +155,7 @@ async def pump(socket: WebSocket, server: ViewServer, session: Session) -> None:
             max_size=None,
             max_queue=2,
             proxy=None,
+            close_timeout=CLOSING,
         )
     except (OSError, WebSocketException):
         await socket.close(1013, "the 3D view is starting; it connects by itself")

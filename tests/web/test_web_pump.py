@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import struct
 from collections.abc import Callable, Iterator
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, ClassVar
 
 import httpx
 import msgspec
 import pytest
 import viser
 import websockets
+import websockets.asyncio.server
 import websockets.exceptions
 import websockets.sync.client
 import zstandard
@@ -19,6 +22,7 @@ from viser import _messages
 
 from web import pump
 from web.access.roles import Role, Session
+from web.process import CLOSING_TIME
 from web.view_server import ViewServer
 
 CAMERA = {
@@ -246,3 +250,55 @@ def test_a_hostile_client_is_closed_and_the_others_see_on(
             pass
         site.view_server.viser.scene.remove_by_name("/probe")
     assert set(reached) <= {"ViewerCameraMessage"}
+
+
+class _Browser:
+    """Takes a few frames, then no more, and leaves: a stand-in for a page that is closed."""
+
+    scope: ClassVar = {"subprotocols": ["viser-vtest"]}
+    query_params: ClassVar[dict[str, str]] = {}
+
+    def __init__(self) -> None:
+        self.is_full = asyncio.Event()
+        self._taken = 0
+
+    async def accept(self, subprotocol: str) -> None:
+        assert subprotocol == "viser-vtest"
+
+    async def send_bytes(self, frame: bytes) -> None:
+        self._taken += 1
+        if self._taken > 3:
+            self.is_full.set()
+            await asyncio.Event().wait()
+
+    async def receive(self) -> dict[str, str]:
+        await self.is_full.wait()
+        return {"type": "websocket.disconnect"}
+
+    async def close(self, *_: object) -> None:
+        pass
+
+
+def test_a_page_that_leaves_in_the_midst_of_frames_is_let_go() -> None:
+    """Viser's farewell waits behind what nobody reads: longer than the server has at its end."""
+
+    async def flood(connection: websockets.asyncio.server.ServerConnection) -> None:
+        with contextlib.suppress(websockets.exceptions.ConnectionClosed):
+            while True:
+                await connection.send(bytes(10_000))
+
+    async def whole() -> None:
+        async with websockets.asyncio.server.serve(
+            flood, "127.0.0.1", 0, subprotocols=[websockets.Subprotocol("viser-vtest")],
+            compression=None, close_timeout=0.1,
+        ) as viewer:  # fmt: skip
+            url = f"ws://127.0.0.1:{viewer.sockets[0].getsockname()[1]}"
+            server: Any = SimpleNamespace(
+                version="test", secret="secret", url=url, draggable=frozenset()
+            )
+            browser: Any = _Browser()
+            task = asyncio.create_task(pump.pump(browser, server, Session("somebody", Role.VIEWER)))
+            await browser.is_full.wait()
+            await asyncio.wait_for(task, CLOSING_TIME)
+
+    asyncio.run(asyncio.wait_for(whole(), 30.0))
