@@ -10,10 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import re
-import signal
-import subprocess
-import sys
-import tempfile
 import threading
 import time
 from collections import Counter
@@ -23,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import Report, Row, Target
-from benchmarks.laboratory import TICK, processes
+from benchmarks.laboratory import TICK, processes, started
 from quadlab.station_client import StationClient, station
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 
@@ -46,6 +42,7 @@ class Pilot:
         self._refusal = ""
         self.newest: dict[str, Any] = {}
         self.wrong: Counter[str] = Counter()
+        self.looks = 0
         self.lowest, self.highest = float("inf"), -float("inf")
         for topic in TOPICS:
             threading.Thread(
@@ -94,6 +91,7 @@ class Pilot:
     def look(self) -> None:
         """What is not as it is to be while it hovers."""
         status = self.newest["status"]
+        self.looks += 1
         self.lowest = min(self.lowest, self.height)
         self.highest = max(self.highest, self.height)
         self.wrong["not hovering"] += status.behavior != "hover" or not status.airborne
@@ -142,31 +140,29 @@ def run(quick: bool = False) -> Report:
 
 
 def shares(pilot: Pilot) -> dict[str, float | str]:
-    looks = pilot.wrong.pop("looks")
-    return {f"{what}, %": 100.0 * times / looks for what, times in pilot.wrong.items()}
+    return {f"{what}, %": 100.0 * times / pilot.looks for what, times in pilot.wrong.items()}
 
 
 def hovering(up: int, pilots: list[Pilot], duration: float) -> tuple[dict[str, float], float]:
     """Looks at all of them; CPU by process in % of a core, and what the host took."""
-    before, stolen, began = cpu_seconds(up), taken(), time.monotonic()
+    before, stolen, began = cpu_ticks(up), taken(), time.monotonic()
     while time.monotonic() < began + duration:
         for pilot in pilots:
-            pilot.wrong["looks"] += 1
             pilot.look()
         time.sleep(LOOK)
     took = time.monotonic() - began
-    spent = cpu_seconds(up)
+    spent = cpu_ticks(up)
     spent.subtract(before)
-    costs = {name: 100.0 * seconds / took for name, seconds in spent.most_common()}
+    costs = {name: 100.0 * ticks / TICK / took for name, ticks in spent.most_common()}
     return {**costs, "all": sum(costs.values())}, 100.0 * (taken() - stolen) / took
 
 
-def cpu_seconds(up: int) -> Counter[str]:
+def cpu_ticks(up: int) -> Counter[str]:
     """Of `up` and its descendants, those of one kind together."""
     spent: Counter[str] = Counter()
     for pid, name in processes(up).items():
         fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-        spent[name] += (int(fields[11]) + int(fields[12])) / TICK
+        spent[name] += int(fields[11]) + int(fields[12])
     return spent
 
 
@@ -178,25 +174,12 @@ def taken() -> float:
 @contextmanager
 def laboratory(count: int) -> Iterator[tuple[int, list[str]]]:
     """The process of `quadlab up`, once its page is there, and its lines as they come."""
-    with tempfile.TemporaryDirectory(prefix="quadlab-fleet-") as data:
-        up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", data, "--vehicles",
-             str(count), "--port", str(PORT), "--link-port", str(LINK_PORT)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-        )  # fmt: skip
-        assert up.stdout is not None
-        reader, lines = up.stdout, list[str]()
-        threading.Thread(
-            target=lambda: lines.extend(iter(reader.readline, "")), daemon=True
-        ).start()
+    with started(PORT, LINK_PORT, "--vehicles", str(count)) as (up, lines):
         try:
-            until(lambda: "token=" in "".join(lines), "the page", lambda: "".join(lines[-3:]))
-            yield up.pid, lines
+            until(lambda: "token=" in "".join(lines), "the page")
+            yield up, lines
         except QuadlabError as error:
             raise QuadlabError(f"{error}\n{''.join(lines[-30:])}") from error
-        finally:
-            up.send_signal(signal.SIGINT)
-            up.wait(60.0)
 
 
 def until(look: Callable[[], bool], what: str, why: Callable[[], str] = lambda: "") -> None:

@@ -21,6 +21,8 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +38,27 @@ LIMITS = {
     "page_s": (15.0, 6.0), "vehicle_s": (15.0, 6.0), "cpu_percent": 150.0, "memory_mb": 1200.0,
     "slider_p95_ms": 150.0, "telemetry_kB_s": 5.0, "viser_kB_s": 100.0,
 }  # fmt: skip
+
+
+@contextmanager
+def started(port: int, link_port: int, *words: str) -> Iterator[tuple[int, list[str]]]:
+    """The process of a `quadlab up` with a data folder of its own, and its lines as they come."""
+    with tempfile.TemporaryDirectory(prefix="quadlab-benchmark-") as data:
+        up = subprocess.Popen(
+            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", data,
+             "--port", str(port), "--link-port", str(link_port), *words],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+        )  # fmt: skip
+        assert up.stdout is not None
+        reader, lines = up.stdout, list[str]()
+        threading.Thread(
+            target=lambda: lines.extend(iter(reader.readline, "")), daemon=True
+        ).start()
+        try:
+            yield up.pid, lines
+        finally:
+            up.send_signal(signal.SIGINT)
+            up.wait(60.0)
 
 
 class Socket:
@@ -116,24 +139,9 @@ def main() -> None:
     options = parser.parse_args()
     if options.cold:
         shutil.rmtree(ROOT / "__pycache__" / "kernels", ignore_errors=True)
-    with tempfile.TemporaryDirectory() as folder:
-        began = time.monotonic()
-        up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", folder, "--port",
-             str(options.port), "--link-port", str(options.link_port)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-        )  # fmt: skip
-        lines: list[str] = []
-        assert up.stdout is not None
-        reader = up.stdout
-        threading.Thread(
-            target=lambda: lines.extend(iter(reader.readline, "")), daemon=True
-        ).start()
-        try:
-            report = measure(up.pid, lines, began, options.cold)
-        finally:
-            up.send_signal(signal.SIGINT)
-            up.wait(60)
+    began = time.monotonic()
+    with started(options.port, options.link_port) as (up, lines):
+        report = measure(up, lines, began, options.cold)
     for name, value in report.items():
         limit = LIMITS.get(name)
         if isinstance(limit, tuple):

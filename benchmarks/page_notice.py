@@ -14,10 +14,6 @@ import os
 import random
 import re
 import signal
-import subprocess
-import sys
-import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
+from benchmarks.laboratory import processes, started
 from quadrotor.errors import QuadlabError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -109,37 +106,18 @@ def _when(page: Any, wanted: bool) -> float:
 @contextmanager
 def laboratory() -> Iterator[tuple[str, int]]:
     """A signed-in address of the page, and the process of the vehicle's comms."""
-    with tempfile.TemporaryDirectory(prefix="quadlab-notice-") as data:
-        up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", data,
-             "--port", str(PORT), "--link-port", str(LINK_PORT)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-        )  # fmt: skip
-        assert up.stdout is not None
-        reader, lines = up.stdout, list[str]()
-        threading.Thread(
-            target=lambda: lines.extend(iter(reader.readline, "")), daemon=True
-        ).start()
+    with started(PORT, LINK_PORT) as (up, lines):
         try:
             address = _until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)))[-1]
-            yield address, _until(lambda: _comms(up.pid))[0]
+            yield address, _until(lambda: _comms(up))[0]
         finally:
-            for comms in _comms(up.pid):
+            for comms in _comms(up):
                 os.kill(comms, signal.SIGCONT)
-            up.send_signal(signal.SIGINT)
-            up.wait(60.0)
 
 
 def _comms(parent: int) -> list[int]:
     """Descendants of `parent` that run the vehicle's comms."""
-    listed = subprocess.run(
-        ["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True
-    ).stdout
-    rows = [line.split(None, 2) for line in listed.splitlines()]
-    family = {parent}
-    while more := {int(pid) for pid, of, _ in rows if int(of) in family} - family:
-        family |= more
-    return [int(pid) for pid, _, words in rows if int(pid) in family and "vehicle.comms" in words]
+    return [pid for pid, name in processes(parent).items() if name == "vehicle.comms"]
 
 
 def _until(look: Callable[[], Any]) -> Any:
