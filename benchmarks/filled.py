@@ -88,11 +88,12 @@ def _report(
     verdict: Completeness, seconds: float, memory: list[float],
 ) -> Report:  # fmt: skip
     lacking = theirs[~np.isin(theirs, ours)]
-    whole = 0
+    whole = unlogged = 0
     for outage in outages:
         logged = (theirs >= outage.begin) & (theirs <= outage.end)
         lacks = (lacking >= outage.begin) & (lacking <= outage.end)
         whole += bool(logged.any()) and not lacks.any()
+        unlogged += not logged.any()
     report = Report("filled", "Filled", [f"the whole laboratory, {len(outages)} outages in a run"])
     report.rows.append(
         Row(
@@ -114,6 +115,12 @@ def _report(
         Target("memory of the whole station, + MB", growth, 8.0),
     ]
     report.notes.append(f"the run says: {verdict.line}")
+    if unlogged:
+        report.notes.append(
+            f"{unlogged} outages came when the vehicle had disarmed by itself, which it does where "
+            "the simulator's machine stands still: of those nothing is said, nor are they counted "
+            "as whole"
+        )
     return report
 
 

@@ -24,6 +24,7 @@ from benchmarks.link_notes import (
     Rows,
     ages,
     answers,
+    beside,
     delays,
     lost,
     p50,
@@ -43,6 +44,8 @@ LINKS = {
 }
 BUSY = 2.0
 """ms: where plain UDP is later than this on a clean link, the machine is, and not the link."""
+PROMPT = 1.0
+"""ms that plain UDP takes when the machine runs."""
 
 
 def run(quick: bool = False) -> Iterator[Report]:
@@ -82,10 +85,24 @@ def links(quick: bool = False) -> Report:
         by_lane = 100.0 * ours[:, 4].mean()
         report.notes.append(f"{name}: {by_lane:.1f} % of the telemetry came as datagrams")
     report.targets = _targets(found)
-    udp = p99(delays(found["clean"].udp))
-    if udp > BUSY:
-        report.notes.append(f"the machine was busy: plain UDP took {udp:.1f} ms on a clean link")
+    report.notes += _busy(found["clean"])
     return report
+
+
+def _busy(clean: Found) -> list[str]:
+    """What is to be said of a machine that did not run all the time; targets stay as they are."""
+    udp = p99(delays(clean.udp))
+    if udp <= BUSY:
+        return []
+    prompt = beside(clean.telemetry, clean.udp, PROMPT)
+    if not len(prompt):
+        return ["the machine was busy all the time"]
+    share = 100.0 * len(prompt) / len(clean.telemetry)
+    return [
+        f"the machine was busy: plain UDP took {udp:.1f} ms on a clean link. Of the {share:.0f} % "
+        f"of telemetry sent between two packets of it that took at most {PROMPT:g} ms: p99 "
+        f"{p99(delays(prompt)):.2f} ms"
+    ]
 
 
 def measure(conditions: Conditions, plan: Plan, seconds: float) -> Found:

@@ -219,9 +219,9 @@ def station(folder: Path, plan: Plan) -> None:
     states = program.note("states", 2, 1.0)
 
     def telemetry_came(received: Received) -> None:
-        now_ns = time.monotonic_ns()
         number, sent_ns = _STAMP.unpack_from(received.payload)
-        shown = link.telemetry(number, received.source_ns, received.received_ns)
+        now_ns, wall_ns = time.monotonic_ns(), time.time_ns()
+        shown = link.telemetry(number, received.source_ns, received.received_ns, wall_ns)
         heard.add(number, sent_ns, now_ns, int(shown), int(link.path == DATAGRAM))
 
     LaneIn(

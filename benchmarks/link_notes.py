@@ -80,6 +80,18 @@ def ages(rows: Rows) -> npt.NDArray[np.float64]:
     return np.asarray((moments - newest[at]) * MS, np.float64)
 
 
+def beside(rows: Rows, udp: Rows, most: float) -> Rows:
+    """Those that came, sent between two packets of plain UDP that each took at most `most` ms:
+    both machines ran then. Whatever `rows` themselves took."""
+    sent = udp[np.argsort(udp[:, 1], kind="stable")]
+    after = np.searchsorted(sent[:, 1], rows[:, 1])
+    inside = (after > 0) & (after < len(sent))
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(sent) - 1)
+    took = delays(sent)
+    near = sent[after, 0] == sent[before, 0] + 1  # none lost in between
+    return rows[inside & near & (took[before] <= most) & (took[after] <= most)]
+
+
 def lost(rows: Rows) -> float:
     """%, of those between the first and the last that came."""
     numbers = np.unique(rows[:, 0])

@@ -73,13 +73,17 @@ class LinkMonitor:
         """A time synchronisation was answered."""
         self._clock.add(exchange)
 
-    def telemetry(self, sequence: int, stamp_ns: int, station_ns: int) -> bool:
+    def telemetry(
+        self, sequence: int, stamp_ns: int, station_ns: int, now_ns: int | None = None
+    ) -> bool:
         """A packet with the vehicle's stamp of its newest sample came; True if it is to be shown.
 
-        It is not when a newer one came before, or when it was under way for more than 250 ms.
+        It is not when a newer one came before, or when it is more than 250 ms old `now_ns`, which
+        is later than it came where it had to wait for a processor here.
         """
         newest = self._telemetry.feed(sequence, stamp_ns, station_ns, self._steady_ns())
-        fresh = station_ns - self._clock.to_client(stamp_ns) <= OLDEST_NS
+        now_ns = station_ns if now_ns is None else now_ns
+        fresh = now_ns - self._clock.to_client(stamp_ns) <= OLDEST_NS
         if newest and fresh and self._clock.known:
             self.alive()
         return newest and (fresh or not self._clock.known)

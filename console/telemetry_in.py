@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 from console.checks.observed import Observed
 from console.comparison.feed import ComparisonFeed
 from console.expansion import expanded, messages_of
@@ -35,7 +37,7 @@ class TelemetryIn:
         """Raises LinkError for what is no telemetry."""
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
-        shown = self._link.telemetry(sequence, stamp_ns, received.received_ns)
+        shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time.time_ns())
         self._comparison.telemetry(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:

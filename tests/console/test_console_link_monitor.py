@@ -35,6 +35,13 @@ def test_telemetry_under_way_for_too_long_is_not_shown() -> None:
     assert link.telemetry(3, NOW + AHEAD + 300 * MS, NOW + 310 * MS)
 
 
+def test_telemetry_that_waited_here_for_too_long_is_not_shown() -> None:
+    link = synchronised()
+    came, judged = NOW + 20 * MS, NOW + 251 * MS
+    assert not link.telemetry(1, NOW + AHEAD, came, judged)
+    assert link.telemetry(2, NOW + AHEAD + 10 * MS, came, judged)
+
+
 def test_telemetry_that_was_overtaken_is_not_shown() -> None:
     link = synchronised()
     assert link.telemetry(2, NOW + AHEAD + 10 * MS, NOW + 12 * MS)
