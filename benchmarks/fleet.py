@@ -10,18 +10,18 @@ from __future__ import annotations
 
 import contextlib
 import re
-import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import Report, Row, Target
 from benchmarks.laboratory import TICK, processes, started
-from quadlab.station_client import StationClient, station
+from quadlab.station_client import REACH, StationClient
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.session import loopback_session
 
 ROOT = Path(__file__).resolve().parents[1]
 PORT, LINK_PORT = 28082, 28450
@@ -31,7 +31,7 @@ PATIENCE = 120.0  # s
 HEIGHT, NEAR = 1.0, 0.1  # m
 TOPICS = ("status", "truth", "station_status", "link_status")
 SETTLED = 5.0  # s after the last one has arrived above
-LOOK = 0.1  # s
+LOOK = 0.25  # s
 
 
 class Pilot:
@@ -40,18 +40,13 @@ class Pilot:
     def __init__(self, client: StationClient) -> None:
         self._client = client
         self._refusal = ""
-        self.newest: dict[str, Any] = {}
         self.wrong: Counter[str] = Counter()
         self.looks = 0
         self.lowest, self.highest = float("inf"), -float("inf")
-        for topic in TOPICS:
-            threading.Thread(
-                target=self._hear, args=(topic, client.listen(topic)), daemon=True
-            ).start()
+        self._newest = {topic: client.newest(topic) for topic in TOPICS}
 
-    def _hear(self, topic: str, queue: Any) -> None:
-        while True:
-            self.newest[topic] = queue.get()
+    def newest(self, topic: str) -> Any:
+        return self._newest[topic]()
 
     def rise(self) -> None:
         """Armed and sent up: again while refused, as one that has just started is."""
@@ -78,25 +73,24 @@ class Pilot:
 
     @property
     def is_airborne(self) -> bool:
-        return bool(self.newest["status"].airborne)
+        return bool(self.newest("status").airborne)
 
     @property
     def height(self) -> float:
-        return float(self.newest["truth"].pose.pose.position.z)
+        return float(self.newest("truth").pose.pose.position.z)
 
     @property
     def is_up(self) -> bool:
-        return "truth" in self.newest and abs(self.height - HEIGHT) <= NEAR
+        return self.newest("truth") is not None and abs(self.height - HEIGHT) <= NEAR
 
     def look(self) -> None:
         """What is not as it is to be while it hovers."""
-        status = self.newest["status"]
+        status, height = self.newest("status"), self.height
         self.looks += 1
-        self.lowest = min(self.lowest, self.height)
-        self.highest = max(self.highest, self.height)
+        self.lowest, self.highest = min(self.lowest, height), max(self.highest, height)
         self.wrong["not hovering"] += status.behavior != "hover" or not status.airborne
-        self.wrong["not recorded"] += not self.newest["station_status"].recording
-        self.wrong["link not good"] += self.newest["link_status"].state != "good"
+        self.wrong["not recorded"] += not self.newest("station_status").recording
+        self.wrong["link not good"] += self.newest("link_status").state != "good"
 
 
 def run(quick: bool = False) -> Report:
@@ -112,7 +106,9 @@ def run(quick: bool = False) -> Report:
     )
     with laboratory(count) as (up, lines), contextlib.ExitStack() as stack:
         names = [f"quad{number}" for number in range(1, count + 1)]
-        pilots = [Pilot(stack.enter_context(station(LINK_PORT, name))) for name in names]
+        session = loopback_session(LINK_PORT, REACH)
+        stack.callback(session.close)
+        pilots = [Pilot(stack.enter_context(closing(StationClient(session, n)))) for n in names]
         for pilot in pilots:
             pilot.rise()
         until(lambda: all(pilot.is_up for pilot in pilots), "all at their height")
@@ -121,7 +117,7 @@ def run(quick: bool = False) -> Report:
         report.rows = [
             Row(name, {
                 "lowest, m": pilot.lowest, "highest, m": pilot.highest, **shares(pilot),
-                "frames missed, %": 100.0 * pilot.newest["status"].missed_share,
+                "frames missed, %": 100.0 * pilot.newest("status").missed_share,
             })
             for name, pilot in zip(names, pilots, strict=True)
         ]  # fmt: skip

@@ -224,12 +224,12 @@ def station(folder: Path, plan: Plan) -> None:
         shown = link.telemetry(number, received.source_ns, received.received_ns, wall_ns)
         heard.add(number, sent_ns, now_ns, int(shown), int(link.path == DATAGRAM))
 
+    pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
     LaneIn(
         node, A if plan.lane else "", link,
-        telemetry_came, lambda received: link.beat(received.payload),
+        telemetry_came, lambda received: link.beat(received.payload), beat,
     )  # fmt: skip
     radio = Radio(f"{A}:{QUIC_PORT}", program.files, LOOPBACK_PORT, link.silent)
-    pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
     command, clock = node.client("arm", COMMAND), node.client("time_sync", TIME_SYNC)
     download = Download(program, node)
 

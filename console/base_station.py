@@ -1,7 +1,7 @@
 """The base station between one vehicle and everything on the base.
 
-Zenoh's threads bring messages, each topic on its own; one thread beats at 20 Hz, one asks the
-vehicle slow questions, the recorder and the tracker have theirs. Nothing here waits for the disk
+Zenoh's threads bring messages, each topic on its own; one thread beats, one asks the vehicle slow
+questions, the recorder and the tracker have theirs. Nothing here waits for the disk
 or the radio except the thread whose job it is.
 """
 
@@ -46,6 +46,7 @@ from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
+from vehicle_link.heartbeat import SELDOM
 from vehicle_link.instance import new_instance
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
@@ -58,6 +59,10 @@ BEAT = 0.05
 STATUS_EVERY = 4  # beats
 INFO, WARN = 20, 30
 CLOSE_PATIENCE = 3.0
+FEW = 3
+"""Vehicles of one process that each have it as if alone."""
+BEAT_OF_MANY, WRITTEN_OF_MANY = 0.1, 0.04
+"""s between two beats, and between two writes of a run, of each of more than FEW."""
 
 
 class BaseStation:
@@ -69,8 +74,9 @@ class BaseStation:
         operator: written into runs nobody asked for by name.
         settings: `station.*` parameters to start with.
         keeps_house: of the runs' folder, which several vehicles' stations share.
-        is_alone: the only vehicle here: estimators are compared without anybody looking, so that
-            each run has it, and lines for the terminal need no name.
+        vehicles: of this process. For a single one estimators are compared without anybody
+            looking, so that each run has it, and lines for the terminal need no name; of many,
+            each wakes the processor less often.
         host: of the vehicle, for datagrams beside the link; empty for none.
         instance: of this process, a number of its own (vehicle_link.instance).
     """
@@ -84,11 +90,13 @@ class BaseStation:
         settings: Mapping[str, ParameterValue] | None = None,
         *,
         keeps_house: bool = True,
-        is_alone: bool = True,
+        vehicles: int = 1,
         host: str = "",
         instance: int | None = None,
     ) -> None:
         self._vehicle = vehicle
+        is_alone = vehicles == 1
+        self._period = BEAT if vehicles <= FEW else BEAT_OF_MANY
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
@@ -105,6 +113,9 @@ class BaseStation:
             self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
         )  # fmt: skip
+        if vehicles > FEW:
+            self._outbox.beats.every = SELDOM
+            self._recorder.period = WRITTEN_OF_MANY
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
@@ -220,7 +231,7 @@ class BaseStation:
         }
         return Subscriptions(
             self._node, self._vehicle, host, self.link, self._alarms, self.checks.observed,
-            self._recorder, acts, self._closing,
+            self._recorder, acts, self._outbox.beats, self._closing,
         )  # fmt: skip
 
     def _on_status(self, received: Received) -> None:
@@ -266,13 +277,13 @@ class BaseStation:
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
-        """20 Hz: heartbeat, end of runs; every fourth time, and at once when the link's state is
-        another, the status topics."""
+        """20 Hz, of many vehicles 10 Hz: heartbeat, end of runs; every fourth time, and at once when
+        the link's state is another, the status topics."""
         due, count = time.monotonic(), 0
         while not self._closing.is_set():
             count += 1
             self._guard(self._beat_once, count)
-            due = max(due + BEAT, time.monotonic())  # never a burst to catch up
+            due = max(due + self._period, time.monotonic())  # never a burst to catch up
             self._closing.wait(due - time.monotonic())
 
     def _beat_once(self, count: int) -> None:

@@ -2,7 +2,7 @@
 
 Telemetry is subscribed to over Zenoh only while the lane does not stand, so that it crosses the
 radio once. Heartbeats come both ways always: each says of its way whether it works. Poses,
-bearings, sticks and our heartbeats, whoever on the base publishes them, are sent by the lane as
+bearings and sticks, whoever on the base publishes them, and our heartbeats are sent by the lane as
 well as over Zenoh; the vehicle takes the first of both.
 """
 
@@ -13,17 +13,19 @@ from collections.abc import Callable
 from functools import partial
 
 from console.link_monitor import LinkMonitor
+from console.standing import OBSERVER
 from vehicle_link import topics
 from vehicle_link.access import LANE, PILOT_LANE
 from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
 from vehicle_link.lane.first_only import FirstOnly
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import Message, new
-from vehicle_link.node import Node, Received
+from vehicle_link.node import Node, Publisher, Received
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.whoami import SHOWN_WITHIN
 
 DATAGRAM, QUIC = "datagram", "quic"
+BEAT = "station_heartbeat"
 TYPE = SERVICES[LANE]
 
 
@@ -47,6 +49,7 @@ class LaneIn:
         node: of the station, in the vehicle's namespace.
         host: of the vehicle, as it is dialled; empty for no lane at all.
         telemetry, heartbeat: what hears of each message, once; never two at a time.
+        beats: publishes our heartbeats, which go by the lane too.
     """
 
     def __init__(
@@ -56,6 +59,7 @@ class LaneIn:
         link: LinkMonitor,
         telemetry: Callable[[Received], None],
         heartbeat: Callable[[Received], None],
+        beats: Publisher,
     ) -> None:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
@@ -68,8 +72,9 @@ class LaneIn:
         if host:
             door = LaneDoor(node, link.standing.instance)
             self._lane = StationLane(host, door.ask, self._by_lane, self._stands)
+            beats.beside = partial(self._beat, self._lane)
             for name in TO_VEHICLE:
-                if name != HELLO:
+                if name not in (HELLO, BEAT):
                     send = partial(self._send, self._lane, name)
                     node.subscribe(name, TOPICS[name].type_name, send, direct=True)
 
@@ -96,6 +101,10 @@ class LaneIn:
     @staticmethod
     def _send(lane: StationLane, name: str, received: Received) -> None:
         lane.put(name, received)
+
+    def _beat(self, lane: StationLane, received: Received) -> bool:
+        is_pilot = self._link.standing.access not in ("", OBSERVER)
+        return lane.put(BEAT, received, greets=is_pilot) and lane.stands
 
     def _by_lane(self, name: str, received: Received) -> None:
         self._heard(name, DATAGRAM, received)

@@ -44,6 +44,9 @@ class Outbox:
         vehicle_ns: the vehicle's clock, with which everything is stamped.
         standing: whether the vehicle takes anything from us.
         speaker: of lines for the terminal.
+
+    Attributes:
+        beats: publishes our heartbeats.
     """
 
     def __init__(
@@ -65,6 +68,7 @@ class Outbox:
         self._heard: frozenset[str] = frozenset()
         self._look_due = 0.0
         self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
+        self.beats = self._publishers["station_heartbeat"]
 
     def put(self, name: str, payload: bytes, source_ns: int) -> None:
         """Publish, and record what is recorded as it is sent. Raises LinkError when closed.

@@ -78,6 +78,8 @@ class Recorder:
         self._asked = 0.0
         self._lock = threading.Lock()
         self._chores = DiskChores("recorder-chores", self._rest)
+        self.period = PERIOD
+        """s between two writes."""
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
@@ -189,7 +191,7 @@ class Recorder:
                 if closing and self._open is None and not self._queue:
                     return
                 # Polled while recording, so that nobody who puts pays for waking us.
-                self._wake.wait(PERIOD if self._open else WATCH_PERIOD)
+                self._wake.wait(self.period if self._open else WATCH_PERIOD)
                 self._wake.clear()
         except BaseException as error:
             self._alarms["run"] = f"recorder: stopped by a defect, see the station's log: {error!r}"

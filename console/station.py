@@ -64,7 +64,7 @@ def run_station(
     for name, endpoint in vehicles.items():
         station = BaseStation(
             hub, catalogue, name, operator, settings,
-            keeps_house=not stations, is_alone=len(vehicles) == 1,
+            keeps_house=not stations, vehicles=len(vehicles),
             host=parse_endpoint(endpoint)[0], instance=instance,
         )  # fmt: skip
         station.checks.startup.endpoints = (

@@ -13,7 +13,7 @@ from console.link_monitor import LinkMonitor
 from console.outbox import SHARED
 from console.recorder import Recorder
 from quadrotor.errors import LinkError, MeasurementError
-from vehicle_link.node import Node, Received
+from vehicle_link.node import Node, Publisher, Received
 from vehicle_link.topics import TOPICS
 
 AS_IT_COMES = (
@@ -34,6 +34,7 @@ class Subscriptions:
     Args:
         acts: by topic; may raise LinkError or MeasurementError for what makes no sense.
         host: of the vehicle, for datagrams beside the link; empty for none.
+        beats: publishes our heartbeats.
         closing: set when errors are no alarm any more.
     """
 
@@ -47,6 +48,7 @@ class Subscriptions:
         observed: Observed,
         recorder: Recorder,
         acts: Mapping[str, Act],
+        beats: Publisher,
         closing: threading.Event,
     ) -> None:
         self._vehicle = vehicle
@@ -57,7 +59,7 @@ class Subscriptions:
             name: partial(self._received, name, acts.get(name)) for name in {*acts, *AS_IT_COMES}
         }
         self._lane = LaneIn(
-            node, host, link, callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat")
+            node, host, link, callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat"), beats
         )
         for name, callback in callbacks.items():
             node.subscribe(

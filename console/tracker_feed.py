@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
 
@@ -69,14 +70,12 @@ class TrackerFeed:
     @property
     def rate(self) -> float:
         """Poses sent in the last second, Hz."""
-        since = self._clock() - RATE_WINDOW
-        return sum(1 for at in list(self._sent) if at >= since) / RATE_WINDOW
+        return self._recent(self._sent)
 
     @property
     def bearings_rate(self) -> float:
         """Frames of bearings sent in the last second, Hz."""
-        since = self._clock() - RATE_WINDOW
-        return sum(1 for at in list(self._frames) if at >= since) / RATE_WINDOW
+        return self._recent(self._frames)
 
     @property
     def silence(self) -> float | None:
@@ -97,6 +96,11 @@ class TrackerFeed:
         for frame in self._emulator.due(now_ns):
             self._frames.append(self._clock())
             self._publish_bearings(frame)
+
+    def _recent(self, times: deque[float]) -> float:
+        """Of times in order, Hz."""
+        listed = list(times)  # at once: another thread adds to it
+        return (len(listed) - bisect_left(listed, self._clock() - RATE_WINDOW)) / RATE_WINDOW
 
     def _next_ns(self) -> int | None:
         times = [t for t in (self._tracker.next_ns, self._emulator.next_ns) if t is not None]

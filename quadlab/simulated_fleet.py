@@ -28,7 +28,7 @@ class Rates:
 
 ALONE = Rates(DEFAULT_RATE, 100, 100, 30)
 SOME = Rates(100, 33, 30, 10)
-MANY = Rates(60, 12, 12, 3)
+MANY = Rates(60, 12, 15, 3)
 FEW = 3
 """Vehicles that fly at `SOME`."""
 
@@ -79,6 +79,7 @@ class SimulatedFleet:
             f"tracker.rate={rates.poses}",
             f"bearings.rate={rates.bearings}",
             f"preflight.telemetry_rate_min={rates.packets // 8 * 5}",
+            f"preflight.pose_age_max={max(0.1, 3.0 / rates.poses):g}",
         )
         return [word for setting in settings for word in ("--set", setting)]
 

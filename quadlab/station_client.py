@@ -6,7 +6,8 @@ import getpass
 import queue
 import threading
 import uuid
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -67,6 +68,15 @@ class StationClient:
             lambda received: heard.put(decode(received.payload, row.type_name)), qos=row.qos,
         )  # fmt: skip
         return heard
+
+    def newest(self, topic: str) -> Callable[[], Any]:
+        """Gives the newest message of a topic, decoded when it is asked for; None before one."""
+        row, payloads = TOPICS[topic], deque[bytes](maxlen=1)
+        self._node.subscribe(
+            row.name, row.type_name, lambda received: payloads.append(received.payload),
+            qos=row.qos, direct=True,
+        )  # fmt: skip
+        return lambda: decode(payloads[0], row.type_name) if payloads else None
 
     def parameters(self) -> dict[str, Any]:
         """The vehicle's present values. Raises LinkError."""

@@ -131,6 +131,8 @@ class Up(PageOptions):
         ]
         # What flies goes before what shows: a busy browser must not delay tracker and link.
         first, last = -10, 5
+        # Shared out by process, one station would get no more than each of its vehicles.
+        station = first if fleet.count == 1 else -19
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         page = ["web", *common, "--port", str(self.port), *loopback, *names, *self.words()]
@@ -140,7 +142,7 @@ class Up(PageOptions):
                 Child(_child_name(fleet, name), [*words, *vehicle], niceness=first)
                 for name, words in self._on_board(fleet, data, run_folder, files).items()
             ],
-            [Child("station", base, niceness=first)],
+            [Child("station", base, niceness=station)],
             [Child("web", page, niceness=last, environment=token)],
         ]
 

@@ -42,11 +42,12 @@ from vehicle.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.end_signal import Ending, EndSignal
+from vehicle_link.heartbeat import HEARTBEAT_RATE, SELDOM
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 from vehicle_link.whoami import serve_whoami
 
-SHORTEST_WAIT_S, LONGEST_WAIT_S = 0.001, 0.05
+SHORTEST_WAIT_S = 0.001
 STATION_LOST_S = 1.0
 FETCH_PERIOD_NS = 1_000_000_000
 CLOSE_PATIENCE_S = 0.5
@@ -103,7 +104,7 @@ class Comms:
             lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
             self._log_received,
         )
-        self._longest_wait_s = min(1.0 / config.packets, LONGEST_WAIT_S)
+        self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
         self._fetch_due_ns = 0
         serve(node, self._flight, self._mirror, self._calibrations, self._clock)
@@ -116,7 +117,8 @@ class Comms:
             self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
         ).serve(node)
         self._lane = CommsLane(node, config.link_port + 1)
-        self._lane.send(self._radio.publishers)
+        beats_every = SELDOM if config.packets < HEARTBEAT_RATE else 1
+        self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
             self._lane.take(topic, self._receiver(topic))
 

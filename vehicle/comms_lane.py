@@ -31,10 +31,15 @@ class CommsLane:
         for door, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
             node.serve(door, SERVICES[LANE], self._granting(topics))
 
-    def send(self, publishers: Mapping[str, Publisher]) -> None:
-        """What these publish goes by the lane too, as far as it is of the lane's topics."""
+    def send(self, publishers: Mapping[str, Publisher], beats_every: int = 1) -> None:
+        """What these publish goes by the lane too, as far as it is of the lane's topics.
+
+        Args:
+            beats_every: of the heartbeats sent by it, one in so many goes over Zenoh too.
+        """
         for name in TO_STATION:
             publishers[name].beside = partial(self._lane.put, name)
+        publishers["vehicle_heartbeat"].every = beats_every
 
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Each message of a topic once and in order, whichever way it comes first."""

@@ -50,7 +50,7 @@ class Publisher:
     Args:
         radio: None in simulated time, where nobody listens: only the log is served.
         packets: of telemetry a second. No other topic comes more often; where there are fewer than
-            usual, half as often at most.
+            usual, half as often at most, heartbeats apart.
     """
 
     def __init__(
@@ -62,6 +62,7 @@ class Publisher:
         packets: int = PACKETS_A_SECOND,
     ) -> None:
         self._packets = packets
+        self._beat_ns = round(1e9 / packets)
         self._shortest_ns = round((1e9 if packets >= PACKETS_A_SECOND else 2e9) / packets)
         self._radio = radio
         self._log = log
@@ -173,8 +174,8 @@ class Publisher:
     def _due(self, topic: str, now_ns: int) -> bool:
         """True once a period of the topic; deadlines are kept, so the mean rate is the rate."""
         period = _PERIOD_NS[topic]
-        if topic != "vehicle_heartbeat":
-            period = max(period, self._shortest_ns)
+        shortest = self._beat_ns if topic == "vehicle_heartbeat" else self._shortest_ns
+        period = max(period, shortest)
         late = now_ns - self._due_ns.get(topic, now_ns)
         if late < -period:  # the clock was set back
             late = 0

@@ -66,14 +66,17 @@ class Publisher:
     """Made by `Node.publisher`.
 
     Attributes:
-        beside: gets each message before it is put, to send it another way as well.
+        beside: gets each message before it is put, to send it another way as well; whether that
+            way works.
+        every: of the messages that have gone a way that works, one in so many is put here too.
     """
 
     def __init__(self, publisher: zenoh.Publisher, gid: bytes) -> None:
         self._publisher = publisher
         self._gid = gid
         self._sequence = itertools.count(1)
-        self.beside: Callable[[Received], object] | None = None
+        self.beside: Callable[[Received], bool] | None = None
+        self.every = 1
 
     def put(self, payload: bytes, source_ns: int | None = None) -> None:
         """Send CDR bytes.
@@ -87,7 +90,9 @@ class Publisher:
         stamp = time.time_ns() if source_ns is None else source_ns
         sequence = next(self._sequence)
         if self.beside is not None:
-            self.beside(Received(payload, sequence, stamp, stamp, self._gid))
+            is_sent = self.beside(Received(payload, sequence, stamp, stamp, self._gid))
+            if is_sent and sequence % self.every:
+                return
         try:
             self._publisher.put(payload, attachment=attachment(sequence, stamp, self._gid))
         except (zenoh.ZError, RuntimeError) as error:  # RuntimeError: it is being undeclared

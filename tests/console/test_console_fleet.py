@@ -96,7 +96,7 @@ class Laboratory:
         self.stations = {
             name: BaseStation(
                 self._hub, self.catalogue, name, settings=settings, keeps_house=name == NAMES[0],
-                is_alone=False, instance=instance,
+                vehicles=2, instance=instance,
             )
             for name in NAMES
         }  # fmt: skip

@@ -54,13 +54,20 @@ class Ends:
         self.at_vehicle: dict[str, list[Received]] = {}
         self.vehicle = CommsLane(at_vehicle, 0)
         self.vehicle.send(self.radio.publishers)
-        for name in ("tracker_pose", "joy"):
+        for name in ("tracker_pose", "joy", "station_heartbeat"):
             self.vehicle.take(name, self.at_vehicle.setdefault(name, []).append)
         self.link = LinkMonitor()
         self.telemetry: list[Received] = []
+        self.beats = at_station.advertise(TOPICS["station_heartbeat"])
         self.station = LaneIn(
-            at_station, "127.0.0.1", self.link, self.telemetry.append, lambda received: None
-        )
+            at_station, "127.0.0.1", self.link, self.telemetry.append, lambda received: None,
+            self.beats,
+        )  # fmt: skip
+        self.over_zenoh: list[int] = []
+        for name in ("vehicle_heartbeat", "station_heartbeat"):
+            base.subscribe(
+                name, TOPICS[name].type_name, lambda r: self.over_zenoh.append(r.sequence)
+            )
         self.poses = base.advertise(TOPICS["tracker_pose"])
         self.own_poses = at_station.advertise(TOPICS["tracker_pose"])
         self.zenoh = self.radio.publishers["telemetry"]
@@ -156,3 +163,35 @@ def test_a_vehicles_other_process_is_asked_for_keys_by_the_station(ends: Ends) -
     ends.send_until(lambda: ends.vehicle._lane._lanes and ends.by_the_lane_alone())
     assert len(ends.vehicle._lane._lanes) == 1
     assert before.isdisjoint(ends.vehicle._lane._lanes)
+
+
+def test_of_heartbeats_that_go_by_the_lane_one_in_so_many_goes_over_zenoh_too(ends: Ends) -> None:
+    """Where it is asked for; without the lane all do."""
+    ends.send_until(ends.by_the_lane_alone)
+    beats = ends.radio.publishers["vehicle_heartbeat"], ends.beats
+    for publisher in beats:
+        publisher.every = 4
+    try:
+        before, counted = len(ends.over_zenoh), ends.at_vehicle["station_heartbeat"]
+        first = len(counted)
+
+        def enough() -> bool:
+            ends.beats.put(encode_heartbeat(1, time.time_ns(), 8))
+            return len(ends.over_zenoh) >= before + 10
+
+        ends.send_until(enough)
+        seldom = ends.over_zenoh[before:]
+        assert all(sequence % 4 == 0 for sequence in seldom), seldom
+        ends.send_until(lambda: len(counted) >= first + 15)
+        came = [received.sequence for received in list(counted)[first:]]
+        assert came == list(range(came[0], came[0] + len(came))), "all of them by the lane"
+        ends.vehicle._lane._lanes = {}  # there is none
+        before = len(ends.over_zenoh)
+        ends.radio.put("vehicle_heartbeat", encode_heartbeat(1, time.time_ns(), 7), time.time_ns())
+        ends.radio.put("vehicle_heartbeat", encode_heartbeat(2, time.time_ns(), 7), time.time_ns())
+        ends.send_until(lambda: len(ends.over_zenoh) >= before + 2)
+        one, other = ends.over_zenoh[before : before + 2]
+        assert other == one + 1
+    finally:
+        for publisher in beats:
+            publisher.every = 1

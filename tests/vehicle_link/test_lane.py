@@ -299,6 +299,24 @@ def test_a_lane_carries_both_ways(ends: Ends) -> None:
     assert ends.asked == 1
 
 
+def test_who_greets_otherwise_says_no_hello(ends: Ends) -> None:
+    lane, wire, _ = ends.station()
+    pause = threading.Event()
+
+    def beats_alone() -> bool:
+        """For some 0.4 s; a machine that stands still meanwhile lets a hello in between."""
+        before = len(wire.carried)
+        for count in range(12):
+            lane.put("station_heartbeat", message(count + 1, b"a beat"), greets=True)
+            assert ends.at_vehicle.next()[2] == b"a beat"
+            pause.wait(0.03)
+        return len(wire.carried) == before + 12
+
+    ends.until(beats_alone)
+    silent = len(wire.carried)
+    ends.until(lambda: len(wire.carried) > silent)  # now it does
+
+
 def test_the_vehicle_answers_nobody_without_keys(ends: Ends) -> None:
     lane, wire, _ = ends.station()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:

@@ -107,7 +107,7 @@ class Pace:
 
 
 ALONE = Pace(1, 100)
-SOME, MANY = Pace(5, 30), Pace(9, 24)
+SOME, MANY = Pace(5, 30), Pace(9, 15)
 """Of several on one processor: commands then take up to 4 ms or 8 ms longer to the motors."""
 FEW = 3
 """Vehicles that move by `SOME`."""

@@ -70,6 +70,7 @@ class StationLane:
         self._vehicle, self._vehicle_heard = 0, -math.inf
         self._asking = False
         self._asked, self._pause = -math.inf, ASK_AGAIN
+        self._greeted = -math.inf
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="lane keeper", daemon=True)
         self._thread.start()
@@ -84,8 +85,14 @@ class StationLane:
         """The vehicle was heard over the link, where it can be asked; which process of it."""
         self._vehicle, self._vehicle_heard = instance, time.monotonic()
 
-    def put(self, topic: str, message: Received) -> bool:
-        """Whether it left, by a lane that stands or not; never waits."""
+    def put(self, topic: str, message: Received, *, greets: bool = False) -> bool:
+        """Whether it left, by a lane that stands or not; never waits.
+
+        Args:
+            greets: the vehicle takes it from us as surely as a hello, which need not be sent then.
+        """
+        if greets:
+            self._greeted = time.monotonic()
         keys, link = self._keys, self._socket
         if keys is None or link is None or len(message.payload) > LARGEST_PAYLOAD:
             return False
@@ -100,7 +107,8 @@ class StationLane:
     def _run(self) -> None:
         stood = False
         while not self._closing.wait(HELLO_PERIOD):
-            self.put(HELLO, A_HELLO)
+            if time.monotonic() - self._greeted >= HELLO_PERIOD:
+                self.put(HELLO, A_HELLO)
             if self.stands != stood:
                 stood = not stood
                 self._tell(stood)

@@ -112,14 +112,15 @@ class VehicleLane:
             key_to_vehicle=list(to_vehicle),
         )
 
-    def put(self, topic: str, message: Received) -> None:
-        """To all stations that listen, without waiting."""
+    def put(self, topic: str, message: Received) -> bool:
+        """To all stations that listen, without waiting; whether there is one."""
         if len(message.payload) > LARGEST_PAYLOAD:
-            return
+            return False
         oldest_ns = time.monotonic_ns() - PATIENCE_NS
-        for lane in self._lanes.values():
-            if _listens(lane, oldest_ns):
-                self._socket.send(lane.sealer.seal(topic, message), lane.address)
+        listening = [lane for lane in self._lanes.values() if _listens(lane, oldest_ns)]
+        for lane in listening:
+            self._socket.send(lane.sealer.seal(topic, message), lane.address)
+        return bool(listening)
 
     def close(self) -> None:
         self._socket.close()
