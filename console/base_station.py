@@ -277,7 +277,7 @@ class BaseStation:
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
-        """20 Hz, of many vehicles 10 Hz: heartbeat, end of runs; every fourth time, and at once when
+        """20 Hz, of many vehicles 10: heartbeat, end of runs; every fourth time, and at once when
         the link's state is another, the status topics."""
         due, count = time.monotonic(), 0
         while not self._closing.is_set():

@@ -18,6 +18,7 @@ from vehicle_link import topics
 from vehicle_link.messages import encode
 from vehicle_link.node import Node
 from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import SHARED
 
 RECORDED = (
     "tracker_pose", "bearings", "joy", "station_status", "link_status", "comparison",
@@ -27,9 +28,6 @@ RECORDED = (
 
 LOOK = 0.2  # s
 STEERING = ("tracker_pose", "bearings", "joy")
-
-SHARED = ("events", "parameter_changes", "parameter_events")
-"""Topics the vehicle sends too: recorded where they are received, ours among them."""
 
 Record = Callable[[str, str, bytes, int, int], None]
 """Topic, type name, payload, log_ns, publish_ns."""

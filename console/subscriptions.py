@@ -10,11 +10,11 @@ from console.alarms import AlarmBoard
 from console.checks.observed import Observed
 from console.lane_in import LaneIn
 from console.link_monitor import LinkMonitor
-from console.outbox import SHARED
 from console.recorder import Recorder
 from quadrotor.errors import LinkError, MeasurementError
 from vehicle_link.node import Node, Publisher, Received
 from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import SHARED
 
 AS_IT_COMES = (
     "status", "estimator", "battery", "pressure", "bearing_pose", "truth",

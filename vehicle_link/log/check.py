@@ -13,14 +13,17 @@ from quadrotor.errors import LogFormatError
 from vehicle_link.log.index_check import index_problem
 from vehicle_link.log.summary import LogSummary, summarize
 from vehicle_link.log.topic_columns import ColumnReader, Columns
-from vehicle_link.topics.table import TOPICS
+from vehicle_link.topics.table import SHARED, TOPICS
 
 GAP = 5.0
 """Periods of a topic without a message that are a gap."""
 SHORTEST_GAP_S = 0.1
 """A shorter one is told only of faster topics than this would be five periods of."""
-OVERTAKEN = ("tracker_pose", "bearings", "joy")
-"""Sent by datagrams that may overtake one another; the receiver records them as they come."""
+OVERTAKEN = frozenset({
+    "tracker_pose", "bearings", "joy",
+    *(row.name for row in TOPICS.values() if row.sender == "vehicle" and not row.qos.reliable),
+})  # fmt: skip
+"""What crosses the radio each for itself may be overtaken; the receiver records it as it comes."""
 RATE_MIN = 1.0
 """Hz: what comes more seldom comes on change."""
 
@@ -144,6 +147,15 @@ def _period(name: str, steps: Stamps) -> float:
     return usual if 0.0 < usual < 1e9 / RATE_MIN else 0.0
 
 
+def _unusual(topic: TopicCheck) -> list[tuple[float, float]]:
+    """Of the gaps, those of a topic that mostly comes more seldom than its table says: one of
+    several vehicles' sent less often, a status while nothing happens."""
+    if 2 * len(topic.gaps) <= topic.count - 1:
+        return topic.gaps
+    usual = float(np.median([length for _, length in topic.gaps]))
+    return [gap for gap in topic.gaps if gap[1] > GAP * usual]
+
+
 def _compare_with_index(found: LogCheck) -> None:
     try:
         index: LogSummary = summarize(found.path)
@@ -160,14 +172,23 @@ def _compare_with_index(found: LogCheck) -> None:
         found.notes.append("it was torn once, and mended")
 
 
+def _why_backwards(name: str) -> str:
+    """Why the stamps of a sound log may go back in this topic; "" where they may not."""
+    topic = name.rsplit("/", 1)[-1]
+    if topic in OVERTAKEN:
+        return "datagrams overtook one another"
+    return "vehicle and station each stamp their own" if topic in SHARED else ""
+
+
 def _judge(found: LogCheck) -> None:
     for name, topic in sorted(found.topics.items()):
-        if topic.backwards and name.rsplit("/", 1)[-1] in OVERTAKEN:
-            found.notes.append(
-                f"{name}: {topic.backwards} stamps go back: datagrams overtook one another"
-            )
-        elif topic.backwards:
-            found.problems.append(f"{name}: {topic.backwards} stamps go back")
+        topic.gaps = _unusual(topic)
+        if topic.backwards:
+            line, harmless = f"{name}: {topic.backwards} stamps go back", _why_backwards(name)
+            if harmless:
+                found.notes.append(f"{line}: {harmless}")
+            else:
+                found.problems.append(line)
         if topic.out_of_order:
             found.problems.append(f"{name}: {topic.out_of_order} receptions go back")
         if topic.gaps:

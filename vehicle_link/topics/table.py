@@ -90,6 +90,9 @@ _ROWS = (
 TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
 """By name."""
 
+SHARED = ("events", "parameter_changes", "parameter_events")
+"""The station sends these too, with stamps of its own; recorded where they are received."""
+
 SERVICES: dict[str, str] = {
     "arm": "quadlab_msgs/srv/Command",
     "disarm": "quadlab_msgs/srv/Command",
