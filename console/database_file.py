@@ -38,6 +38,17 @@ class DatabaseFile:
 
     def problem(self) -> str:
         """Why nothing can be kept, and what to do; "" when it can. Never waits for the database."""
+        if gone := self._gone():
+            return gone
+        if self._path is None or os.access(self._path, os.W_OK):
+            return ""
+        return (
+            f"{self._path} is not writable for this user; nothing but recordings is saved; mend "
+            "its permissions or its owner"
+        )
+
+    def _gone(self) -> str:
+        """As `problem`, of a file that is not there any more."""
         if self._path is None or self._identity() == self._opened:
             return ""
         remedy = (
@@ -61,5 +72,5 @@ class DatabaseFile:
         return found.st_dev, found.st_ino
 
     def _look(self, *_: Any) -> None:
-        if problem := self.problem():
-            raise StorageError(problem)
+        if gone := self._gone():
+            raise StorageError(gone)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from console.tuning.kept_runs import KeptRuns
 from quadrotor.errors import StorageError
 from tests.console.test_console_catalogue import entry
 
+ROOT = Path(__file__).resolve().parents[2]
 REMEDY = "mount its disk or put it back, or start quadlab anew: it begins with what is there"
 CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
 
@@ -94,3 +98,33 @@ def test_another_database_under_the_name_is_not_taken_for_the_one_that_was_opene
     (data / "copy").replace(data / DATABASE)
     other = f"{data / DATABASE} is another file than the one that was opened"
     keepers.refuse_with(f"{other}; nothing but recordings is saved; {REMEDY}")
+
+
+def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
+    data: Path, keepers: Keepers
+) -> None:
+    keepers.catalogue.close()
+    (data / DATABASE).chmod(0o444)
+    look = (
+        "from pathlib import Path; import sys; from console.catalogue import Catalogue; "
+        "c = Catalogue(Path(sys.argv[1])); print(c.problem); print([r.id for r in c.runs()])"
+    )
+    told = subprocess.run(
+        [*as_others_may(), sys.executable, "-c", look, str(data)],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    assert told.splitlines() == [
+        f"{data / DATABASE} is not writable for this user; nothing but recordings is saved; mend "
+        "its permissions or its owner",
+        "['r1']",
+    ]
+
+
+def as_others_may() -> list[str]:
+    """Before a command: root then has no more rights to a file than its permissions give."""
+    if os.geteuid():
+        return []
+    if shutil.which("setpriv") is None:
+        pytest.skip("root without setpriv, a part of util-linux, may write everything")
+    rights = "-dac_override,-dac_read_search"
+    return ["setpriv", "--bounding-set", rights, "--inh-caps", rights]
