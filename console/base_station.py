@@ -28,6 +28,7 @@ from console.experiment_running.runner import ExperimentRunner
 from console.introduction import Introduction
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
+from console.pace import pace_of
 from console.parameter_history import ParameterHistory
 from console.parameter_store import StationStore
 from console.parameter_witness import ParameterWitness
@@ -46,7 +47,6 @@ from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import topics
-from vehicle_link.heartbeat import SELDOM
 from vehicle_link.instance import new_instance
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
@@ -55,14 +55,9 @@ from vehicle_link.topics import TOPICS
 
 log = logging.getLogger(__name__)
 
-BEAT = 0.05
 STATUS_EVERY = 4  # beats
 INFO, WARN = 20, 30
 CLOSE_PATIENCE = 3.0
-FEW = 3
-"""Vehicles of one process that each have it as if alone."""
-BEAT_OF_MANY, WRITTEN_OF_MANY = 0.1, 0.04
-"""s between two beats, and between two writes of a run, of each of more than FEW."""
 
 
 class BaseStation:
@@ -75,8 +70,7 @@ class BaseStation:
         settings: `station.*` parameters to start with.
         keeps_house: of the runs' folder, which several vehicles' stations share.
         vehicles: of this process. For a single one estimators are compared without anybody
-            looking, so that each run has it, and lines for the terminal need no name; of many,
-            each wakes the processor less often.
+            looking, so that each run has it, and lines for the terminal need no name.
         host: of the vehicle, for datagrams beside the link; empty for none.
         instance: of this process, a number of its own (vehicle_link.instance).
     """
@@ -95,8 +89,7 @@ class BaseStation:
         instance: int | None = None,
     ) -> None:
         self._vehicle = vehicle
-        is_alone = vehicles == 1
-        self._period = BEAT if vehicles <= FEW else BEAT_OF_MANY
+        self._pace, is_alone = pace_of(vehicles), vehicles == 1
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
@@ -113,9 +106,8 @@ class BaseStation:
             self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
         )  # fmt: skip
-        if vehicles > FEW:
-            self._outbox.beats.every = SELDOM
-            self._recorder.period = WRITTEN_OF_MANY
+        self._outbox.beats.every = self._pace.beats_over_link
+        self._recorder.period = self._pace.written
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
@@ -283,7 +275,7 @@ class BaseStation:
         while not self._closing.is_set():
             count += 1
             self._guard(self._beat_once, count)
-            due = max(due + self._period, time.monotonic())  # never a burst to catch up
+            due = max(due + self._pace.beat, time.monotonic())  # never a burst to catch up
             self._closing.wait(due - time.monotonic())
 
     def _beat_once(self, count: int) -> None:

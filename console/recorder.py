@@ -47,6 +47,9 @@ class Recorder:
             beginning, and again until one begins: whether one is to begin.
         on_watch: asked once a second; what is wrong with all that is kept, "" for nothing.
         queue_limit: messages that may wait for the disk.
+
+    Attributes:
+        period: s between two writes.
     """
 
     def __init__(
@@ -79,7 +82,6 @@ class Recorder:
         self._lock = threading.Lock()
         self._chores = DiskChores("recorder-chores", self._rest)
         self.period = PERIOD
-        """s between two writes."""
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 

@@ -213,3 +213,32 @@ def test_estimators_are_compared_only_while_somebody_looks(monkeypatch: pytest.M
         assert until(lambda: comparison._child is None and child.poll() is not None)
     finally:
         comparison.close()
+
+
+def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
+    tmp_path: Path,
+) -> None:
+    session, catalogue = hub_session(free_port(socket.SOCK_STREAM)), Catalogue(tmp_path)
+    heard: dict[int, list[int]] = {3: [], 4: []}
+    try:
+        for count, beats in heard.items():
+            name = f"of{count}"
+            listener = Node(session, f"/{name}", "listener")
+            topic = TOPICS["station_heartbeat"]
+            listener.subscribe(
+                topic.name, topic.type_name,
+                lambda received, beats=beats: beats.append(received.sequence),
+            )  # fmt: skip
+            station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
+            try:
+                station._outbox.beats.beside = lambda received: True  # as by a lane that stands
+                enough = len(beats) + 12
+                until(lambda beats=beats, enough=enough: len(beats) >= enough)
+            finally:
+                station.close()
+                listener.close()
+    finally:
+        catalogue.close()
+        session.close()
+    assert np.diff(heard[3][-10:]).tolist() == [1] * 9
+    assert np.diff(heard[4][-10:]).tolist() == [2] * 9
