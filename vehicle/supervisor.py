@@ -55,6 +55,7 @@ class Supervisor:
     def __init__(self, parameters: SafetyParameters) -> None:
         self._parameters = parameters
         self._heard_ns = _NEVER
+        self._heard_since_ns: int | None = _NEVER  # without a silence; None: silent
         self._braked_ns: int | None = None
         self._since: dict[str, int] = {}  # cause -> stamp from which on its condition has held
         self._said: set[str] = set()
@@ -87,7 +88,7 @@ class Supervisor:
         if verdict is None and battery_due:
             verdict = self._once("battery", p.battery_reaction, f"battery at {now.voltage:.1f} V")
         if verdict is None and not now.by_microcontroller:
-            verdict = self._on_the_estimate(stamp_ns, now, link_age)
+            verdict = self._on_the_estimate(stamp_ns, now)
         if verdict is None and (not now.by_microcontroller or now.pose_age <= p.pose_land_after):
             verdict = self._on_the_place(stamp_ns, now)
         if verdict is None and not now.by_microcontroller:
@@ -107,7 +108,7 @@ class Supervisor:
             return self._once("tilt", p.tilt_reaction, f"tilt {tilt:.0f} deg")
         return None
 
-    def _on_the_estimate(self, stamp_ns: int, now: Situation, link_age: float) -> Verdict | None:
+    def _on_the_estimate(self, stamp_ns: int, now: Situation) -> Verdict | None:
         """Causes that count only while the estimate is flown on."""
         p, verdict = self._parameters, None
         # A NaN must count as lost: no comparison with one is true.
@@ -116,11 +117,21 @@ class Supervisor:
             far = f"poses {now.innovation:.2f} m from their prediction for {p.innovation_delay:g} s"
             why = f"the estimate diverged: {far}"
             verdict = self._once("diverged", p.innovation_reaction, why)
-        late = now.pose_age > p.pose_land_after and link_age <= p.link_timeout
-        if verdict is None and late:
+        if verdict is None and self._without_pose(stamp_ns, now.pose_age):
             why = f"no pose measurement for {now.pose_age:.1f} s"
             verdict = self._once("pose", p.pose_reaction, why)
         return verdict
+
+    def _without_pose(self, stamp_ns: int, pose_age: float) -> bool:
+        """Whether poses fail on a link that works. When it comes back after a second, a heartbeat
+        may be there a moment before the first pose: that one has `link_timeout` to follow, but no
+        link that comes and goes stretches the flight without poses further than silence does.
+        """
+        p = self._parameters
+        if pose_age <= p.pose_land_after or self._heard_since_ns is None:
+            return False
+        settled = (stamp_ns - self._heard_since_ns) * 1e-9 > p.link_timeout
+        return settled or pose_age > p.pose_land_after + p.link_land_after
 
     def _on_the_place(self, stamp_ns: int, now: Situation) -> Verdict | None:
         """Causes that count while the place is known, whoever holds the angles."""
@@ -144,7 +155,11 @@ class Supervisor:
         age, timeout = self.link_age(stamp_ns), self._parameters.link_timeout
         if age > timeout:
             self.flags |= Flag.LINK_LOST
-        elif age > 0.75 * timeout:
+            self._heard_since_ns = None
+            return age
+        if self._heard_since_ns is None:
+            self._heard_since_ns = stamp_ns
+        if age > 0.75 * timeout:
             self.flags |= Flag.LINK_DEGRADED
         else:
             self._braked_ns = None

@@ -342,7 +342,8 @@ def test_a_flight_goes_on_when_comms_is_killed(tmp_path: Path) -> None:
             check_calibrations(station)
             take_off(station)
             survive_comms(station, processes)
-            assert station.command("start_behavior", "b2", name="land").accepted
+            landing = station.command("start_behavior", "b2", name="land")
+            assert landing.accepted, (landing.reason, station.events)
             wait_until(lambda: station.mode == "ready", "landed and disarmed")
             wait_until(
                 lambda: any(text.endswith(" MB") and "closed" in text for text in station.events),

@@ -85,6 +85,39 @@ def test_a_lost_pose_lands_only_after_its_time() -> None:
     assert "1.1 s" in reactions[0][1].reason
 
 
+def silent_for_a_second_and_a_half(flight: Flight) -> None:
+    """As when the link is lost: no heartbeat, no pose."""
+    assert [v.reaction for _, v in flight.fly(0.5, heard=False)] == [Reaction.BRAKE]
+    assert flight.fly(1.0, heard=False, pose_age=1.5) == []
+
+
+def test_a_link_that_comes_back_may_bring_its_pose_a_moment_after_its_heartbeat() -> None:
+    flight = Flight(link_timeout=0.4, pose_land_after=1.0)
+    silent_for_a_second_and_a_half(flight)
+    assert flight.fly(0.35, pose_age=1.8) == []
+    assert flight.fly(5.0, pose_age=0.01) == []
+
+
+def test_a_link_that_comes_back_without_poses_lands() -> None:
+    flight = Flight(link_timeout=0.4, pose_land_after=1.0)
+    silent_for_a_second_and_a_half(flight)
+    [(after, verdict)] = flight.fly(2.0, pose_age=1.8)
+    assert (after, verdict.reaction) == (pytest.approx(0.4, abs=0.005), Reaction.DESCEND)
+
+
+def test_single_heartbeats_do_not_keep_it_in_the_air_without_poses() -> None:
+    flight = Flight(link_timeout=0.4, link_land_after=2.0, pose_land_after=1.0)
+    silent_for_a_second_and_a_half(flight)
+    pose_age, found = 1.5, []
+    while pose_age < 10.0 and not found:
+        assert [v.reaction for _, v in flight.fly(0.5, heard=False, pose_age=pose_age)] in (
+            [], [Reaction.BRAKE],
+        )  # fmt: skip
+        pose_age += 0.5
+        found = [v.reaction for _, v in flight.fly(0.002, pose_age=pose_age)]
+    assert (found, pose_age) == ([Reaction.DESCEND], pytest.approx(3.5))
+
+
 def test_a_low_battery_must_stay_low_for_its_delay() -> None:
     flight = Flight(battery_land=13.1, battery_delay=1.0)
     assert flight.fly(0.9, voltage=13.0) == []

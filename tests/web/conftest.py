@@ -78,6 +78,7 @@ class ScriptedStation(Station):
         self.away = False
         self.compared = False
         self.residuals: dict[int, float] | None = None
+        self.told: dict[str, Any] | None = None  # fields of its experiment's status
         self.answering = threading.Event()
         self.answering.set()
 

@@ -43,12 +43,12 @@ def section(
 
     def fly_and_tell() -> None:
         fly()
-        if station.told is not None:
-            message = new("quadlab_msgs/ExperimentStatus", **station.told)
-            station.put("experiment_status", message)
+        told = station.told
+        if told is not None:
+            station.put("experiment_status", new("quadlab_msgs/ExperimentStatus", **told))
 
     monkeypatch.setattr(station, "_call_blocking", call)
-    monkeypatch.setattr(station, "told", {"phase": "idle"}, raising=False)
+    monkeypatch.setattr(station, "told", {"phase": "idle"})
     monkeypatch.setattr(station, "fly", fly_and_tell)
     # Not by a click, which would close what a flight told by the test before has opened.
     page.evaluate("document.getElementById('experiment').open = true")
