@@ -23,6 +23,7 @@ import time
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,7 @@ from vehicle_link.messages import Message, new
 from vehicle_link.node import Node, Received
 from vehicle_link.radio import Radio
 from vehicle_link.session import hub_session, vehicle_session
-from vehicle_link.time_sync import TIME_SYNC, exchange, serve_time_sync
+from vehicle_link.time_sync import TIME_SYNC, answers, exchange, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 
 QUIC_PORT, LOOPBACK_PORT, UDP_PORT = 7447, 7447, 9100
@@ -229,8 +230,11 @@ def station(folder: Path, plan: Plan) -> None:
         node, A if plan.lane else "", link,
         telemetry_came, lambda received: link.beat(received.payload), beat,
     )  # fmt: skip
-    radio = Radio(f"{A}:{QUIC_PORT}", program.files, LOOPBACK_PORT, link.silent)
     command, clock = node.client("arm", COMMAND), node.client("time_sync", TIME_SYNC)
+    radio = Radio(
+        f"{A}:{QUIC_PORT}", program.files, LOOPBACK_PORT, link.silent,
+        beside=link.beside, answers=partial(answers, clock),
+    )  # fmt: skip
     download = Download(program, node)
 
     def ask() -> None:
@@ -257,11 +261,7 @@ def station(folder: Path, plan: Plan) -> None:
     radio.wait(10.0)
     command.wait(10.0)
     program.every(POSE_RATE, lambda k: pose.put(stamped(k, _POSE)))
-    program.every(
-        HEARTBEAT_RATE,
-        lambda k: beat.put(topics.encode_heartbeat(k, time.time_ns(), instance)),
-        0.3,
-    )
+    program.every(HEARTBEAT_RATE, say_beat, 0.3)
     program.every(plan.call_rate, lambda k: threading.Thread(target=ask, daemon=True).start(), 0.2)
     program.every(LOOK_RATE, look)
     program.every(1.0, lambda k: link.exchanged(exchange(clock)))

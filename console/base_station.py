@@ -46,7 +46,7 @@ from console.tuning.log_window import LogWindow
 from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import ParameterValue
-from vehicle_link import topics
+from vehicle_link import time_sync, topics
 from vehicle_link.instance import new_instance
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
@@ -93,6 +93,8 @@ class BaseStation:
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
+        clock = self._node.client("time_sync", time_sync.TIME_SYNC)
+        self.answers = partial(time_sync.answers, clock)
         self._store = StationStore()
         self._store.preset(settings or {})
         self._vehicle_parameters = VehicleParameters(self._node, vehicle)

@@ -107,6 +107,7 @@ class LaneIn:
         return lane.put(BEAT, received, greets=is_pilot) and lane.stands
 
     def _by_lane(self, name: str, received: Received) -> None:
+        self._link.came_beside()
         self._heard(name, DATAGRAM, received)
 
     def _by_zenoh(self, name: str, received: Received) -> None:

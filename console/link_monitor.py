@@ -43,6 +43,7 @@ class LinkMonitor:
         self.path = ""
         """How telemetry came the last time: datagram or quic."""
         self._carried: float | None = None
+        self._by_lane: float | None = None
         self._heartbeats = HeartbeatMonitor()
         self._clock = ClockOffset()
         self._telemetry = TelemetryWindow()
@@ -57,6 +58,14 @@ class LinkMonitor:
     def silent(self) -> float:
         """s since the last thing that did; inf before the first."""
         return math.inf if self._carried is None else time.monotonic() - self._carried
+
+    def came_beside(self) -> None:
+        """Something came from the vehicle beside its Zenoh session."""
+        self._by_lane = time.monotonic()
+
+    def beside(self) -> float:
+        """s since the last thing that did; inf before the first."""
+        return math.inf if self._by_lane is None else time.monotonic() - self._by_lane
 
     def beat(self, payload: bytes) -> None:
         """The vehicle's heartbeat came, by whichever way. Raises LinkError."""

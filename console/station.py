@@ -17,7 +17,7 @@ from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue import Catalogue
 from console.dialled import remember_dialled
 from quadrotor.parameters import ParameterValue
-from vehicle_link.authority import TlsFiles, ensure_certificates, readable_keys
+from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.end_signal import EndSignal
 from vehicle_link.instance import new_instance
 from vehicle_link.radio import Radio, is_hanging_up
@@ -71,7 +71,12 @@ def run_station(
             f"dials the vehicle at {endpoint}, serves page and ROS 2 at 127.0.0.1:{loopback_port}"
         )
         stations.append(station)
-        radios.append(_radio(station, endpoint, files, loopback_port))
+        radio = Radio(
+            endpoint, files, loopback_port, station.link.silent, say=station.warn,
+            beside=station.link.beside, answers=station.answers,
+        )  # fmt: skip
+        station.link.radio = radio
+        radios.append(radio)
     print(f"station: dials {_dialled(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True)
     while not stopping.wait(1.0):
         pass
@@ -86,12 +91,6 @@ def run_station(
     if closer.is_alive() or is_hanging_up():
         os._exit(0)
     return 0
-
-
-def _radio(station: BaseStation, endpoint: str, files: TlsFiles, loopback_port: int) -> Radio:
-    radio = Radio(endpoint, files, loopback_port, station.link.silent, say=station.warn)
-    station.link.radio = radio
-    return radio
 
 
 def _at_once(acts: Sequence[Callable[[], None]]) -> None:

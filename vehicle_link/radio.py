@@ -7,6 +7,7 @@ and neither the hub nor another vehicle's radio notices.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -22,13 +23,42 @@ SILENT = 2.0
 """s without data over a link that stands, after which its session is opened anew."""
 LONGEST = 60.0
 """s: each vain attempt doubles the patience, so that a vehicle that hangs is not stormed."""
-LOOK = 0.1  # s
+LOOK, LOOK_CLOSELY = 0.1, 0.03  # s
+AWAY = 0.4
+"""s without anything from the vehicle by any way: an outage."""
+AWAKE = 0.2
+"""s after one, in which a session that stood meanwhile brings an answer, or it is opened anew."""
 ABANDONED = "abandoned radio"
+
+
+def never() -> float:
+    """s since something that never was."""
+    return math.inf
 
 
 def is_hanging_up() -> bool:
     """Whether a session of any radio is still being closed: then only os._exit ends a process."""
     return any(thread.name.startswith(ABANDONED) for thread in threading.enumerate())
+
+
+class Outage:
+    """Of everything that comes from a vehicle.
+
+    QUIC waits twice as long before each question whether the other end is there (RFC 9002, section
+    6.2): after an outage shorter than Zenoh's lease either end's may sleep on for as long again,
+    while a new session is there in 0.1 s.
+    """
+
+    def __init__(self) -> None:
+        self._lasted = 0.0
+
+    def ended(self, unheard: float) -> float:
+        """s it lasted, once, when the vehicle is heard again; else 0."""
+        if unheard > AWAY:
+            self._lasted = unheard
+            return 0.0
+        lasted, self._lasted = self._lasted, 0.0
+        return lasted
 
 
 class Radio:
@@ -39,6 +69,9 @@ class Radio:
         loopback_port, loopback_host: of the hub.
         silent: s since anything came from the vehicle over its session (not beside it); inf
             before the first. Asked in a thread of the radio.
+        beside: the same of what came beside its session.
+        answers: whether the vehicle answers over the session within so many seconds; asked in the
+            same thread, after an outage.
         say: told when a session is opened anew, in one line.
 
     Raises:
@@ -54,6 +87,8 @@ class Radio:
         silent: Callable[[], float],
         loopback_host: str = "127.0.0.1",
         say: Callable[[str], None] = lambda line: None,
+        beside: Callable[[], float] = never,
+        answers: Callable[[float], bool] = lambda timeout: True,
     ) -> None:
         check_station(endpoint, tls)
         host, port = parse_endpoint(endpoint)
@@ -62,7 +97,7 @@ class Radio:
         self._unopened = ""
         self._endpoint, self._tls = endpoint, tls
         self._loopback = loopback_port, loopback_host
-        self._silent, self._say = silent, say
+        self._silent, self._beside, self._answers, self._say = silent, beside, answers, say
         self._session: zenoh.Session | None = None
         self._stands = threading.Event()
         self._stands_since = 0.0
@@ -137,9 +172,15 @@ class Radio:
             else:
                 self._stands.clear()
 
+        outage = Outage()
         with session.info.declare_link_events_listener(changed, history=True):
-            while not self._closing.wait(LOOK):
+            silent = 0.0
+            while not self._closing.wait(LOOK if silent < AWAY else LOOK_CLOSELY):
                 stood, silent = self.connected_for, self._silent()
+                lasted = outage.ended(min(silent, self._beside()))
+                if 0.0 < lasted < stood and not self._answers(AWAKE):
+                    self.reopened += 1
+                    return patience
                 if silent < min(stood, SILENT):
                     patience = SILENT  # this one works
                 elif stood > patience:

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from quadrotor.errors import LinkError
 from vehicle_link.messages import Message, new
 
 if TYPE_CHECKING:
@@ -117,3 +118,12 @@ def exchange(
     sent = clock()
     response = client.call(new(f"{TIME_SYNC}_Request", client_sent_ns=sent), timeout)
     return Exchange(sent, int(response.server_received_ns), int(response.server_sent_ns), clock())
+
+
+def answers(client: ServiceClient, timeout: float) -> bool:
+    """Whether the server does within `timeout` seconds."""
+    try:
+        exchange(client, timeout=timeout)
+    except LinkError:
+        return False
+    return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import socket
 import threading
@@ -70,9 +71,13 @@ class Lab:
         self.closed.append(made.close)
         return made
 
-    def radio(self, vehicle: Vehicle, heard: Heard) -> Radio:
-        endpoint = f"127.0.0.1:{vehicle.port}"
-        made = Radio(endpoint, self.tls, self.port, heard.silent, say=self.said.append)
+    def radio(
+        self, vehicle: Vehicle, heard: Heard, answers: Callable[[float], bool] = bool
+    ) -> Radio:
+        made = Radio(
+            f"127.0.0.1:{vehicle.port}", self.tls, self.port, heard.silent,
+            say=self.said.append, answers=answers,
+        )  # fmt: skip
         self.closed.append(lambda: made.close(WAIT))
         return made
 
@@ -156,6 +161,50 @@ def test_a_link_that_stands_but_is_deaf_is_opened_anew_with_patience(
     vehicle.talks.set()
     wait_for(lambda: heard.silent() < 0.1)
     assert dialled.wait(WAIT)
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_a_session_that_sleeps_on_after_an_outage_is_opened_anew_at_once(
+    lab: Lab, answers: bool
+) -> None:
+    vehicle, asked = lab.vehicle("quad1"), threading.Event()
+    heard = Heard(lab.hub, "quad1")
+
+    def ask(within: float) -> bool:
+        assert within == radio.AWAKE
+        asked.set()
+        return answers
+
+    dialled = lab.radio(vehicle, heard, ask)
+    heard.messages.get(timeout=WAIT)
+    wait_for(lambda: dialled.connected_for > 2.0 * radio.AWAY)
+    assert not asked.is_set()
+    vehicle.talks.clear()  # the link stands meanwhile
+    wait_for(lambda: heard.silent() > 1.5 * radio.AWAY)
+    assert not asked.is_set()
+    vehicle.talks.set()
+    assert asked.wait(WAIT)
+    wait_for(lambda: dialled.reopened == (not answers))
+    asked.clear()
+    wait_for(lambda: dialled.connected_for > 2.0 * radio.LOOK)
+    assert (asked.is_set(), dialled.reopened) == (False, not answers)
+    assert lab.said == []
+
+
+@pytest.mark.parametrize(
+    ("unheard", "lasted"),
+    [
+        ([0.0, 0.5, 0.9, 0.1, 0.1], [0.0, 0.0, 0.0, 0.9, 0.0]),
+        ([0.1, 0.39, 0.1], [0.0, 0.0, 0.0]),
+        ([math.inf, 0.1], [0.0, math.inf]),
+    ],
+    ids=["told once", "too short", "never heard before"],
+)
+def test_an_outage_is_over_when_anything_is_heard(
+    unheard: list[float], lasted: list[float]
+) -> None:
+    outage = radio.Outage()
+    assert [outage.ended(each) for each in unheard] == lasted
 
 
 def test_a_radio_waits_for_its_vehicle_and_its_hub_for_neither(lab: Lab) -> None:
