@@ -7,8 +7,7 @@ import gc
 import os
 import shutil
 import tempfile
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,7 @@ REAL_TIME = (
     "console/test_transfers.py::test_runs_are_filled_by_a_real_process",
 )  # fmt: skip
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
-processes that leave it to others by theirs: late, and only what is patient runs beside them."""
-ALONE = ("system/test_browser_flight.py", "console/test_experiment_evaluation.py")
-"""Of those, what works with the processor time that is left: last, and nothing runs beside."""
+processes that leave it to others by theirs: the last, and nothing runs beside them."""
 LIVE = (
     "vehicle/test_simulator_process.py", "console/test_beacon_agreement.py",
     "console/test_comparison_session.py", "console/test_parameter_history_of_everybody.py",
@@ -34,19 +31,8 @@ LIVE = (
 )  # fmt: skip
 """Links that must stay good meanwhile, and a plant that runs in real time."""
 BROWSER = "web/browser/"
-LONG = ("web/test_web_openapi.py",)
-"""Begun early, so that no process has it alone at the end."""
-PATIENT = (
-    "quadlab/test_fly", "quadlab/test_replay.py", "web/test_web_replay_store.py",
-    "vehicle/test_stack", "vehicle/test_kernels.py", "vehicle/test_bearings_hand_over.py",
-    "vehicle/test_closed_loop", "console/test_log_export.py", "console/test_reports.py",
-    "bearing_sim/", "control/", "estimation/", "quadrotor/", "vehicle_link/test_log_",
-    "quadlab/test_bad_logs.py", "web/test_web_replay_cache.py",
-)  # fmt: skip
-"""They compute, and wait for nobody: last, beside what flies, with the processor time it leaves.
-The longest first."""
-PATIENCE = 900.0
-"""s, for one of them."""
+LONG = ("web/test_web_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/test_kernels.py")
+"""Begun early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
 HERE = Path(__file__).parent
@@ -56,20 +42,16 @@ BEFORE = pytest.StashKey[tuple[int, int]]()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Pages first, for they take longest; what flies late, and beside it what may wait."""
+    """Pages first, for they take longest; what flies last."""
 
     def turn(item: pytest.Item) -> int:
         name = _name(item.nodeid)
         if name.startswith(REAL_TIME):
-            return 3 if name.startswith(ALONE) else 2
-        if name.startswith(PATIENT):
-            return 4 + next(k for k, start in enumerate(PATIENT) if name.startswith(start))
+            return 2
         return 0 if name.startswith((BROWSER, *LIVE, *LONG)) else 1
 
     items.sort(key=turn)
     for item in items:
-        if _name(item.nodeid).startswith(PATIENT):
-            item.add_marker(pytest.mark.timeout(PATIENCE))
         if _name(item.nodeid).startswith((*REAL_TIME, *LIVE, BROWSER)):
             # A machine that stands still for 0.25 s makes the simulated microcontroller land
             # (docs/safety.md), and starves a browser beside two other processes: once more then,
@@ -99,36 +81,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """What flies has the machine to itself and to what is patient, whichever process it is in."""
+    """What flies has the machine to itself, whichever of several processes it is in."""
     run = getattr(item.config, "workerinput", {}).get("testrunuid")
     if run is None:
         return (yield)
-    name = _name(item.nodeid)
-    if name.startswith(PATIENT):
-        with _held(run, "left over", fcntl.LOCK_SH), _patient():
-            return (yield)
-    alone = fcntl.LOCK_EX if name.startswith(ALONE) else fcntl.LOCK_SH
-    flies = fcntl.LOCK_EX if name.startswith(REAL_TIME) else fcntl.LOCK_SH
-    with _held(run, "machine", flies), _held(run, "left over", alone):
+    alone = _name(item.nodeid).startswith(REAL_TIME)
+    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run}").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
         return (yield)
-
-
-@contextmanager
-def _held(run: str, what: str, kind: int) -> Iterator[None]:
-    """A lock of all processes of this run: fcntl.LOCK_EX or fcntl.LOCK_SH."""
-    with (Path(tempfile.gettempdir()) / f"quadlab-tests-{run} {what}").open("w") as lock:
-        fcntl.flock(lock, kind)
-        yield
-
-
-@contextmanager
-def _patient() -> Iterator[None]:
-    """With this process only where no other wants the processor."""
-    before, priority = os.sched_getscheduler(0), os.sched_getparam(0)
-    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-    yield
-    with suppress(PermissionError):  # not root: the rest of this process is patient as well
-        os.sched_setscheduler(0, before, priority)
 
 
 @pytest.hookimpl(wrapper=True)
