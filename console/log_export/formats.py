@@ -9,6 +9,7 @@ import contextlib
 import json
 import re
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,7 +18,7 @@ import numpy as np
 from console.log_export.tables import Array, Piece
 from quadrotor.errors import StorageError
 
-ROWS = 10_000
+ROWS = 20_000
 """Written at once."""
 MAT_NAME = 63
 """Characters MATLAB allows for a name."""
@@ -38,8 +39,9 @@ class Format(Protocol):
 class ColumnFiles:
     """CSV or Parquet by pyarrow.
 
-    Units stand behind the names in CSV (`pose.pose.position.x [m]`) and in the fields' metadata
-    in Parquet, whose schema's metadata has the run's.
+    Written in a thread of its own, while the next rows are read. Units stand behind the names in
+    CSV (`pose.pose.position.x [m]`) and in the fields' metadata in Parquet, whose schema's
+    metadata has the run's.
     """
 
     def __init__(self, folder: Path, kind: str, run: Mapping[str, str]) -> None:
@@ -47,6 +49,8 @@ class ColumnFiles:
         self._writers: dict[str, Any] = {}
         self._waiting: dict[str, list[Piece]] = {}
         self._files: list[Path] = []
+        self._writing = ThreadPoolExecutor(1, "log export")
+        self._last: Future[None] | None = None
 
     def write(self, piece: Piece) -> None:
         waiting = self._waiting.setdefault(piece.topic, [])
@@ -57,6 +61,8 @@ class ColumnFiles:
     def finish(self) -> list[Path]:
         for topic in list(self._waiting):
             self._flush(topic)
+        self._wait()
+        self._writing.shutdown()
         for topic, writer in self._writers.items():
             writer.close()
             self._aside(topic).replace(self._path(topic))
@@ -64,6 +70,7 @@ class ColumnFiles:
         return self._files
 
     def discard(self) -> None:
+        self._writing.shutdown(cancel_futures=True)
         for writer in self._writers.values():
             with contextlib.suppress(OSError, ValueError):  # the disk that is full, once more
                 writer.close()
@@ -88,9 +95,19 @@ class ColumnFiles:
         schema = self._schema(first)
         columns = [_concatenated(pieces, name) for name in first.columns]
         table = pa.Table.from_arrays([pa.array(column) for column in columns], schema=schema)
+        self._wait()  # so that no more than two tables are in memory
+        self._last = self._writing.submit(self._put, topic, table)
+
+    def _put(self, topic: str, table: Any) -> None:
         if topic not in self._writers:
-            self._writers[topic] = self._open(topic, schema)
+            self._writers[topic] = self._open(topic, table.schema)
         self._writers[topic].write_table(table)
+
+    def _wait(self) -> None:
+        """For what is being written; raises what it raised."""
+        last, self._last = self._last, None
+        if last is not None:
+            last.result()
 
     def _schema(self, piece: Piece) -> Any:
         import pyarrow as pa
