@@ -27,7 +27,7 @@ from vehicle_link.serial.identity import Identity
 BUFFER_BYTES = 32_000_000
 AFTER_DISARMING_NS = 500_000_000
 CHECK_NS = 1_000_000_000
-PERIOD_S = 0.025
+PERIOD_S = 0.035
 """Between two writes, of 0.7 ms each: what a killed process loses of other topics than ticks."""
 FILES_KEPT = 4  # of which places are known
 
