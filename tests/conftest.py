@@ -110,6 +110,14 @@ def pytest_runtest_makereport(
     return report
 
 
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """What made a test run again, in a line: its second run hides the first's report."""
+    for report in terminalreporter.stats.get("rerun", []):
+        crash = getattr(report.longrepr, "reprcrash", None)
+        reason = crash.message.split("\n")[0] if crash else str(report.longrepr)[:200]
+        terminalreporter.write_line(f"run again: {report.nodeid}: {reason}")
+
+
 def processor_time(stat: Path = Path("/proc/stat")) -> tuple[int, int]:
     """In ticks since the start of this machine: had, and wanted but given to others by its host."""
     user, nice, system, _, _, irq, softirq, steal = map(int, stat.read_text().split()[1:9])

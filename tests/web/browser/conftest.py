@@ -15,8 +15,10 @@ import pytest
 PLAIN = [
     "--no-sandbox", "--disable-gpu", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--no-first-run",
+    "--renderer-process-limit=1", "--disable-features=IsolateOrigins,site-per-process",
 ]  # fmt: skip
-"""Pages whose 3D view is blanked: a graphics card emulated for them takes most of a core."""
+"""Pages whose 3D view is blanked: a graphics card emulated for them takes most of a core. They
+share a process, which a new page would else take as long to start as to load."""
 WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]
 """The card is emulated for the 3D view alone; the page around it is put together without."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
@@ -70,7 +72,7 @@ def blank_view(request: pytest.FixtureRequest, serve: Any) -> Iterator[None]:
 
 @pytest.fixture
 def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
-    """A vehicle that publishes at 50 Hz; call with False to silence it."""
+    """A vehicle that publishes at 10 Hz; call with False to silence it."""
     going, talking = threading.Event(), threading.Event()
     going.set()
     talking.set()
@@ -79,7 +81,7 @@ def flying(site: Any, station: Any) -> Iterator[Callable[[bool], None]]:
         while going.is_set():
             if talking.is_set():
                 station.fly()
-            threading.Event().wait(0.05)
+            threading.Event().wait(0.1)
 
     thread = threading.Thread(target=fly, daemon=True)
     thread.start()
