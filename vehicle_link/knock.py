@@ -26,9 +26,10 @@ class Door(StrEnum):
 
 
 WHY = {
-    Door.ANSWERS: "a vehicle answers there, but one end does not accept the other's certificate: "
-    "it is of another base, out of date by that end's clock, or not for this address; enrol the "
-    "vehicle anew with `quadlab link enrol`, and look at both clocks",
+    Door.ANSWERS: "a vehicle answers there, but the link does not open: one of the machines is too "
+    "busy to open it within 0.3 s, or one end does not accept the other's certificate: it is of "
+    "another base, out of date by that end's clock, or not for this address; enrol the vehicle "
+    "anew with `quadlab link enrol`, and look at both clocks",
     Door.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
     Door.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
     Door.NAMELESS: "nobody knows this name; give the vehicle's address instead",

@@ -38,6 +38,14 @@ def test_ticks_survive_to_float32_and_stamps_exactly(count: int) -> None:
         np.testing.assert_array_equal(back["imu"][name], ticks["imu"][name].astype("f4"))
 
 
+@pytest.mark.filterwarnings("error")
+def test_what_diverges_beyond_float32_travels_as_inf() -> None:
+    ticks = _ticks(2)
+    ticks["state"]["velocity_w"][1] = 1e39, -1e39, 1.0
+    _, back = unpack(pack(ticks, 0))
+    assert back["state"]["velocity_w"][1].tolist() == [np.inf, -np.inf, 1.0]
+
+
 def test_a_sample_has_the_documented_order() -> None:
     ticks = _ticks(1)
     samples = decode(pack(ticks, 0), "quadlab_msgs/Telemetry").samples
