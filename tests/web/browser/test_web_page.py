@@ -57,12 +57,14 @@ def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
 
 
 def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flying: Any) -> None:
+    x = "#table tbody tr >> nth=0 >> td >> nth=1"
     look.text("#mode", "^armed$")
+    look.text(x, r"^1\.000$")
     flying(False)
     look.has_class("#mode", "stale")
     look.text("#mode", "^armed$")
     look.has_class("#table tbody tr >> nth=0", "stale")
-    look.text("#table tbody tr >> nth=0 >> td >> nth=1", r"^1\.000$")
+    look.text(x, r"^1\.000$")
     look.text("#flags", r"no telemetry for")
     flying(True)
     look.has_no_class("#mode", "stale")
