@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from enum import StrEnum
 
+from vehicle_link.session import OPEN_S
+
 RESERVED_VERSION = 0x1A2A3A4A  # RFC 9000, section 15: exists to force a negotiation
 LEAST = 1200  # bytes of a first packet
 TRIES = 3
@@ -26,10 +28,10 @@ class Door(StrEnum):
 
 
 WHY = {
-    Door.ANSWERS: "a vehicle answers there, but the link does not open: one of the machines is too "
-    "busy to open it within 0.3 s, or one end does not accept the other's certificate: it is of "
-    "another base, out of date by that end's clock, or not for this address; enrol the vehicle "
-    "anew with `quadlab link enrol`, and look at both clocks",
+    Door.ANSWERS: "a vehicle answers there, but the link does not open: one end does not accept "
+    "the other's certificate (it is of another base, out of date by that end's clock, or not for "
+    "this address: enrol the vehicle anew with `quadlab link enrol`, and look at both clocks), or "
+    f"is too busy to open the link within {OPEN_S:g} s",
     Door.CLOSED: "the machine is there, but no `quadlab vehicle` listens on this port",
     Door.SILENT: "nothing answers; is the vehicle on, in this network, and UDP let through?",
     Door.NAMELESS: "nobody knows this name; give the vehicle's address instead",

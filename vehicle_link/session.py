@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 VEHICLE_PORT = 7447
 LOOPBACK_PORT = 7447
 
+OPEN_S = 0.3
+"""For one attempt to open a link."""
 RETRY = {
     "timeout_ms": -1,
     "exit_on_failure": False,
-    # A first packet that is lost is not repeated within `open_timeout`: many short attempts bring a
+    # A first packet that is lost is not repeated within OPEN_S: many short attempts bring a
     # link back 0.4 s after an outage at the latest, fewer long ones 1 s.
     "retry": {"period_init_ms": 50, "period_max_ms": 100, "period_increase_factor": 2},
 }
@@ -209,6 +211,7 @@ def parse_endpoint(text: str) -> tuple[str, int]:
 
 def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") -> dict[str, Any]:
     """What all routing sessions share; with `tls`, the certificates of an end of the radio link."""
+    attempt = round(1e3 * OPEN_S)
     link: dict[str, Any] = {
         "tx": {
             "lease": 1500,
@@ -244,7 +247,7 @@ def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") 
         "transport": {
             # Shared memory would carry large messages around the link on one host.
             "shared_memory": {"enabled": False},
-            "unicast": {"open_timeout": 300, "accept_timeout": 300, "max_links": 1},
+            "unicast": {"open_timeout": attempt, "accept_timeout": attempt, "max_links": 1},
             "link": link,
         },
     }

@@ -52,7 +52,8 @@ def _layout(count: int) -> FixedLayout:
 def pack(ticks: Record, sequence: int) -> bytes:
     """One packet of the given TICK records, shape (N,), N ≥ 1.
 
-    Ticks more than 4 s before the newest are left out (their offset would not fit).
+    Ticks more than 4 s before the newest are left out (their offset would not fit); what float32
+    cannot hold travels as inf.
 
     Args:
         ticks: consecutive ticks, oldest first.
@@ -71,7 +72,7 @@ def pack(ticks: Record, sequence: int) -> bytes:
     record["offsets_ns"][0] = offsets
     samples = record["samples"].reshape(-1, FLOATS)
     runs = np.ascontiguousarray(ticks).view(_TICK_RUNS)
-    with np.errstate(over="ignore"):  # what diverges travels as inf
+    with np.errstate(over="ignore"):
         for name, place in _PLACES.items():
             samples[:, place] = runs[name]
     return record.tobytes()

@@ -206,7 +206,9 @@ def test_no_link_is_told_with_its_cause(
     monkeypatch.setattr("vehicle_link.link_measurement.CONNECT", 0.3)
     with pytest.raises(LinkError, match=r"within 0\.3 s: the machine is there, but no"):
         measure(f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}", tls, 1.0)
-    with pytest.raises(LinkError, match=r"too busy .*does not accept .*quadlab link"):
+    with pytest.raises(
+        LinkError, match=r"does not accept the other's certificate.*quadlab link.*too busy"
+    ):
         measure(f"127.0.0.1:{vehicle}", ensure_certificates(tmp_path), 1.0)
     with pytest.raises(LinkError, match="no vehicle called quad6 says who it is"):
         measure(f"127.0.0.1:{vehicle}", tls, 1.0, name="quad6")

@@ -18,7 +18,7 @@ PLAIN = [
     "--renderer-process-limit=1", "--disable-features=IsolateOrigins,site-per-process",
 ]  # fmt: skip
 """Pages whose 3D view is blanked: a graphics card emulated for them takes most of a core. They
-share a process, which a new page would else take as long to start as to load."""
+share a process: each would else start one of its own."""
 WITH_WEBGL = [*PLAIN, "--enable-unsafe-swiftshader"]
 """The card is emulated for the 3D view alone; the page around it is put together without."""
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
