@@ -22,3 +22,16 @@ def keep_large_buffers_apart() -> bool:
     """
     library = ctypes.CDLL(None)
     return hasattr(library, "mallopt") and bool(library.mallopt(M_MMAP_THRESHOLD, LARGE))
+
+
+def give_back_what_is_free() -> bool:
+    """Give whole free pages inside the heaps back; takes 0.2 to 2 ms.
+
+    glibc has a heap for each few threads and gives back only what lies at a heap's end. Sixty
+    outages left 6 MB of free pages in them, which nothing asked for again.
+
+    Returns:
+        False where nothing could be given back, or the C library has no malloc_trim.
+    """
+    library = ctypes.CDLL(None)
+    return hasattr(library, "malloc_trim") and bool(library.malloc_trim(0))

@@ -16,6 +16,7 @@ import zenoh
 
 from quadrotor.errors import LinkError
 from vehicle_link.authority import TlsFiles
+from vehicle_link.heap import give_back_what_is_free
 from vehicle_link.peers import namespaces
 from vehicle_link.session import check_station, parse_endpoint, radio_session
 
@@ -178,6 +179,8 @@ class Radio:
             while not self._closing.wait(LOOK if silent < AWAY else LOOK_CLOSELY):
                 stood, silent = self.connected_for, self._silent()
                 lasted = outage.ended(min(silent, self._beside()))
+                if lasted:
+                    give_back_what_is_free()
                 if 0.0 < lasted < stood and not self._answers(AWAKE):
                     self.reopened += 1
                     return patience

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,13 +13,16 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from vehicle_link.log.aside import Aside
 from vehicle_link.log.quick_writer import MessageBatch, OneMessage, QuickWriter
 
 
-def written(kind: type[Any], chunk_size: int) -> bytes:
+def written(chunk_size: int, *aside: Aside) -> bytes:
+    """By the library's own writer, or by the quick one, which puts aside."""
+    kind: type[Any] = QuickWriter if aside else Writer
     random = np.random.default_rng(3)
     file = io.BytesIO()
-    writer = kind(file, chunk_size=chunk_size, compression=CompressionType.LZ4)
+    writer = kind(file, *aside, chunk_size=chunk_size, compression=CompressionType.LZ4)
     writer.start("ros2", "quadlab")
     schema = writer.register_schema("a/A", "ros2msg", b"float64 x")
     channels = [writer.register_channel(f"/t{k}", "cdr", schema, {}) for k in range(3)]
@@ -29,20 +35,27 @@ def written(kind: type[Any], chunk_size: int) -> bytes:
     return file.getvalue()
 
 
+@pytest.fixture
+def aside(tmp_path: Path) -> Iterator[Aside]:
+    with closing(Aside(tmp_path)) as made:
+        yield made
+
+
 @pytest.mark.parametrize("chunk_size", [1, 1000, 65536])
-def test_the_file_is_the_librarys_byte_for_byte(chunk_size: int) -> None:
-    assert written(QuickWriter, chunk_size) == written(Writer, chunk_size)
+def test_the_file_is_the_librarys_byte_for_byte(chunk_size: int, aside: Aside) -> None:
+    assert written(chunk_size, aside) == written(chunk_size)
 
 
 @pytest.mark.filterwarnings("ignore:.*_time is deprecated:DeprecationWarning")  # for mcap 1.2, too
-def test_the_librarys_reader_finds_every_message_by_time() -> None:
-    reader = make_reader(io.BytesIO(written(QuickWriter, 1000)))
+def test_the_librarys_reader_finds_every_message_by_time(aside: Aside) -> None:
+    file = written(1000, aside)
+    reader = make_reader(io.BytesIO(file))
     found = [m.sequence for _, _, m in reader.iter_messages(start_time=100_000, end_time=200_000)]
     assert len(found) == pytest.approx(100, abs=2)
-    assert len(list(make_reader(io.BytesIO(written(QuickWriter, 1000))).iter_messages())) == 500
+    assert len(list(make_reader(io.BytesIO(file)).iter_messages())) == 500
 
 
-def test_many_at_once_make_the_file_of_them_one_by_one() -> None:
+def test_many_at_once_make_the_file_of_them_one_by_one(aside: Aside) -> None:
     random = np.random.default_rng(7)
     rows = [
         OneMessage(1 + k % 3, random.bytes(int(random.integers(0, 90))), 1000 + 7 * k % 40, k)
@@ -51,7 +64,7 @@ def test_many_at_once_make_the_file_of_them_one_by_one() -> None:
 
     def new() -> tuple[io.BytesIO, QuickWriter]:
         file = io.BytesIO()
-        writer = QuickWriter(file, chunk_size=60_000, compression=CompressionType.LZ4)
+        writer = QuickWriter(file, aside, chunk_size=60_000, compression=CompressionType.LZ4)
         writer.start("ros2", "quadlab")
         schema = writer.register_schema("a/A", "ros2msg", b"float64 x")
         for k in range(3):
@@ -69,7 +82,9 @@ def test_many_at_once_make_the_file_of_them_one_by_one() -> None:
     assert together.getvalue() == one_by_one.getvalue()
 
 
-def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time() -> None:
+def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time(
+    aside: Aside,
+) -> None:
     random = np.random.default_rng(5)
     sizes, counts = (40, 7, 300), (30, 11, 1)
     batches = []
@@ -86,7 +101,7 @@ def test_batches_make_the_file_of_their_messages_one_by_one_in_the_order_of_time
 
     def new() -> tuple[io.BytesIO, QuickWriter]:
         file = io.BytesIO()
-        writer = QuickWriter(file, compression=CompressionType.LZ4)
+        writer = QuickWriter(file, aside, compression=CompressionType.LZ4)
         writer.start("ros2", "quadlab")
         schema = writer.register_schema("a/A", "ros2msg", b"float64 x")
         for channel in (1, 2, 3):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from quadrotor.errors import StorageError
+from vehicle_link.log.aside import Aside
 
 READING = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
 
@@ -18,12 +19,16 @@ class LogFile:
     """An unbuffered file with an exclusive lock for as long as it is open.
 
     The lock tells `recover` in another process that this log is still being written.
+
+    Attributes:
+        aside: for what belongs to its end; closed with it.
     """
 
     def __init__(self, path: Path, *, replace: bool = False) -> None:
         """Raises StorageError when the file exists (unless `replace`) or cannot be made."""
         self.path = path
         self.size = 0
+        self.aside = Aside(path.parent)
         self._fd = -1
         self._closing = threading.Lock()  # not while the file is synced
         flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (0 if replace else os.O_EXCL)
@@ -84,6 +89,7 @@ class LogFile:
 
     def close(self) -> None:
         """Raises StorageError when the disk tells only now that it could not."""
+        self.aside.close()
         with self._closing:
             descriptor, self._fd = self._fd, -1
         if descriptor >= 0:

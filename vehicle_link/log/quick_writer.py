@@ -4,7 +4,7 @@ a quarter of a microsecond for one of a batch.
 The library builds a message record of a dozen small writes, and its index of two a message. At
 2500 messages a second, on board and at the station, that is what logging costs. Here a record is
 one packed head and its payload, an index entry one packed pair, and batches are put in the order
-of their time by numpy; index records of chunks are kept packed. Everything else stays the
+of their time by numpy; index records of chunks are put aside. Everything else stays the
 library's. The private names used are tested against the installed version.
 """
 
@@ -22,7 +22,8 @@ from mcap.opcode import Opcode
 from mcap.records import MessageIndex
 from mcap.writer import Writer
 
-from vehicle_link.log.packed_indexes import PackedIndexes
+from vehicle_link.log.aside import Aside
+from vehicle_link.log.chunk_indexes import ChunkIndexes
 
 # Opcode, length of the record, channel, sequence, log time, publish time.
 _HEAD = struct.Struct("<BQHIQQ")
@@ -72,12 +73,16 @@ class _QuickIndex(MessageIndex):
 
 
 class QuickWriter(Writer):
-    """Chunked files only."""
+    """Chunked files only.
 
-    def __init__(self, output: Any, **options: Any) -> None:
+    Args:
+        aside: where the index records of chunks wait for `finish`.
+    """
+
+    def __init__(self, output: Any, aside: Aside, **options: Any) -> None:
         super().__init__(output, **options)
         library: Any = self
-        library._Writer__chunk_indices = PackedIndexes()
+        library._Writer__chunk_indices = ChunkIndexes(aside)
 
     def add_message(
         self,

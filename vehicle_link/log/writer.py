@@ -276,4 +276,4 @@ class LogWriter:
 def new_mcap_writer(file: LogFile) -> Any:
     """The mcap library's (untyped) writer with the settings of every quadlab log."""
     output: Any = file  # it needs write, tell and flush only
-    return QuickWriter(output, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)
+    return QuickWriter(output, file.aside, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)
