@@ -53,7 +53,7 @@ def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str
         )
     if len({os.path.realpath(port) for port in named}) < len(named):
         raise UsageError(f"--serial {','.join(named)} is one device twice; give the other port")
-    return named
+    return [os.path.abspath(port) for port in named]  # the flight process has another folder
 
 
 def ports_at_rate(

@@ -32,6 +32,13 @@ def test_a_device_with_a_comma_in_its_name_is_one(tmp_path: Path) -> None:
     assert split_ports([str(device)]) == [str(device)]
 
 
+def test_a_path_counts_from_where_the_command_is_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert flight_ports(["run/mcu0", "/dev/b"]) == [f"{tmp_path}/run/mcu0", "/dev/b"]
+
+
 @pytest.mark.parametrize("words", [[], [","], ["a,b,c"], ["a", "b", "c"]])
 def test_one_or_two_ports_are_needed(words: list[str]) -> None:
     with pytest.raises(UsageError, match=r"--serial has \d ports; allowed are one or two.*--find"):
