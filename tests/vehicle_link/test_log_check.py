@@ -54,6 +54,12 @@ def test_what_mostly_comes_more_seldom_than_usual_has_no_gaps_for_that(tmp_path:
     assert found.notes == ["/q/estimator: 1 gaps, 3.20 s in all, the longest 3.20 s at 11.80 s"]
 
 
+def test_a_status_sent_seldom_while_nothing_happens_has_no_gaps_for_that(tmp_path: Path) -> None:
+    """Once a second, now a little more and now a little less, of five times while one runs."""
+    stamps = [1_000_000_000 * k + (-1) ** k * 400_000 for k in range(20)]
+    assert check_log(write(tmp_path / "a.mcap", stamps, "experiment_status")).notes == []
+
+
 def test_a_stamp_that_goes_back_is_a_problem(tmp_path: Path) -> None:
     stamps = regular(100)
     stamps[50], stamps[51] = stamps[51], stamps[50]

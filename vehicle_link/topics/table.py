@@ -75,7 +75,7 @@ _ROWS = (
     Topic("station_status", "quadlab_msgs/StationStatus", "station", 5),
     Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5),
     Topic("comparison", "quadlab_msgs/EstimatorComparison", "station", 10),
-    Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 5),
+    Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 1),  # 5 while one runs
     Topic("preflight", "quadlab_msgs/Preflight", "station", 2),
     Topic("control", "quadlab_msgs/ControlStatus", "station", 2),
     Topic("transfers", "quadlab_msgs/Transfers", "station", 2),
