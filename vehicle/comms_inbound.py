@@ -1,4 +1,5 @@
-"""What the station sends: poses, bearings, sticks and heartbeats, into the flight's inbox.
+"""What the station's side sends: poses, bearings, sticks, references and heartbeats, into the
+flight's inbox.
 
 All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what
 is from the future by as much; both are said once in five seconds at most.
@@ -28,7 +29,7 @@ from vehicle_link.instance import spoken
 
 OLDEST_NS = 200_000_000
 SAID_EVERY_NS = 5_000_000_000
-ONE_SOURCE = ("tracker_pose", "bearings", "joy")
+ONE_SOURCE = ("tracker_pose", "bearings", "joy", "external_reference")
 
 Say = Callable[[int, str], None]
 
@@ -91,6 +92,7 @@ class Inbound:
             "tracker_pose": self._tracker_pose,
             "bearings": self._bearings,
             "joy": self._joy,
+            "external_reference": self._external_reference,
             "station_heartbeat": self._heartbeat,
         }
 
@@ -161,6 +163,13 @@ class Inbound:
         if self._fresh("joy", sticks.stamp_ns):
             self._send(mailbox.Joy(sticks.stamp_ns, sticks.axes, sticks.enabled))
             self._log("joy", payload, sticks.stamp_ns)
+
+    def _external_reference(self, payload: bytes) -> None:
+        stamp_ns, reference = topics.decode_external_reference(payload)
+        if self._fresh("external_reference", stamp_ns):
+            numbers = tuple(reference.view("f8").tolist())
+            self._send(mailbox.ExternalReference(stamp_ns, numbers))
+            self._log("external_reference", payload, stamp_ns)
 
     def _heartbeat(self, payload: bytes) -> None:
         instance = topics.decode_heartbeat(payload).instance

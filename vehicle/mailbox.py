@@ -93,6 +93,13 @@ class Joy(msgspec.Struct, frozen=True, tag="joy"):
     enabled: bool
 
 
+class ExternalReference(msgspec.Struct, frozen=True, tag="external_reference"):
+    """What another program wants flown at this time: REFERENCE's 18 numbers, all finite."""
+
+    stamp_ns: int
+    numbers: tuple[float, ...]
+
+
 class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat"):
     """The station was heard at this time."""
 
@@ -109,7 +116,7 @@ Command = (
     | CalibrateGyroscope
     | Bench
 )
-Measurement = Pose | Bearings | Joy | Heartbeat
+Measurement = Pose | Bearings | Joy | ExternalReference | Heartbeat
 Inbound = Command | Measurement
 
 

@@ -136,6 +136,8 @@ class FlightStack(StackOnGround):
             self.navigation.measure(measurement)
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)
+        elif isinstance(measurement, mailbox.ExternalReference):
+            self.behaviors.outside.take(measurement.stamp_ns, measurement.numbers)
         elif isinstance(measurement, mailbox.Heartbeat):
             self.supervisor.heard(measurement.stamp_ns)
 

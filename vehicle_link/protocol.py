@@ -15,7 +15,7 @@ from quadrotor.records import TICK
 from vehicle_link.messages import type_hash
 from vehicle_link.topics import SERVICES, TOPICS
 
-FROM_STATION = ("tracker_pose", "bearings", "joy", "station_heartbeat")
+FROM_STATION = ("tracker_pose", "bearings", "joy", "external_reference", "station_heartbeat")
 """Its other topics, and the services below, stay on its loopback."""
 AT_STATION = ("record", "mark", "experiment", "control", "transfer")
 

@@ -23,7 +23,7 @@ from quadrotor.parameters import (
     ParameterValue,
     coerce,
 )
-from quadrotor.records import Record
+from quadrotor.records import Record, new_reference
 from quadrotor.vehicle_model import VehicleModel
 
 Joy = tuple[int, Sequence[float], bool]
@@ -31,6 +31,25 @@ Joy = tuple[int, Sequence[float], bool]
 
 Point = tuple[float, float, float, float]
 """x, y, z (m), yaw (rad)."""
+
+
+class Outside:
+    """The newest reference that another program wants flown; written between ticks.
+
+    Attributes:
+        stamp_ns: when it is to be flown, of the vehicle's clock; None before the first.
+        reference: REFERENCE, shape (1,).
+    """
+
+    def __init__(self) -> None:
+        self.stamp_ns: int | None = None
+        self.reference = new_reference()
+        self._floats = self.reference.view("f8")
+
+    def take(self, stamp_ns: int, numbers: Sequence[float]) -> None:
+        """`numbers` (18,), in the order of REFERENCE's fields."""
+        self.stamp_ns = stamp_ns
+        self._floats[:] = numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +63,8 @@ class Context:
     trajectories: Mapping[str, Polynomial] = field(default_factory=dict)  # loaded from files
     control: ControlParameters = field(default_factory=ControlParameters)  # the gains in force
     state: Record | None = None  # of the vehicle, where it is known
+    outside: Outside = field(default_factory=Outside)
+    stamp_ns: int = 0  # of the last tick in flight, of the vehicle's clock
 
     @property
     def point(self) -> Point:

@@ -12,11 +12,13 @@ from control.behaviors.behavior import (
     Context,
     Joy,
     NoArguments,
+    Outside,
     Startable,
     argument_descriptions,
 )
 from control.behaviors.brake import Brake
 from control.behaviors.excite import Excite
+from control.behaviors.external import External
 from control.behaviors.fly_to import FlyTo
 from control.behaviors.follow_trajectory import FollowTrajectory
 from control.behaviors.ground import Ground, stand
@@ -28,6 +30,7 @@ from control.behaviors.table import BehaviorName, behavior_of, check_transition
 from control.behaviors.take_off import TakeOff
 from control.behaviors.velocity import Velocity
 from control.parameters import ControlParameters
+from control.trajectories.extrapolation import extrapolate
 from control.trajectories.feasibility import examine
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.limits import Limits
@@ -49,6 +52,7 @@ BEHAVIORS: dict[BehaviorName, type[Startable]] = {
     BehaviorName.EXCITE: Excite,
     BehaviorName.NEAR_HOVERING: NearHovering,
     BehaviorName.EMERGENCY_LANDING: EmergencyLanding,
+    BehaviorName.EXTERNAL: External,
 }
 """Those that can be requested: all but GROUND."""
 
@@ -73,6 +77,7 @@ class BehaviorMachine:
     Attributes:
         control: the gains in force, by which steps are checked; set it as the model.
         aborted: why a behavior ended itself early; whoever tells it empties it.
+        outside: what another program wants; written between ticks.
     """
 
     def __init__(
@@ -90,6 +95,8 @@ class BehaviorMachine:
         self.control = ControlParameters()
         self.landed = False
         self.aborted = ""
+        self.outside = Outside()
+        self._stamp_ns = 0
         self._behavior: Behavior = Ground()
         self._reference = new_reference()
         self._floats = self._reference.view("f8")
@@ -161,6 +168,7 @@ class BehaviorMachine:
             joy: the newest sticks, or None.
             thrust: N, commanded in the last tick.
         """
+        self._stamp_ns = stamp_ns
         if self._behavior.step(stamp_ns, dt, state, joy, thrust, self._reference):
             self._finish()
         # As floats, through a view made once: copying a structured record takes 2.5 µs.
@@ -173,7 +181,7 @@ class BehaviorMachine:
             self._behavior, self.landed = Ground(), True
             return
         context = self._context()
-        if isinstance(self._behavior, Excite) and self._behavior.aborted:
+        if isinstance(self._behavior, Excite | External) and self._behavior.aborted:
             self.aborted = self._behavior.aborted
             self._behavior = Brake.start(context, {})
         else:
@@ -188,6 +196,8 @@ class BehaviorMachine:
             self.trajectories,
             self.control,
             state,
+            self.outside,
+            self._stamp_ns,
         )
 
     def _moving(self) -> bool:
@@ -214,3 +224,4 @@ def _compile(parameters: BehaviorParameters) -> None:
         behavior.step(0, 0.0, state, None, 0.0, reference)
     examine(FigureEight((0.0, 0.0, 0.0)), VehicleModel().record(), Limits())
     stop(reference, 1.0)[0].sample(0.0, reference)
+    extrapolate(context.reference, 0.0, reference)

@@ -136,6 +136,14 @@ class BehaviorParameters(Parameters):
         step=0.05,
         description="excite brakes when the vehicle is further off the path on any axis",
     )
+    external_timeout: float = parameter(
+        0.2, unit="s", ge=0.05, le=1.0, step=0.01,
+        description="external brakes when the newest reference is older",
+    )  # fmt: skip
+    external_step_max: float = parameter(
+        0.2, unit="m", ge=0.01, le=1.0, step=0.01,
+        description="external: largest step from where the last reference leads",
+    )  # fmt: skip
     landing_thrust_share: float = parameter(
         0.6,
         ge=0.35,

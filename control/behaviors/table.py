@@ -22,11 +22,12 @@ class BehaviorName(IntEnum):
     EXCITE = 8  # steps of the reference, for tuning
     NEAR_HOVERING = 9  # sticks are angles, which the microcontroller holds
     EMERGENCY_LANDING = 10  # level and down, without a pose
+    EXTERNAL = 11  # references of another program
 
 
 (
     _GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE, _EXCITE, _NEAR,
-    _EMERGENCY,
+    _EMERGENCY, _EXTERNAL,
 ) = BehaviorName  # fmt: skip
 
 _ON_GROUND = "the vehicle is on the ground: request take_off first"
@@ -59,6 +60,7 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _EXCITE: _ON_GROUND,
         _NEAR: _ON_GROUND,
         _EMERGENCY: _STANDING,
+        _EXTERNAL: _ON_GROUND,
     },
     _TAKE_OFF: {
         _GROUND: _REACHED_BY_LANDING,
@@ -68,6 +70,7 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _VELOCITY: _CLIMBING,
         _EXCITE: _CLIMBING,
         _NEAR: _CLIMBING,
+        _EXTERNAL: _CLIMBING,
     },
     _HOVER: {_GROUND: _REACHED_BY_LANDING, _TAKE_OFF: _FLYING},
     _FLY_TO: dict(_IN_MOTION),
@@ -81,6 +84,7 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _VELOCITY: _DESCENDING,
         _EXCITE: _DESCENDING,
         _NEAR: _DESCENDING,
+        _EXTERNAL: _DESCENDING,
     },
     _BRAKE: dict(_IN_MOTION),
     _EXCITE: _IN_MOTION | {_EXCITE: "excite is under way already"},
@@ -90,6 +94,7 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _FLY_TO: _NOT_STEERED,
         _FOLLOW: _NOT_STEERED,
         _EXCITE: _NOT_STEERED,
+        _EXTERNAL: _NOT_STEERED,
     },
     _EMERGENCY: {
         _GROUND: "emergency_landing is under way already",
@@ -97,7 +102,9 @@ REFUSALS: dict[BehaviorName, dict[BehaviorName, str]] = {
         _FLY_TO: _NEVER_BACK,
         _FOLLOW: _NEVER_BACK,
         _EXCITE: _NEVER_BACK,
+        _EXTERNAL: _NEVER_BACK,
     },
+    _EXTERNAL: dict(_IN_MOTION),
 }
 """REFUSALS[present][wanted] is the reason of a refusal; every other move is allowed.
 

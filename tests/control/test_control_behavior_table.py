@@ -13,20 +13,21 @@ from control.behaviors.table import (
 from quadrotor.errors import RefusedError
 
 # Rows: present. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake,
-# excite, near_hovering, emergency_landing.
+# excite, near_hovering, emergency_landing, external.
 # "+" allowed, "a" allowed only when airborne, "-" refused.
 EXPECTED = {
-    BehaviorName.GROUND: "-+---------",
-    BehaviorName.TAKE_OFF: "--a---+a--+",
-    BehaviorName.HOVER: "--++++++a++",
-    BehaviorName.FLY_TO: "--++-+++-++",
-    BehaviorName.FOLLOW_TRAJECTORY: "--++-+++-++",
-    BehaviorName.VELOCITY: "--++-+++-++",
-    BehaviorName.LAND: "--a---+a--+",
-    BehaviorName.BRAKE: "--++-+++-++",
-    BehaviorName.EXCITE: "--++-+++-++",
-    BehaviorName.NEAR_HOVERING: "--+--+++-++",
-    BehaviorName.EMERGENCY_LANDING: "--+--+++-++",
+    BehaviorName.GROUND: "-+----------",
+    BehaviorName.TAKE_OFF: "--a---+a--+-",
+    BehaviorName.HOVER: "--++++++a+++",
+    BehaviorName.FLY_TO: "--++-+++-+++",
+    BehaviorName.FOLLOW_TRAJECTORY: "--++-+++-+++",
+    BehaviorName.VELOCITY: "--++-+++-+++",
+    BehaviorName.LAND: "--a---+a--+-",
+    BehaviorName.BRAKE: "--++-+++-+++",
+    BehaviorName.EXCITE: "--++-+++-+++",
+    BehaviorName.NEAR_HOVERING: "--+--+++-++-",
+    BehaviorName.EMERGENCY_LANDING: "--+--+++-++-",
+    BehaviorName.EXTERNAL: "--++-+++-+++",
 }
 CELLS = [
     (present, wanted, EXPECTED[present][wanted])
@@ -83,7 +84,7 @@ def test_names_are_lower_case_and_a_slip_is_answered_with_a_guess():
 
 
 def test_the_numbers_of_the_status_record_do_not_move():
-    assert [b.value for b in BehaviorName] == list(range(11))
+    assert [b.value for b in BehaviorName] == list(range(12))
     assert BehaviorName.GROUND == 0
     assert BehaviorName.BRAKE == 7
     assert BehaviorName.EXCITE == 8

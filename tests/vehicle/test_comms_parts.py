@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import Counter
 from collections.abc import Iterator
@@ -432,6 +433,44 @@ def test_sticks_reach_flight(receiver: Receiver) -> None:
     payload = topics.encode_joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)
     receiver.inbound.take("joy", payload)
     assert receiver.flight.received() == [mailbox.Joy(START_NS, (0.5, 0.0, -0.25, 0.0), True)]
+
+
+def reference(age_ns: int = 0, frame: str = "world", **fields: object) -> bytes:
+    told = {"header": messages.header(START_NS - age_ns, frame), **fields}
+    return messages.encode(messages.new("quadlab_msgs/Reference", **told))
+
+
+@pytest.mark.parametrize("frame", ["world", ""])
+def test_a_reference_of_a_ros_node_reaches_flight_and_log(receiver: Receiver, frame: str) -> None:
+    payload = reference(10 * MS, frame, position={"x": 1.0, "y": 2.0, "z": 3.0}, yaw=0.5)
+    receiver.inbound.take("external_reference", payload, b"node")
+    numbers = (1.0, 2.0, 3.0, *(12 * [0.0]), 0.5, 0.0, 0.0)
+    assert receiver.flight.received() == [mailbox.ExternalReference(START_NS - 10 * MS, numbers)]
+    assert receiver.logged == ["external_reference"]
+    receiver.inbound.take("external_reference", payload, b"another node")
+    assert receiver.flight.received() == []
+    assert receiver.said == [
+        "external_reference: a second sender is ignored; stop one of the two (station, ROS 2 node)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("payload", "said"),
+    [
+        (reference(201 * MS), "201 ms old"),
+        (reference(yaw=math.nan), "not finite; send zeros instead"),
+        (reference(snap={"x": 0.0, "y": math.inf, "z": 0.0}), "not finite"),
+        (reference(frame="map"), "in the frame 'map'; send it in 'world'"),
+        (b"\0\1\0\0", "external_reference: "),
+    ],
+)
+def test_a_reference_that_cannot_be_flown_is_said_and_left(
+    receiver: Receiver, payload: bytes, said: str
+) -> None:
+    receiver.inbound.take("external_reference", payload)
+    assert (receiver.flight.received(), receiver.logged) == ([], [])
+    assert len(receiver.said) == 1
+    assert said in receiver.said[0]
 
 
 def test_a_heartbeat_counts_when_it_comes_whatever_its_stamp(receiver: Receiver) -> None:

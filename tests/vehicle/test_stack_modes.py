@@ -98,6 +98,46 @@ class Lab(SimulatedFlight):
         return "\n".join(event.text for event in self.record.events)
 
 
+def test_a_program_outside_flies_and_is_braked_when_it_falls_silent() -> None:
+    """A circle of references, 50 a second, each 30 ms old when it comes; its words are said."""
+    radius, omega, age = 0.5, 1.2, 0.03
+    lab = Lab().hovering()
+    start, begin = lab.stack.reference["position_w"][0].copy(), lab.stack.stamp_ns
+
+    def send() -> None:
+        stamp_ns = lab.stack.stamp_ns - round(age * 1e9)
+        angle = omega * max(0.0, (stamp_ns - begin) * 1e-9)
+        turned = np.array([math.cos(angle), math.sin(angle), 0.0])
+        ahead = np.array([-math.sin(angle), math.cos(angle), 0.0])
+        numbers = np.zeros(18)
+        numbers[0:3] = start + radius * (turned - (1.0, 0.0, 0.0))
+        if angle > 0.0:
+            numbers[3:6], numbers[6:9] = radius * omega * ahead, -radius * omega**2 * turned
+            numbers[9:12], numbers[12:15] = -radius * omega**3 * ahead, radius * omega**4 * turned
+        lab.stack.measure(mailbox.ExternalReference(stamp_ns, tuple(numbers.tolist())))
+
+    with pytest.raises(RefusedError, match="external refused: no reference came on the topic"):
+        lab.start("external")
+    send()
+    lab.start("external")
+    errors = []
+    for tick in range(round(6.0 * 500)):
+        if tick % 10 == 0:
+            send()
+        lab.advance()
+        if tick > 1000:
+            wanted, flown = lab.stack.reference["position_w"], lab.robot.truth["position_w"]
+            errors.append(float(np.linalg.norm(wanted - flown)))
+    assert lab.view().behavior == "external"
+    assert max(errors) < 0.05
+    lab.wait(0.4)
+    assert lab.view().behavior == "brake"
+    assert "braking: the newest reference of the topic external_reference is 0.20 s old" in (
+        lab.texts()
+    )
+    lab.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=5)
+
+
 @pytest.mark.parametrize("height", [1.0, 2.5])
 def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float) -> None:
     lab = Lab().hovering(height)

@@ -24,7 +24,13 @@ from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.radio import Radio
 from vehicle_link.session import hub_session, vehicle_session
-from vehicle_link.topics import SERVICES, TOPICS, decode_joy, decode_pose
+from vehicle_link.topics import (
+    SERVICES,
+    TOPICS,
+    decode_external_reference,
+    decode_joy,
+    decode_pose,
+)
 
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed")
 WAIT = 20.0  # s: a bound, not an expectation
@@ -190,6 +196,27 @@ def test_a_node_sends_poses_of_a_tracking_system_and_sticks(vehicle: Node, peer:
     }
     joy = decode_joy(_sent_until_heard(peer, heard, "/quad1/joy", sticks).payload)
     assert (tuple(joy.axes), joy.enabled) == ((0.5, -1.0, 0.25, 0.0), True)
+
+
+def test_a_node_sends_references(vehicle: Node, peer: Peer) -> None:
+    heard: queue.SimpleQueue[Received] = queue.SimpleQueue()
+    row = TOPICS["external_reference"]
+    vehicle.subscribe(row.name, row.type_name, heard.put)
+    peer("advertise", "/quad1/external_reference", "quadlab_msgs/msg/Reference")
+    stamp = {"of": "builtin_interfaces/msg/Time", "sec": 1_769_851_842, "nanosec": 7}
+    vectors = ("position", "velocity", "acceleration", "jerk", "snap")
+    fields: dict[str, Any] = {
+        name: {"of": "geometry_msgs/msg/Vector3", "x": k + 0.5, "y": -k, "z": 2.0 * k}
+        for k, name in enumerate(vectors)
+    }
+    fields |= {"yaw": 0.5, "yaw_rate": -0.25, "yaw_acceleration": 0.125}
+    fields["header"] = {"of": "std_msgs/msg/Header", "stamp": stamp, "frame_id": "world"}
+    received = _sent_until_heard(peer, heard, "/quad1/external_reference", fields)
+    stamp_ns, reference = decode_external_reference(received.payload)
+    assert stamp_ns == START + 7
+    assert reference.view("f8").tolist() == [
+        *(value for k in range(5) for value in (k + 0.5, -k, 2.0 * k)), 0.5, -0.25, 0.125
+    ]  # fmt: skip
 
 
 def numbers(kind: str, *values: float) -> dict[str, Any]:

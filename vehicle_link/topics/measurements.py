@@ -1,4 +1,5 @@
-"""What the station sends to the vehicle: tracker poses, bearings, sticks, heartbeats.
+"""What the station's side sends to the vehicle: tracker poses, bearings, sticks, references,
+heartbeats.
 
 Stamps are already of the vehicle's clock. Decoders take any ROS node's message and refuse
 numbers the estimator could not use.
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-from quadrotor.records import POSE_SAMPLE, Record
+from quadrotor.records import POSE_SAMPLE, REFERENCE, Record
 from vehicle_link.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics.ticks import (
@@ -188,6 +189,28 @@ def decode_joy(payload: bytes) -> Sticks:
         bool(message.buttons[0]),
         str(message.header.frame_id),
     )
+
+
+def decode_external_reference(payload: bytes) -> tuple[int, Record]:
+    """`external_reference`: (stamp in ns, REFERENCE record of shape (1,)).
+
+    Raises:
+        LinkError: the bytes are no Reference.
+        MeasurementError: a number is not finite, or the frame is not the world.
+    """
+    message = decode(payload, "quadlab_msgs/Reference")
+    if message.header.frame_id not in ("", WORLD):
+        raise MeasurementError(
+            f"a reference in the frame {message.header.frame_id!r}; send it in {WORLD!r} (z up)"
+        )
+    reference = np.zeros(1, REFERENCE)
+    for name in ("position", "velocity", "acceleration", "jerk", "snap"):
+        reference[f"{name}_w"] = xyz(getattr(message, name))
+    for name in ("yaw", "yaw_rate", "yaw_acceleration"):
+        reference[name] = getattr(message, name)
+    if not np.isfinite(reference.view("f8")).all():
+        raise MeasurementError("a reference with a number that is not finite; send zeros instead")
+    return stamp_of(message), reference
 
 
 @cache

@@ -59,6 +59,14 @@ _ROWS = (
         "bearings", "quadlab_msgs/BearingArray", "station", 30, priority="real_time", express=True
     ),
     Topic("joy", "sensor_msgs/Joy", "station", 50, priority="real_time", express=True),
+    Topic(  # from ROS 2 nodes alone, as often as they like
+        "external_reference",
+        "quadlab_msgs/Reference",
+        "station",
+        0,
+        priority="real_time",
+        express=True,
+    ),
     Topic(
         "station_heartbeat",
         "quadlab_msgs/Heartbeat",

@@ -1,0 +1,163 @@
+"""Fly the references that another program sends, one after the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Self
+
+import numpy as np
+
+from control.behaviors.behavior import Context, Joy, NoArguments, read_arguments
+from control.behaviors.follow_trajectory import limits_of
+from control.behaviors.table import BehaviorName
+from control.trajectories.extrapolation import extrapolate
+from control.trajectories.feasibility import survey
+from control.trajectories.limits import QUANTITIES, WALLS
+from control.trajectories.velocity_filter import BANDWIDTH
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import Parameters, ParameterValue
+from quadrotor.records import Record, new_reference
+
+YAW_STEP_MAX = 0.5
+"""rad: largest step of the yaw from where the last reference leads."""
+
+
+class External:
+    """Between two references the last one is led on, at most for behavior.external_timeout.
+
+    A reference that is late, that steps, that the vehicle could not fly, or after which silence
+    would carry it out of the flight volume, is not flown: the vehicle brakes and hovers.
+
+    Attributes:
+        aborted: why it ended itself.
+    """
+
+    name: ClassVar[BehaviorName] = BehaviorName.EXTERNAL
+    progress = 0.0
+    arguments: ClassVar[type[Parameters]] = NoArguments
+
+    @classmethod
+    def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Self:
+        return cls(context, read_arguments(cls.name, NoArguments(), given))
+
+    def __init__(self, context: Context, arguments: NoArguments) -> None:
+        p = context.parameters
+        self._outside, self._model = context.outside, context.model
+        self._timeout, self._step_max = p.external_timeout, p.external_step_max
+        self._deceleration = p.brake_deceleration
+        self._limits = limits_of(p, context.model)
+        self._allowed = self._limits.as_array()
+        self._values, self._worst = np.empty(len(QUANTITIES)), np.empty(len(QUANTITIES))
+        self._worst_at, self._first = (np.empty(len(QUANTITIES), np.int64) for _ in range(2))
+        self._flown, self._flown_ns = new_reference(), -1
+        self._later = new_reference()
+        self.aborted = ""
+        problem = self._lateness(context.stamp_ns)
+        if not problem:
+            here = new_reference()
+            extrapolate(self._outside.reference, self._since(context.stamp_ns), here)
+            problem = self._breach(here, context.reference)
+        if problem:
+            raise RefusedError(f"external refused: {problem}")
+
+    def step(
+        self,
+        stamp_ns: int,
+        dt: float,
+        state: Record,
+        joy: Joy | None,
+        thrust: float,
+        reference: Record,
+    ) -> bool:
+        self.aborted = self._lateness(stamp_ns)
+        outside = self._outside
+        if not self.aborted and outside.stamp_ns != self._flown_ns:
+            wanted = new_reference()
+            extrapolate(outside.reference, self._since(stamp_ns), wanted)
+            self.aborted = self._breach(wanted, self._led_on(reference, dt))
+            if not self.aborted:
+                self._flown[:], self._flown_ns = outside.reference, outside.stamp_ns or 0
+        if self.aborted:
+            return True
+        extrapolate(self._flown, (stamp_ns - self._flown_ns) * 1e-9, reference)
+        return False
+
+    def _led_on(self, reference: Record, dt: float) -> Record:
+        out = new_reference()
+        extrapolate(reference, dt, out)
+        return out
+
+    def _since(self, stamp_ns: int) -> float:
+        """s from the newest reference's time to this one."""
+        newest_ns = self._outside.stamp_ns
+        return math.inf if newest_ns is None else (stamp_ns - newest_ns) * 1e-9
+
+    def _lateness(self, stamp_ns: int) -> str:
+        age = self._since(stamp_ns)
+        if age == math.inf:
+            return "no reference came on the topic external_reference; send them first"
+        # One from the future is as wrong as an old one.
+        if abs(age) > self._timeout:
+            return (
+                f"the newest reference of the topic external_reference is {age:.2f} s old; allowed "
+                f"{self._timeout:g} s (behavior.external_timeout); send 20 a second or more"
+            )
+        return ""
+
+    def _breach(self, wanted: Record, present: Record) -> str:
+        """What is wrong with a reference, both REFERENCE (1,) of one instant."""
+        step = np.linalg.norm(wanted["position_w"][0] - present["position_w"][0])
+        # Written so that a NaN is a breach.
+        if not step <= self._step_max:
+            x, y, z = present["position_w"][0].tolist()
+            return (
+                f"the reference is {step:.2f} m off the present one at ({x:.2f}, {y:.2f}, {z:.2f})"
+                f" m; allowed {self._step_max:g} m (behavior.external_step_max)"
+            )
+        turn = math.remainder(float(wanted["yaw"][0] - present["yaw"][0]), 2.0 * math.pi)
+        if not abs(turn) <= YAW_STEP_MAX:
+            return f"the reference's yaw steps by {turn:.2f} rad; allowed {YAW_STEP_MAX:g} rad"
+        survey(
+            wanted, self._model, self._allowed, self._values, self._worst, self._worst_at,
+            self._first, False,
+        )  # fmt: skip
+        for q in range(WALLS, len(QUANTITIES)):
+            if self._first[q] >= 0:
+                quantity = QUANTITIES[q]
+                asked, most = (
+                    quantity.sign * quantity.scale * float(one[q])
+                    for one in (self._worst, self._allowed)
+                )
+                return (
+                    f"the reference asks for {quantity.name} = {asked:.2f} {quantity.unit}; "
+                    f"allowed {most:.2f} ({self._limits.source[q]})"
+                )
+        for axis, stop, low, high in zip(
+            "xyz", self._stops(wanted), self._limits.low_w, self._limits.high_w, strict=True
+        ):
+            if not low <= stop <= high:
+                return (
+                    f"were it the last reference, the vehicle would stop at {axis} = {stop:.2f} m, "
+                    f"outside the flight volume; allowed {low:g} to {high:g} m "
+                    f"(behavior.volume_{axis}_min, behavior.volume_{axis}_max)"
+                )
+        return ""
+
+    def _stops(self, reference: Record) -> list[float]:
+        """x, y, z (m) where brake would come to rest, its filter's equation integrated, if the
+        program fell silent now."""
+        extrapolate(reference, self._timeout, self._later)
+        r, w = self._later[0], BANDWIDTH
+        out = []
+        for i in range(3):
+            p, v, a, j = (float(r[name][i]) for name in _MOTION)
+            slewed = v + 3.0 * a / w
+            out.append(
+                p + slewed * abs(slewed) / (2.0 * self._deceleration)
+                + 3.0 * v / w + 3.0 * a / w**2 + j / w**3
+            )  # fmt: skip
+        return out
+
+
+_MOTION = ("position_w", "velocity_w", "acceleration_w", "jerk_w")
