@@ -17,7 +17,7 @@ from control.trajectories.limits import QUANTITIES, WALLS
 from control.trajectories.velocity_filter import BANDWIDTH
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue
-from quadrotor.records import Record, new_reference
+from quadrotor.records import REFERENCE, Record, new_reference
 
 YAW_STEP_MAX = 0.5
 """rad: largest step of the yaw from where the last reference leads."""
@@ -27,7 +27,8 @@ class External:
     """Between two references the last one is led on, at most for behavior.external_timeout.
 
     A reference that is late, that steps, that the vehicle could not fly, or after which silence
-    would carry it out of the flight volume, is not flown: the vehicle brakes and hovers.
+    would lead to one that it could not, or out of the flight volume, is not flown: the vehicle
+    brakes and hovers.
 
     Attributes:
         aborted: why it ended itself.
@@ -51,12 +52,11 @@ class External:
         self._values, self._worst = np.empty(len(QUANTITIES)), np.empty(len(QUANTITIES))
         self._worst_at, self._first = (np.empty(len(QUANTITIES), np.int64) for _ in range(2))
         self._flown, self._flown_ns = new_reference(), -1
-        self._later = new_reference()
+        self._now_and_later = np.zeros(2, REFERENCE)
         self.aborted = ""
         problem = self._lateness(context.stamp_ns)
         if not problem:
-            here = new_reference()
-            extrapolate(self._outside.reference, self._since(context.stamp_ns), here)
+            here = _led_on(self._outside.reference, self._since(context.stamp_ns))
             problem = self._breach(here, context.reference)
         if problem:
             raise RefusedError(f"external refused: {problem}")
@@ -73,20 +73,14 @@ class External:
         self.aborted = self._lateness(stamp_ns)
         outside = self._outside
         if not self.aborted and outside.stamp_ns != self._flown_ns:
-            wanted = new_reference()
-            extrapolate(outside.reference, self._since(stamp_ns), wanted)
-            self.aborted = self._breach(wanted, self._led_on(reference, dt))
+            wanted = _led_on(outside.reference, self._since(stamp_ns))
+            self.aborted = self._breach(wanted, _led_on(reference, dt))
             if not self.aborted:
                 self._flown[:], self._flown_ns = outside.reference, outside.stamp_ns or 0
         if self.aborted:
             return True
         extrapolate(self._flown, (stamp_ns - self._flown_ns) * 1e-9, reference)
         return False
-
-    def _led_on(self, reference: Record, dt: float) -> Record:
-        out = new_reference()
-        extrapolate(reference, dt, out)
-        return out
 
     def _since(self, stamp_ns: int) -> float:
         """s from the newest reference's time to this one."""
@@ -118,9 +112,12 @@ class External:
         turn = math.remainder(float(wanted["yaw"][0] - present["yaw"][0]), 2.0 * math.pi)
         if not abs(turn) <= YAW_STEP_MAX:
             return f"the reference's yaw steps by {turn:.2f} rad; allowed {YAW_STEP_MAX:g} rad"
+        later = self._now_and_later[1:]
+        self._now_and_later[:1] = wanted
+        extrapolate(wanted, self._timeout, later)
         survey(
-            wanted, self._model, self._allowed, self._values, self._worst, self._worst_at,
-            self._first, False,
+            self._now_and_later, self._model, self._allowed,
+            self._values, self._worst, self._worst_at, self._first, False,
         )  # fmt: skip
         for q in range(WALLS, len(QUANTITIES)):
             if self._first[q] >= 0:
@@ -134,7 +131,7 @@ class External:
                     f"allowed {most:.2f} ({self._limits.source[q]})"
                 )
         for axis, stop, low, high in zip(
-            "xyz", self._stops(wanted), self._limits.low_w, self._limits.high_w, strict=True
+            "xyz", self._stops(later), self._limits.low_w, self._limits.high_w, strict=True
         ):
             if not low <= stop <= high:
                 return (
@@ -145,10 +142,8 @@ class External:
         return ""
 
     def _stops(self, reference: Record) -> list[float]:
-        """x, y, z (m) where brake would come to rest, its filter's equation integrated, if the
-        program fell silent now."""
-        extrapolate(reference, self._timeout, self._later)
-        r, w = self._later[0], BANDWIDTH
+        """x, y, z (m) where brake would come to rest: its filter's equation integrated."""
+        r, w = reference[0], BANDWIDTH
         out = []
         for i in range(3):
             p, v, a, j = (float(r[name][i]) for name in _MOTION)
@@ -158,6 +153,12 @@ class External:
                 + 3.0 * v / w + 3.0 * a / w**2 + j / w**3
             )  # fmt: skip
         return out
+
+
+def _led_on(reference: Record, seconds: float) -> Record:
+    out = new_reference()
+    extrapolate(reference, seconds, out)
+    return out
 
 
 _MOTION = ("position_w", "velocity_w", "acceleration_w", "jerk_w")

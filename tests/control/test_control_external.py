@@ -12,6 +12,7 @@ import pytest
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
+from control.trajectories.feasibility import survey
 from quadrotor.errors import RefusedError
 from quadrotor.records import Record, new_reference, new_state
 
@@ -179,6 +180,20 @@ def test_a_reference_that_no_vehicle_flies_is_not_flown() -> None:
         "(behavior.trajectory_acceleration_max)"
     )
     assert np.abs(bench.reference["acceleration_w"]).max() < 1e-9
+
+
+def test_a_reference_that_silence_would_make_too_much_is_not_flown() -> None:
+    """Within every limit at its own time; led on, its jerk makes 4.4 m/s² of it in 0.2 s."""
+    bench = Bench()
+    bench.send(standing())
+    bench.start()
+    before = len(survey.signatures)
+    wild = standing()
+    wild["jerk_w"][0, 1] = 22.0
+    bench.send(wild)
+    bench.run(0.1)
+    assert "the reference asks for acceleration = 4.4" in bench.machine.aborted
+    assert len(survey.signatures) == before, "it was compiled in flight"
 
 
 @pytest.mark.parametrize(("age", "said"), [(None, "no reference came"), (0.3, "is 0.30 s old"),
