@@ -78,7 +78,7 @@ def experiment_of(log: RunLog) -> str:
                 return name
         except QuadlabError:
             pass
-    if name := log.text_at_end("experiment_status", "name"):
+    if name := log.experiment_text("name"):
         return name
     return next((kind for topic, kind in TOPICS.items() if log.has(topic)), "")
 
@@ -224,8 +224,8 @@ def _evaluated(log: RunLog, out: Judgement, experiment: Experiment) -> None:
 
 def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:
     """The calibration that the run proposed: as it was told, else found again."""
-    told = log.text_at_end("experiment_status", "proposal")
-    out.decision = out.decision or log.text_at_end("experiment_status", "decision")
+    told = log.experiment_text("proposal")
+    out.decision = out.decision or log.experiment_text("decision")
     try:
         if out.proposal is None and told:
             out.proposal = parse_record(told)

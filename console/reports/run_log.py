@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,7 +47,7 @@ WANTED: dict[str, tuple[str, ...]] = {
     "battery": ("voltage",),
     "link_status": ("loss", "round_trip", "outages", "outage_total"),
     "bench_reading": ("force", "torque", "speed"),
-    "experiment_status": ("name", "phase", "proposal", "decision", "requester"),
+    "experiment_status": ("name", "run_id", "proposal", "decision"),
 }  # fmt: skip
 """Numbers and texts by topic; of every other topic the times alone are read."""
 LINES = ("/events", "/marks", "/parameter_changes")
@@ -120,16 +121,35 @@ class RunLog:
     def has(self, *topics: str) -> bool:
         return all(topic in self.topics for topic in topics)
 
-    def text_at_end(self, topic: str, path: str) -> str:
-        """The last one that was not empty."""
-        told = self.topics[topic].texts.get(path, []) if topic in self.topics else []
-        return next((text for _, text in reversed(told) if text), "")
+    def experiment_text(self, path: str) -> str:
+        """The last one of `experiment_status` that was not empty, while it told of this run.
+
+        The station goes on telling how its last experiment stands, in later runs' logs too.
+        """
+        run_id = self.run.get("run_id") or self.path.stem
+        own = [
+            (start, end)
+            for start, end, text in self._stretches("experiment_status", "run_id", math.inf)
+            if text == run_id
+        ]
+        told = self._stretches("experiment_status", path, math.inf)
+        return next(
+            (
+                text for start, end, text in reversed(told)
+                if any(start < own_end and own_start < end for own_start, own_end in own)
+            ),
+            "",
+        )  # fmt: skip
 
     def spans(self, topic: str, path: str) -> list[tuple[float, float, str]]:
         """From, to (s) and text of its stretches."""
+        return self._stretches(topic, path, self.duration)
+
+    def _stretches(self, topic: str, path: str, end: float) -> list[tuple[float, float, str]]:
+        """The last one lasts until `end`, s."""
         told = self.topics[topic].texts.get(path, []) if topic in self.topics else []
-        ends = [time for time, _ in told[1:]] + [self.duration]
-        return [(t, end, text) for (t, text), end in zip(told, ends, strict=False) if text]
+        ends = [time for time, _ in told[1:]] + [end]
+        return [(t, until, text) for (t, text), until in zip(told, ends, strict=False) if text]
 
     def json_attachment(self, name: str) -> Any:
         """None when there is none, or it is not JSON."""

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from console.reports.content import Picture
+from console.reports.flight import flight_of
 from console.reports.html import render
+from console.reports.judgement import Judgement, judge
 from console.reports.report import assemble, write_report
 from console.reports.run_log import parameters_of, read_run
 from console.run_reports import report_folder, write_result
@@ -276,11 +278,34 @@ def test_the_command_writes_what_was_asked_for_and_refuses_the_rest(
 
 def test_an_experiment_without_its_topics_says_which(tmp_path: Path) -> None:
     kind = "quadlab_msgs/ExperimentStatus"
-    told = [("experiment_status", kind, {"name": "motor_bench"})]
+    told = [("experiment_status", kind, {"name": "motor_bench", "run_id": "bench"})]
     path = write_log(tmp_path / "bench.mcap", told)
     page = undrawn(path)
     assert "No figures of motor_bench: the log has no topic bench_reading, actuators" in page
     assert "Motor bench" in page
+
+
+def test_an_experiment_is_that_of_the_log_s_own_run_and_none_before_it(tmp_path: Path) -> None:
+    kind = "quadlab_msgs/ExperimentStatus"
+    before = {
+        "name": "accelerometer", "phase": "passed", "run_id": "earlier", "decision": "accepted",
+        "proposal": CalibrationRecord(
+            name="accelerometer", values={"imu.accelerometer.offset_x": 0.1}
+        ).model_dump_json(),
+    }  # fmt: skip
+    free = judged(write_log(tmp_path / "free.mcap", [("experiment_status", kind, before)]))
+    assert (free.experiment, free.decision, free.proposal) == ("", "", None)
+    starts = {"name": "motor_bench", "phase": "flying"}
+    flies = {**starts, "run_id": "bench"}
+    follows = {"name": "hover", "phase": "flying"}
+    told = [("experiment_status", kind, one) for one in (before, starts, flies, follows)]
+    bench = judged(write_log(tmp_path / "bench.mcap", told))
+    assert (bench.experiment, bench.decision, bench.proposal) == ("motor_bench", "", None)
+
+
+def judged(path: Path) -> Judgement:
+    run = read_run(path)
+    return judge(run, flight_of(run))
 
 
 def test_without_matplotlib_it_is_told(
