@@ -35,16 +35,11 @@ FIT_POSITION, FIT_ATTITUDE = 0.5, math.radians(15.0)
 
 
 class ComplementaryEstimator:
-    """The `Estimator` of the paper, with bias states and late measurements.
-
-    Attributes:
-        ignored: how many poses were not applied, by Outcome.
-    """
+    """The `Estimator` of the paper, with bias states and late measurements."""
 
     name = "complementary"
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
-        self.ignored: Counter[Outcome] = Counter()
         self._memory = new_memory()
         # Views made once: looking a field up by name takes longer than the subtraction.
         self._stamp_ns = self._memory["stamp_ns"]
@@ -109,6 +104,13 @@ class ComplementaryEstimator:
         return self.convergence.reached
 
     @property
+    def ignored(self) -> Counter[Outcome]:
+        """How many poses since the reset were not applied, by Outcome."""
+        counts = self._memory["outcomes"][0].tolist()
+        counts[Outcome.APPLIED] = 0
+        return +Counter(dict(zip(Outcome, counts, strict=True)))
+
+    @property
     def memory(self) -> Record:
         """The filter's memory, shape (1,), for logs and tests."""
         return self._memory
@@ -117,7 +119,6 @@ class ComplementaryEstimator:
         """Forget everything, biases included."""
         self._memory[:] = new_memory()
         self._initialized = False
-        self.ignored.clear()
 
     def initialize(self, pose: Record) -> None:
         """Start anew at a POSE_SAMPLE (1,), at rest, with the biases so far.
@@ -134,6 +135,7 @@ class ComplementaryEstimator:
         m["position_spread"] = m["attitude_spread"] = 0.0
         m["ring_count"] = 0  # the next prediction starts the history
         m["initialized"] = 1
+        m["outcomes"][Outcome.APPLIED] += 1
         self._initialized = True
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:
@@ -154,11 +156,7 @@ class ComplementaryEstimator:
             self.initialize(pose)
             return
         correct(self._memory, pose, self._gains, estimate, self._outcome)
-        outcome = int(self._outcome[0])
-        if outcome == Outcome.APPLIED:
-            return
-        self.ignored[Outcome(outcome)] += 1
-        if outcome == Outcome.INVALID:
+        if self._outcome[0] == Outcome.INVALID:
             raise refuse_pose(pose)
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
@@ -185,7 +183,7 @@ class ComplementaryEstimator:
         self.correct(sample, estimate)
 
     def report(self, estimate: Record) -> None:
-        """Write biases and measurement age into the ESTIMATE (1,)."""
+        """Write biases, measurement age and counts into the ESTIMATE (1,)."""
         report(self._memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:

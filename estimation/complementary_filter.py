@@ -33,7 +33,7 @@ from quadrotor.vectors import dot
 SPREAD = 0.1
 """Weight of the newest innovation in their mean square."""
 
-_APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _ = (int(o) for o in Outcome)
+_APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Outcome)
 
 
 @compiled(inner=True)
@@ -91,8 +91,15 @@ def correct_one(m: Any, z: Any, g: Any, out: Any) -> int:
         m: ESTIMATOR_MEMORY item. z: POSE_SAMPLE item. g: ESTIMATION_GAINS item.
         out: ESTIMATE item, innovations written when applied.
 
-    Returns an Outcome.
+    Returns an Outcome, which is counted.
     """
+    outcome = _apply(m, z, g, out)
+    m.outcomes[outcome] += 1
+    return outcome
+
+
+@compiled(inner=True)
+def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
     p, q, past, stamp_ns = z.position_w, z.quaternion_wb, m.past, z.stamp_ns
     norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not (math.isfinite(p[0] + p[1] + p[2]) and abs(norm2 - 1.0) < NORM_TOLERANCE):
@@ -143,7 +150,7 @@ def correct(
 
 @compiled
 def report(memory: Record, estimate: Record) -> None:
-    """Write biases and measurement age of (N,) ESTIMATOR_MEMORY into (N,) ESTIMATE."""
+    """Write biases, measurement age and counts of (N,) ESTIMATOR_MEMORY into (N,) ESTIMATE."""
     for k in range(memory.shape[0]):
         m, out = memory[k], estimate[k]
         for i in range(3):
@@ -152,3 +159,6 @@ def report(memory: Record, estimate: Record) -> None:
         out.measurement_age = math.inf
         if m.initialized:
             out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.pose_stamp_ns))
+        n = m.outcomes
+        out.measurements_used, out.measurements_refused = n[_APPLIED], n[_OUTLIER]
+        out.measurements_ignored = n[_TOO_OLD] + n[_NOT_NEWER] + n[_AHEAD] + n[_INVALID]

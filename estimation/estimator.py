@@ -70,7 +70,7 @@ class Estimator(Protocol):
         ...
 
     def report(self, estimate: Record) -> None:
-        """Write biases and measurement age into an ESTIMATE."""
+        """Write biases, measurement age and counts of measurements into an ESTIMATE."""
         ...
 
     def warnings(self, rate: float) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from estimation.outcome import Outcome
 from quadrotor.records import Record
 
 HISTORY_LENGTH = 256
@@ -20,6 +21,7 @@ ESTIMATOR_MEMORY = np.dtype(
         ("stamp_ns", "i8"),  # of the newest IMU sample
         ("pose_stamp_ns", "i8"),  # of the newest measured pose applied
         ("started_ns", "i8"),  # when the first pose was true
+        ("outcomes", "i8", len(Outcome)),  # measurements since the reset, by Outcome
         ("position_spread", "f8"),  # m^2, mean square innovation of the last dozen poses
         ("attitude_spread", "f8"),  # rad^2
         ("pose", "f8", 7),  # the estimate

@@ -19,3 +19,13 @@ class Outcome(IntEnum):
     AHEAD = 3  # more than AHEAD_NS ahead of the IMU
     INVALID = 4  # not finite, or not of unit length
     OUTLIER = 5  # beyond the gate
+
+
+class Agreement(IntEnum):
+    """Of the newest measurements with the estimate."""
+
+    USED = 0  # the newest one was used
+    REFUSED = 1  # the newest one was refused by the gate
+    # Measurements are refused that agree with each other and with the motion, so either
+    JUMPED = 2  # the tracker is wrong by now: they moved away from the estimate at once
+    DRIFTED = 3  # or the estimate is: it moved away from them little by little

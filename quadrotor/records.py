@@ -89,6 +89,11 @@ ESTIMATE = np.dtype(
         ("position_innovation_w", "f8", 3),  # m
         ("attitude_innovation_b", "f8", 3),  # rad
         ("measurement_age", "f8"),  # s since the newest pose was true; inf if none came yet
+        # Measurements since the estimator was reset:
+        ("measurements_used", "u4"),
+        ("measurements_refused", "u4"),  # by the gate: too far from their prediction
+        ("measurements_ignored", "u4"),  # too old, repeated, ahead of the time, or unusable
+        ("agreement", "u1"),  # estimation.outcome.Agreement of measurements and estimate
     ],
     align=True,
 )

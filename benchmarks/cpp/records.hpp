@@ -34,7 +34,7 @@ constexpr int kHistory = 256;
 
 struct EstimatorMemory {
     uint8_t initialized, primed;
-    int64_t stamp_ns, pose_stamp_ns, started_ns;
+    int64_t stamp_ns, pose_stamp_ns, started_ns, outcomes[6];
     double position_spread, attitude_spread;
     double pose[7], past[7], velocity_w[3], filtered_rate_b[3];
     double accelerometer_bias_b[3], gyroscope_bias_b[3], specific_force_b[3], rate_b[3];
@@ -68,6 +68,8 @@ struct Actuators {
 struct Estimate {
     double mass, mass_variance, accelerometer_bias_b[3], gyroscope_bias_b[3];
     double position_innovation_w[3], attitude_innovation_b[3], measurement_age;
+    uint32_t measurements_used, measurements_refused, measurements_ignored;
+    uint8_t agreement;
 };
 
 struct Onboard {

@@ -116,12 +116,19 @@ def test_imu_says_that_it_has_no_orientation() -> None:
 
 def test_estimator_battery_and_pressure_carry_the_numbers_of_the_tick() -> None:
     ticks = _ticks(1)
+    for name, number in zip(("used", "refused", "ignored"), (7, 5, 3), strict=True):
+        ticks["estimate"][f"measurements_{name}"] = number
+    ticks["estimate"]["agreement"] = 2
     estimate, status = ticks["estimate"][0], ticks["status"][0]
     message = decode(encode_estimators(ticks, "mine")[0], "quadlab_msgs/EstimatorStatus")
     assert message.estimator == "mine"
     assert message.mass == estimate["mass"]
     assert message.mass_variance == estimate["mass_variance"]
     assert message.measurement_age == estimate["measurement_age"]
+    assert message.measurements_used == estimate["measurements_used"] == 7
+    assert message.measurements_refused == estimate["measurements_refused"] == 5
+    assert message.measurements_ignored == estimate["measurements_ignored"] == 3
+    assert message.agreement == estimate["agreement"] == 2
     assert message.gyroscope_bias.y == estimate["gyroscope_bias_b"][1]
     assert message.accelerometer_bias.z == estimate["accelerometer_bias_b"][2]
     assert message.position_innovation.x == estimate["position_innovation_w"][0]

@@ -62,6 +62,12 @@ def encode_status(
     )
 
 
+_ESTIMATE_NUMBERS = (
+    "mass", "mass_variance", "measurement_age", "measurements_used", "measurements_refused",
+    "measurements_ignored", "agreement",
+)  # fmt: skip
+
+
 @cache
 def _estimator_layout(estimator: str) -> FixedLayout:
     strings = {"header.frame_id": WORLD, "estimator": estimator}
@@ -73,7 +79,7 @@ def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
     estimators = _estimator_layout(estimator)
     out, source = estimators.new(len(ticks)), ticks["estimate"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
-    for field in ("mass", "mass_variance", "measurement_age"):
+    for field in _ESTIMATE_NUMBERS:
         out[field] = source[field]
     out["accelerometer_bias"] = source["accelerometer_bias_b"]
     out["gyroscope_bias"] = source["gyroscope_bias_b"]

@@ -28,6 +28,9 @@ def _estimator(m: Any) -> Sequence[float]:
         1e3 * norm(m.position_innovation),
         math.degrees(norm(m.attitude_innovation)),
         1e3 * m.measurement_age,
+        m.measurements_used,
+        m.measurements_refused,
+        m.measurements_ignored,
     )
 
 
@@ -74,6 +77,9 @@ HEALTH = (
             one("innovation.position", "position", "mm", "innovation", "estimator"),
             one("innovation.attitude", "attitude", "°", "innovation", "estimator"),
             one("measurement.age", "pose age", "ms", "estimator", "estimator"),
+            one("measurements.used", "measurements used", "", "estimator", "estimator"),
+            one("measurements.refused", "measurements refused", "", "estimator", "estimator"),
+            one("measurements.ignored", "measurements ignored", "", "estimator", "estimator"),
         ),
         _estimator,
         covers=(
@@ -81,6 +87,9 @@ HEALTH = (
             "estimator.accelerometer_bias",
             "estimator.gyroscope_bias",
             "estimator.measurement_age",
+            "estimator.measurements_used",
+            "estimator.measurements_refused",
+            "estimator.measurements_ignored",
         ),
     ),
     Source(
