@@ -100,29 +100,37 @@ def _ahead(q: Quaternion, s: float, d: Quaternion) -> Quaternion:
 
 @compiled(inner=True)
 def rk4(
-    motion: Motion, lift: float, push_w: Vector, turn: Vector, ratios: Vector, dt: float
+    motion: Motion,
+    lifts: Vector,
+    push_w: Vector,
+    damping: float,
+    turns: tuple[Vector, Vector, Vector],
+    ratios: Vector,
+    dt: float,
 ) -> Motion:
-    """Motion after dt (s) with everything but the motion held.
+    """Motion after dt (s) under thrust and torque that change within the step.
 
     The classical scheme, ordered by what depends on what: omega on nothing else, the attitude
     on omega, the velocity on the attitude, the position on the velocity. Each stage is the one
     the scheme has on all 13 numbers at once.
 
     Args:
-        lift: thrust over mass, m/s^2.
-        push_w: further force over mass, m/s^2, without gravity.
-        turn: torque over inertia, rad/s^2.
+        lifts: thrust over mass, m/s^2, at the beginning, the middle and the end of the step.
+        push_w: further force over mass, m/s^2, without gravity and the damping; held.
+        damping: linear drag over mass, 1/s, against the velocity over ground.
+        turns: torque over inertia, rad/s^2, at the three moments.
         ratios: see `gyroscopic_ratios`.
     """
-    p, v, q, w1 = motion
+    p, v1, q, w1 = motion
+    start, middle, end = turns
     half, sixth = 0.5 * dt, dt / 6.0
-    s1 = _spin(w1, turn, ratios)
+    s1 = _spin(w1, start, ratios)
     w2 = along(w1, half, s1)
-    s2 = _spin(w2, turn, ratios)
+    s2 = _spin(w2, middle, ratios)
     w3 = along(w1, half, s2)
-    s3 = _spin(w3, turn, ratios)
+    s3 = _spin(w3, middle, ratios)
     w4 = along(w1, dt, s3)
-    s4 = _spin(w4, turn, ratios)
+    s4 = _spin(w4, end, ratios)
     w = along(w1, sixth, along(along(s1, 1.0, s4), 2.0, along(s2, 1.0, s3)))
 
     t1 = _turning(q, w1)
@@ -134,23 +142,27 @@ def rk4(
     t4 = _turning(q4, w4)
     q_end = _ahead(q, 0.5 * sixth, _ahead(_ahead(t1, 1.0, t4), 2.0, _ahead(t2, 1.0, t3)))
 
-    # z_B of the four stages: their sum moves the velocity, that of the first three the position.
-    first = along(along(_lean(q), 1.0, _lean(q2)), 1.0, _lean(q3))
-    total = along(along(along(first, 1.0, _lean(q2)), 1.0, _lean(q3)), 1.0, _lean(q4))
-    a = 2.0 * lift * sixth
-    gain = (
-        push_w[0] * dt + a * total[0],
-        push_w[1] * dt + a * total[1],
-        (push_w[2] + lift - GRAVITY) * dt - a * total[2],
+    a1 = _acceleration(q, lifts[0], push_w, damping, v1)
+    v2 = along(v1, half, a1)
+    a2 = _acceleration(q2, lifts[1], push_w, damping, v2)
+    v3 = along(v1, half, a2)
+    a3 = _acceleration(q3, lifts[1], push_w, damping, v3)
+    v4 = along(v1, dt, a3)
+    a4 = _acceleration(q4, lifts[2], push_w, damping, v4)
+    v = along(v1, sixth, along(along(a1, 1.0, a4), 2.0, along(a2, 1.0, a3)))
+    path = along(along(v1, 1.0, v4), 2.0, along(v2, 1.0, v3))
+    return along(p, sixth, path), v, normalized(q_end), w
+
+
+@compiled(inner=True)
+def _acceleration(q: Quaternion, lift: float, push_w: Vector, damping: float, v: Vector) -> Vector:
+    """v' of eq. 2 with linear drag, world axes."""
+    a, b, c = _lean(q)
+    return (
+        2.0 * a * lift + push_w[0] - damping * v[0],
+        2.0 * b * lift + push_w[1] - damping * v[1],
+        (1.0 - 2.0 * c) * lift + push_w[2] - damping * v[2] - GRAVITY,
     )
-    a *= dt
-    drop = half * dt
-    path = (
-        push_w[0] * drop + a * first[0],
-        push_w[1] * drop + a * first[1],
-        (push_w[2] + lift - GRAVITY) * drop - a * first[2],
-    )
-    return along(along(p, dt, v), 1.0, path), along(v, 1.0, gain), normalized(q_end), w
 
 
 @compiled
@@ -159,8 +171,9 @@ def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt:
     inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
     ratios = gyroscopic_ratios(vector(J), inverse)
     push_w = scale(1.0 / mass, vector(force_w))
-    turn = times(vector(wrench[1:4]), inverse)
-    store_motion(rk4(motion_of(x), wrench[0] / mass, push_w, turn, ratios, dt), x)
+    lift, turn = wrench[0] / mass, times(vector(wrench[1:4]), inverse)
+    lifts, turns = (lift, lift, lift), (turn, turn, turn)
+    store_motion(rk4(motion_of(x), lifts, push_w, 0.0, turns, ratios, dt), x)
 
 
 @compiled(inner=True)

@@ -5,11 +5,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
+from scipy.integrate import solve_ivp
 
 from quadrotor.records import STATE, Record
-from quadrotor.rotations import euler_from_quaternion, quaternion_from_euler
-from quadrotor.vehicle_model import reference_of_thrust
+from quadrotor.rigid_body import derivative
+from quadrotor.rotations import (
+    euler_from_quaternion,
+    quaternion_from_euler,
+    quaternion_to_matrix,
+)
+from quadrotor.vehicle_model import mixing_matrix, reference_of_thrust
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import (
     advance,
@@ -19,6 +26,8 @@ from vehicle.simulator.plant import (
     new_plant,
     open_voltage,
 )
+
+Array = npt.NDArray[np.float64]
 
 OFF = (0, 0, 0, 0)
 G = 9.81
@@ -188,6 +197,47 @@ def test_odd_periods_are_cut_into_steps_of_at_most_a_millisecond() -> None:
     for _ in range(1000):
         advance(plants[1], (140, 130, 140, 130), 1 / 1000)
     assert plants[0]["x"][0] == pytest.approx(plants[1]["x"][0], abs=2e-3)
+
+
+def test_a_second_of_varying_commands_is_integrated_exactly() -> None:
+    """Rotors, drag and body against an eighth-order scheme on all 17 numbers at once."""
+    rng = np.random.default_rng(7)
+    truth = SimulatorParameters(drag=0.4, wind_x=2.0, motor_gain_left=0.9, thrust_efficiency=0.95)
+    plant = flying(truth)
+    plant["x"][0, 3:6], plant["x"][0, 10:13] = (1.0, -2.0, 0.5), (0.3, -0.2, 0.4)
+    model, gains = plant["model"][0], plant["motor_gain"][0]
+    mixing = mixing_matrix(truth.arm, truth.torque_ratio)
+    J, wind = model["inertia_b"], np.array([2.0, 0.0, 0.0])
+
+    def derivatives(_: float, y: Array, references: Array) -> Array:
+        out = np.empty(17)
+        force_w = -truth.drag * (y[3:6] - wind)
+        thrusts = (truth.motor_slope * (y[13:] + truth.motor_offset)) ** 2
+        wrench = mixing @ (truth.thrust_efficiency * gains * thrusts)
+        derivative(y[:13].copy(), wrench, force_w, truth.mass, J, out[:13])
+        out[13:] = (references - y[13:]) / truth.motor_time_constant
+        return out
+
+    exact = np.concatenate([plant["x"][0], plant["rotor_speeds"][0]])
+    for _ in range(500):
+        references = tuple(int(n) for n in rng.integers(115, 140, 4))
+        advance(plant, references, 0.002)
+        exact = solve_ivp(
+            derivatives, (0.0, 0.002), exact, "DOP853", rtol=1e-12, atol=1e-13,
+            args=(np.array(references, float),),
+        ).y[:, -1]  # fmt: skip
+    away = np.abs(plant["x"][0] - exact[:13])
+    assert away[3:6].max() < 2e-6, "m/s"
+    assert away[10:13].max() < 2e-6, "rad/s"
+    assert away[0:3].max() < 2e-6, "m"
+    force_w = -truth.drag * (exact[3:6] - wind)
+    lift = (
+        truth.thrust_efficiency
+        * gains
+        @ (truth.motor_slope * (exact[13:] + truth.motor_offset)) ** 2
+    )
+    felt = quaternion_to_matrix(exact[6:10]).T @ force_w + [0.0, 0.0, lift]
+    assert plant["specific_force_b"][0] == pytest.approx(felt / truth.mass, abs=1e-5)
 
 
 # ---------------------------------------------------------------- battery

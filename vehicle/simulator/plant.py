@@ -34,7 +34,6 @@ from quadrotor.vectors import (
     cross,
     scale,
     store,
-    subtract,
     times,
     to_body,
     to_world,
@@ -192,33 +191,57 @@ def follow_battery(p: Item) -> None:
 def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
     """Rotors and body of one PLANT record over `steps` of dt (s), and what is felt at the end.
 
+    Rotors, drag and body are one system to the Runge-Kutta step: the speeds are known exactly at
+    its middle and end, for their references are held, and the drag is that of each stage. What
+    the ground does is taken at the step's beginning: its friction has no second derivative.
+
     Args:
         target: held motor references, counts.
         share: `motor_share` of dt.
     """
-    m, s, pull = p.model, p.rotor_speeds, p.disturbance_w
+    m, s, drag = p.model, p.rotor_speeds, p.drag
     inverse_mass = 1.0 / m.mass
     J = m.inertia_b[0], m.inertia_b[1], m.inertia_b[2]
     inverse = 1.0 / J[0], 1.0 / J[1], 1.0 / J[2]
     ratios = gyroscopic_ratios(J, inverse)
+    half_share = share / (1.0 + math.sqrt(1.0 - share))  # of dt / 2
+    damping = drag * inverse_mass
+    pull_w = along(vector(p.disturbance_w), drag, vector(p.air_w))
     motion = motion_of(p.x)
     speeds = s[0], s[1], s[2], s[3]
+    lift, turn = _driven(p, speeds, inverse_mass, inverse)
     for _ in range(steps):
-        speeds = (
-            speeds[0] + share * (target[0] - speeds[0]),
-            speeds[1] + share * (target[1] - speeds[1]),
-            speeds[2] + share * (target[2] - speeds[2]),
-            speeds[3] + share * (target[3] - speeds[3]),
+        middle_lift, middle_turn = _driven(
+            p, _approach(speeds, target, half_share), inverse_mass, inverse
         )
-        thrust, torque_b, force_w = _forces(p, motion, speeds, pull)
-        push_w, turn = scale(inverse_mass, force_w), times(torque_b, inverse)
-        motion = rk4(motion, inverse_mass * thrust, push_w, turn, ratios, dt)
+        speeds = _approach(speeds, target, share)
+        end_lift, end_turn = _driven(p, speeds, inverse_mass, inverse)
+        lifts, turns, force_w = (lift, middle_lift, end_lift), (turn, middle_turn, end_turn), pull_w
+        if motion[0][2] < CONTACT_HEIGHT:
+            ground_w, torque_b = _stand(p, motion)
+            force_w, held = add(force_w, ground_w), times(torque_b, inverse)
+            turns = add(turn, held), add(middle_turn, held), add(end_turn, held)
+        motion = rk4(motion, lifts, scale(inverse_mass, force_w), damping, turns, ratios, dt)
+        lift, turn = end_lift, end_turn
     store_motion(motion, p.x)
     s[0], s[1], s[2], s[3] = speeds
     # Specific force: everything but gravity, over the mass, in B.
-    thrust, torque_b, force_w = _forces(p, motion, speeds, pull)
+    force_w = along(pull_w, -drag, motion[1])
+    if motion[0][2] < CONTACT_HEIGHT:
+        force_w = add(force_w, _stand(p, motion)[0])
     x, y, z = to_body(axes_of(motion[2]), force_w)
-    store((x * inverse_mass, y * inverse_mass, (z + thrust) * inverse_mass), p.specific_force_b)
+    store((x * inverse_mass, y * inverse_mass, z * inverse_mass + lift), p.specific_force_b)
+
+
+@compiled(inner=True)
+def _approach(speeds: Four, target: Four, share: float) -> Four:
+    """Rotor speeds (counts) that share of the way to their references."""
+    return (
+        speeds[0] + share * (target[0] - speeds[0]),
+        speeds[1] + share * (target[1] - speeds[1]),
+        speeds[2] + share * (target[2] - speeds[2]),
+        speeds[3] + share * (target[3] - speeds[3]),
+    )
 
 
 @compiled(inner=True)
@@ -235,8 +258,8 @@ def ground_gain(share: float, height: float) -> float:
 
 
 @compiled(inner=True)
-def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float, Vector, Vector]:
-    """Thrust (N), torque about body axes (N m) and further force in world axes (N)."""
+def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tuple[float, Vector]:
+    """What rotors at these speeds (counts) do: thrust over mass (m/s^2), torque over inertia."""
     m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.ground_share, p.motor_gain
     a, b = m.motor_slope, m.motor_offset
     thrusts = (
@@ -245,17 +268,21 @@ def _forces(p: Item, motion: Motion, speeds: Four, pull_w: Array) -> tuple[float
         g[2] * rotor_thrust(speeds[2], a, b),
         g[3] * rotor_thrust(speeds[3], a, b),
     )
-    wrench = wrench_of_thrusts(thrusts, m.arm, m.torque_ratio)
-    torque_b = e * wrench[1], e * wrench[2], e * wrench[3]
-    force_w = along(vector(pull_w), -p.drag, subtract(motion[1], vector(p.air_w)))
-    if motion[0][2] < CONTACT_HEIGHT:
-        axes = axes_of(motion[2])
-        for lever in (FOOT, -FOOT):
-            for arm_b, along_w in (((lever, 0.0, 0.0), axes[0]), ((0.0, lever, 0.0), axes[1])):
-                foot_w = _touch(p, motion, axes, arm_b, lever * along_w[2])
-                force_w = add(force_w, foot_w)
-                torque_b = add(torque_b, cross(arm_b, to_body(axes, foot_w)))
-    return e * wrench[0], torque_b, force_w
+    thrust, x, y, z = wrench_of_thrusts(thrusts, m.arm, m.torque_ratio)
+    return e * inverse_mass * thrust, times((e * x, e * y, e * z), inverse)
+
+
+@compiled(inner=True)
+def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
+    """What the ground does to the feet: force in world axes (N), torque about body axes (N m)."""
+    force_w = torque_b = (0.0, 0.0, 0.0)
+    axes = axes_of(motion[2])
+    for lever in (FOOT, -FOOT):
+        for arm_b, along_w in (((lever, 0.0, 0.0), axes[0]), ((0.0, lever, 0.0), axes[1])):
+            foot_w = _touch(p, motion, axes, arm_b, lever * along_w[2])
+            force_w = add(force_w, foot_w)
+            torque_b = add(torque_b, cross(arm_b, to_body(axes, foot_w)))
+    return force_w, torque_b
 
 
 @compiled(inner=True)
