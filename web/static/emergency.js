@@ -11,7 +11,6 @@ import { pressed } from "./who_flies.js";
 const CUT_HOLD = 500; // ms
 const STYLE = "/static/emergency.css";
 const KEYS = { operator: "e: emergency land · hold x: cut", viewer: "e: emergency land" };
-const AWAY = "keys go to the 3D view; click beside it for e and x";
 
 // place: where the buttons go; events: of this page, or null: then it makes its own;
 // session: of /api/session. Returns {press(action)}.
@@ -48,8 +47,7 @@ class Emergency {
     const { tone, said, running } = this.sent.state, how = pressed(this.events.summary.emergency_land);
     const title = `emergency: land now, whatever runs${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
     if (this.land.title !== title) this.land.title = title;
-    const isAway = document.activeElement?.tagName === "IFRAME";
-    const idle = isAway ? AWAY : this.mayCut ? KEYS.operator : KEYS.viewer;
+    const idle = this.mayCut ? KEYS.operator : KEYS.viewer;
     show(this.said, tone === "idle" ? "" : said);
     show(this.running, tone === "idle" ? idle : running);
     if (this.line.className !== tone) this.line.className = tone;

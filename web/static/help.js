@@ -45,7 +45,7 @@ export class Help {
       this.dialog.replaceChildren(
         title(this.isOperator ? "Your first flight" : "What you see", close),
         element("ol", {}, ...steps.map(([name, text]) => element("li", {}, element("b", {}, name), ` ${text}`))),
-        element("h1", {}, "Keys"), list, element("p", {}, "Keys pressed inside the 3D view stay there: click beside it first."));
+        element("h1", {}, "Keys"), list, element("p", {}, "They count in the 3D view, too, where W A S D and the arrows move the camera."));
     } else this.dialog.replaceChildren(title("Keys", close), list);
     this.button.setAttribute("aria-expanded", "true");
     this.dialog.show();

@@ -28,23 +28,42 @@ const actionOf = (event) => ACTIONS.get(characterOf(event));
 
 function stop(action) { clearTimeout(action.timer); action.timer = null; }
 
-document.addEventListener("keydown", (event) => {
+function down(event) {
   const action = actionOf(event);
   if (!action || event.ctrlKey || event.altKey || event.metaKey || event.target.closest?.(TYPING)) return;
   if (event.key === " " && event.target.closest?.(PRESSED)) return;
   event.preventDefault();
+  if (event.view !== window) event.stopImmediatePropagation(); // in the 3D view "e" moves the camera, too
   if (event.repeat || action.timer !== null) return;
   if (!action.hold) action.act(event);
   else {
     action.since = event.timeStamp;
     action.timer = setTimeout(() => { action.timer = null; action.act(event); }, action.hold);
   }
-});
-document.addEventListener("keyup", (event) => {
+}
+
+function up(event) {
   const action = actionOf(event);
   if (!action || action.timer === null) return;
   stop(action);
   // A busy page may run its timers late: what counts is how long it was really held.
   if (event.timeStamp - action.since >= action.hold) action.act(event);
-});
-window.addEventListener("blur", () => { for (const action of ACTIONS.values()) stop(action); });
+}
+
+function stopAll() { for (const action of ACTIONS.values()) stop(action); }
+
+document.addEventListener("keydown", down);
+document.addEventListener("keyup", up);
+window.addEventListener("blur", stopAll);
+
+// The same keys while the focus is inside a frame of our own origin, whichever document it shows.
+export function listenInside(frame) {
+  const listen = () => {
+    const inside = frame.contentWindow;
+    inside.addEventListener("keydown", down, true);
+    inside.addEventListener("keyup", up, true);
+    inside.addEventListener("blur", stopAll);
+  };
+  frame.addEventListener("load", listen);
+  listen(); // what is there already; a listener that is added twice is one
+}

@@ -95,7 +95,7 @@ class StickPanel {
     if (sticks.held && sticks.why) return `Off: ${sticks.why}${/release|press/.test(sticks.why) ? "" : "; release the button and press again"}.`;
     if (sticks.editing) return "Off while the pad is being set up.";
     if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
-    if (document.activeElement?.tagName === "IFRAME") return "Keys now go to the 3D view and never reach the page: click here to fly by keyboard.";
+    if (document.activeElement?.tagName === "IFRAME") return "W A S D and the arrows move the 3D view's camera now: click here to fly by keyboard.";
     if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${this.keys}`;
     if (sticks.dropped) return `Dropped: ${sticks.dropped}. Press the button again.`;
     return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : this.keys;

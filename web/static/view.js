@@ -2,6 +2,7 @@
 
 import { request } from "./api.js";
 import { element, seconds, words } from "./format.js";
+import { listenInside } from "./keys.js";
 import { here } from "./vehicle_path.js";
 import { isAlone, landing } from "./who_flies.js";
 
@@ -14,6 +15,7 @@ export class View {
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
     $("scene").src = `${here("/viser/")}?darkMode&websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
+    listenInside($("scene"));
     $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
     events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
     events.on("summary", ({ age }) => {

@@ -366,12 +366,12 @@ def test_where_gamepads_need_https_the_page_says_so(
     flown.evaluate("delete window.isSecureContext")
 
 
-def test_keys_that_go_to_the_3d_view_are_said(flown: Any, look_at: Any) -> None:
+def test_stick_keys_that_move_the_3d_views_camera_are_said(flown: Any, look_at: Any) -> None:
     flown.evaluate("document.getElementById('scene').focus()")
-    look_at(flown).text("#sticks .note", "Keys now go to the 3D view")
-    look_at(flown).text("#emergency-state", "keys go to the 3D view")
-    flown.click("#sticks .note")
+    look_at(flown).text("#sticks .note", "3D view's camera")
     look_at(flown).text("#emergency-state", "e: emergency land")
+    flown.click("#sticks .note")
+    look_at(flown).text("#sticks .note", "Hold Shift")
 
 
 class _Root(Parameters):

@@ -35,3 +35,37 @@ def test_the_3d_view_shows_the_scene_and_reconnects(chromium: Any, site: Any, fl
     else:
         pytest.fail("the view did not reconnect")
     context.close()
+
+
+def test_emergency_keys_and_help_work_after_a_click_into_the_drawn_view(
+    chromium: Any, site: Any, station: Any, flying: Any, until: Any
+) -> None:
+    context = chromium.new_context(viewport={"width": 640, "height": 400})
+    context.set_default_timeout(60_000)
+    page = context.new_page()
+    page.goto(f"{site.base}/?token={site.token}")
+    page.wait_for_selector("#behaviors button")
+    page.keyboard.press("Escape")  # the help of a first visit
+    page.goto(f"{site.base}/?fixedDpr")
+    frame = page.query_selector("#scene").content_frame()
+    has = "() => '/vehicle' in (window.__viserSceneTree?.getState() ?? {})"
+    frame.wait_for_function(has)
+    frame.evaluate("window.reached = []; addEventListener('keydown', (e) => reached.push(e.key))")
+
+    def actions() -> list[str]:
+        return [request.action for name, request in station.requests if name == "emergency"]
+
+    box = page.locator("#scene").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    assert page.evaluate("document.activeElement.id") == "scene"
+    page.keyboard.press("x")  # not held: nothing
+    page.keyboard.press("e")
+    until(lambda: actions() == ["land"])
+    page.keyboard.down("x")
+    until(lambda: (page.wait_for_timeout(20), actions() == ["land", "cut"])[1])
+    page.keyboard.up("x")
+    page.keyboard.press("w")  # the view's own
+    page.keyboard.press("?")
+    page.wait_for_selector("#help-panel[open]")
+    assert frame.evaluate("reached") == ["w"], "ours must not move the camera as well"
+    context.close()
