@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +11,7 @@ import numpy.typing as npt
 from bearing_sim.emulator import BearingParameters
 from console.experiments.alignment import between
 from quadrotor.errors import LogFormatError
+from vehicle_link.log.attached import json_value
 from vehicle_link.log.column_spool import ColumnSpool, read_spools
 from vehicle_link.log.reader import read_attachments, read_log
 from vehicle_link.messages import decode
@@ -178,7 +177,7 @@ def _phase(changes: ColumnSpool) -> list[int]:
     for ns, payload in _payloads(changes):
         change = decode(payload, changes.type_name)
         if change.name == "estimation.source":
-            on = ast.literal_eval(change.new_value) == "bearings"
+            on = change.new_value.strip("'\"") == "bearings"
             if on is (len(phase) == 0) and len(phase) < 2:
                 phase.append(ns)
     return phase
@@ -249,16 +248,23 @@ def papers_sensor(log: Path) -> bool:
 
     A station's run has its own parameters beside the vehicle's, and may have changed them.
     """
-    values = json.loads(read_attachments(log).get("parameters.json", b"{}"))
+    try:
+        values = json_value(read_attachments(log).get("parameters.json", b"{}"))
+    except ValueError as error:
+        raise LogFormatError(f"{log.name}: its parameters cannot be read: {error}") from None
     prefix, changed = "bearings.", False
-    if "station" in values:
+    if isinstance(values, dict) and isinstance(values.get("station"), dict):
         values, prefix = dict(values["station"]), "station.bearings."
         for message in read_log(log):
             if message.topic.endswith("/parameter_changes"):
                 name = decode(message.payload, message.type_name).name
                 changed |= name.startswith(prefix) and name != f"{prefix}seed"
-    return not changed and all(
-        values.get(f"{prefix}{name}", default) == default
-        for name, default in BearingParameters()
-        if name != "seed"
+    return (
+        not changed
+        and isinstance(values, dict)
+        and all(
+            values.get(f"{prefix}{name}", default) == default
+            for name, default in BearingParameters()
+            if name != "seed"
+        )
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.log.attached import json_value
 from vehicle_link.log.reader import read_attachments
 from vehicle_link.log.topic_columns import ColumnReader
 
@@ -100,12 +100,12 @@ class FlownParameters:
 def read_parameters(log: Path) -> FlownParameters:
     """Of a simulated flight, or of a station's run. Raises LogFormatError without them."""
     try:
-        values = json.loads(read_attachments(log).get("parameters.json", b"{}"))
+        values = json_value(read_attachments(log).get("parameters.json", b"{}"))
     except ValueError as error:
         raise LogFormatError(f"{log.name}: its parameters cannot be read: {error}") from None
-    if isinstance(values.get("vehicle"), dict):
+    if isinstance(values, dict) and isinstance(values.get("vehicle"), dict):
         values = values["vehicle"]
-    if "model.mass" not in values:
+    if not isinstance(values, dict) or "model.mass" not in values:
         raise LogFormatError(f"{log.name} has no parameters of the vehicle in it")
     prefix = "simulator."
     truth = {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}

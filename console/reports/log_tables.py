@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 
 from console.reports.content import Block, Heading, Table, Text
@@ -10,6 +9,7 @@ from console.reports.defaults import Defaults
 from console.reports.judgement import Judgement
 from console.reports.run_log import ON_CHANGE, RunLog, parameters_of
 from console.reports.tables import NOT_RECORDED, shown
+from vehicle_link.log.attached import json_value
 
 MOST_GAPS = 60
 
@@ -124,7 +124,7 @@ def version_blocks(log: RunLog) -> list[Block]:
             ("quadlab", f"{run['git_revision']}{changed.get(run.get('git_dirty', ''), '')}")
         )
     try:
-        versions = json.loads(run.get("versions", "{}"))
+        versions = json_value(run.get("versions", "{}"))
         rows += [(str(name), str(value)) for name, value in dict(versions).items()]
     except (ValueError, TypeError):
         rows.append(("versions", run["versions"]))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +13,7 @@ import numpy.typing as npt
 
 from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.log.attached import json_value, literal_value
 from vehicle_link.log.column_spool import ColumnSpool, gather
 from vehicle_link.log.message_times import common_stamps, gaps
 from vehicle_link.log.topic_columns import ColumnReader, text_fields
@@ -154,7 +153,7 @@ class RunLog:
     def json_attachment(self, name: str) -> Any:
         """None when there is none, or it is not JSON."""
         try:
-            return json.loads(self.attachments[name])
+            return json_value(self.attachments[name])
         except (KeyError, ValueError):
             return None
 
@@ -264,7 +263,7 @@ def _lines(
 
 def _value(text: str) -> ParameterValue:
     try:
-        value = ast.literal_eval(text)
-    except (ValueError, SyntaxError):
+        value = literal_value(text)
+    except ValueError:
         return text
     return value if isinstance(value, bool | int | float | str) else text

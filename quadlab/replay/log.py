@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import ast
-import json
 from collections import defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +17,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import IMU_SAMPLE, STATE, Record
 from vehicle import mailbox
 from vehicle_link.log import LogMessage, read_attachments, read_log
+from vehicle_link.log.attached import json_value, literal_value
 from vehicle_link.log.records import ReadState
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import decode_bearings, decode_odometry, decode_pose
@@ -140,7 +139,9 @@ def _parameters(path: Path) -> FlightParameters:
         return parameters
     store = ParameterStore(parameters)
     try:
-        values = json.loads(attached)
+        values = json_value(attached)
+        if not isinstance(values, dict):
+            raise ValueError("they are no names with values")
         store.preset({name: values[name] for name in store.names if name in values})
     except (ValueError, TypeError, ParameterError) as error:
         raise LogFormatError(
@@ -212,7 +213,12 @@ def _bearings(payload: bytes) -> mailbox.Bearings:
 
 def _change(message: LogMessage) -> Change:
     change = decode(message.payload, "quadlab_msgs/ParameterChange")
-    value = ast.literal_eval(change.new_value)
+    try:
+        value = literal_value(change.new_value)
+    except ValueError as error:
+        raise LogFormatError(
+            f"a change of {change.name!r:.80} to {change.new_value!r:.80} is none of a parameter"
+        ) from error
     return Change(stamp_of(change), int(change.revision), change.name, value)
 
 

@@ -14,6 +14,7 @@ from mcap.writer import CompressionType, Writer
 
 from quadlab.__main__ import main
 from vehicle_link.log import LogWriter
+from vehicle_link.log.attached import literal_value
 from vehicle_link.messages import encode, header, new
 
 START = 1_769_851_842_000_000_000
@@ -242,3 +243,36 @@ def test_two_logs_in_one_file_are_not_mended_by_dropping_the_second(
     assert (status, complaint.count("\n")) == (1, 1)
     assert f"the second begins at byte {len(whole)}" in complaint
     assert log.read_bytes() == whole + whole
+
+
+DEEP = 100_000
+NESTED = {
+    "arrays": b"[" * DEEP + b"]" * DEEP,
+    "names": b'{"vehicle":' * DEEP + b"1" + b"}" * DEEP,
+    "cut": b"[" * DEEP,
+    "no names": b"[1, 2]",
+    "value": b'{"model.mass": ' + b"[" * DEEP + b"]" * DEEP + b"}",
+}
+
+
+@pytest.mark.parametrize("kind", NESTED)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_attached_parameters_that_are_none_cost_a_line_at_most(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path, kind: str, command: str
+) -> None:
+    log = tmp_path / "a.mcap"
+    with LogWriter(log, {"vehicle": "q"}, {"parameters.json": NESTED[kind]}) as writer:
+        for k in range(100):
+            stamp = START + k * 2_000_000
+            message = encode(new("sensor_msgs/Imu", header=header(stamp, "q/body")))
+            writer.write("/q/imu", "sensor_msgs/Imu", message, stamp, stamp)
+    status, _, complaint = run(command, log)
+    assert status == (1 if command == "replay" else 0)
+    assert complaint.count("\n") == status
+    assert ("its parameters are not this version's" in complaint) is (command == "replay")
+
+
+@pytest.mark.parametrize("text", ["(" * 150, "-" * 90_000 + "1", "1" * 9000, "f'{1}'", "\0", "b.c"])
+def test_a_parameters_value_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"\S"):
+        literal_value(text)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ast
 import contextlib
-import json
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -14,6 +12,7 @@ import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
 from quadrotor.errors import QuadlabError
+from vehicle_link.log.attached import json_value, literal_value
 from vehicle_link.log.topic_columns import text_fields
 from web.replay.spool import TopicSpool
 
@@ -125,7 +124,7 @@ def moments(
 def parameters_of(attachment: bytes | None) -> dict[str, Any]:
     """Name → value at the start; those of the station begin with `station.`."""
     try:
-        read = json.loads(attachment or b"{}")
+        read = json_value(attachment or b"{}")
     except ValueError:
         return {}
     if not isinstance(read, Mapping):
@@ -188,7 +187,7 @@ def _numbered(kind: str, label: str, times: list[float]) -> list[Moment]:
 
 def _value(text: Any) -> Any:
     try:
-        value = ast.literal_eval(text)
-    except (ValueError, SyntaxError, TypeError):
+        value = literal_value(text)
+    except (ValueError, TypeError):
         return text
     return value if isinstance(value, bool | int | float | str) else text

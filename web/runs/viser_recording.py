@@ -6,7 +6,6 @@ progress, 0 to 1, a line each; an error is one line that does not begin with a d
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import signal
@@ -21,6 +20,7 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError, StorageError
 from vehicle_link.log import read_attachments, read_log, summarize
+from vehicle_link.log.attached import json_value
 from vehicle_link.messages import decode
 from web.follow_parameters import BEARINGS, flight_volume
 from web.live import Live
@@ -119,12 +119,13 @@ class _Flight:
 def _station_values(log: Path) -> dict[str, Any]:
     """Parameters of vehicle and station by their full names, as they were at the start."""
     try:
-        content = json.loads(read_attachments(log).get("parameters.json", b"{}"))
+        content = json_value(read_attachments(log).get("parameters.json", b"{}"))
     except ValueError:
         return {}
     if not isinstance(content, dict):
         return {}
-    return {**(content.get("vehicle") or {}), **(content.get("station") or {})}
+    parts = (content.get(name) for name in ("vehicle", "station"))
+    return {name: one for part in parts if isinstance(part, dict) for name, one in part.items()}
 
 
 def main() -> int:
