@@ -25,6 +25,7 @@ export class UserSection {
     try {
       const users = await get(this.isAdmin ? "/api/users" : "/api/setup/people");
       this.body.replaceChildren(...users.map((user) => this.row(user)));
+      if (this.isAdmin) this.offerRole(users.some(({ account }) => account));
     } catch (error) { this.tell(error.message); }
   }
 
@@ -62,17 +63,27 @@ export class UserSection {
   form() {
     const name = element("input", { name: "name", required: true, maxLength: 32, pattern: "[a-z][a-z0-9_.\\-]*", title: "small letters, digits and _ . -, a letter first", autocomplete: "off", spellcheck: false });
     const password = element("input", { name: "password", type: "password", required: true, minLength: 10, maxLength: 1000, title: "ten characters or more", autocomplete: "new-password" });
-    const role = element("select", { name: "role" }, ...ROLES.map((one) => element("option", { value: one, selected: one === "operator" }, one)));
+    const role = this.newRole = element("select", { name: "role", disabled: true }, ...ROLES.map((one) => element("option", { value: one, selected: one === "operator" }, one)));
     const labelled = (label, input) => element("label", {}, element("span", {}, label), input);
     const form = element("form", { className: "add" }, element("h3", {}, "Add a user"), labelled("Name", name), labelled("Password", password), labelled("Role", role), element("button", {}, "Add"));
     form.addEventListener("submit", async (event) => {
       event.preventDefault();
-      const wanted = { name: name.value, password: password.value, role: role.value };
+      const wanted = { name: name.value, password: password.value, ...(role.disabled ? {} : { role: role.value }) };
       password.value = "";
-      const done = await this.act(() => request("POST", "/api/users", wanted), `${wanted.name} is added as ${wanted.role}`);
+      let made;
+      const done = await this.act(async () => { made = await request("POST", "/api/users", wanted); }, () => `${made.name} is added as ${made.role}`);
       if (done && name.value === wanted.name) name.value = ""; // unless the next one is being typed
     });
     return form;
+  }
+
+  // The first account is an admin's, else nobody could manage the others. Until it is known
+  // whether there are any, the station chooses: of accounts after the first, operator.
+  offerRole(hasAccounts) {
+    if (hasAccounts && !this.newRole.disabled) return; // somebody may have chosen one
+    this.newRole.disabled = !hasAccounts;
+    this.newRole.value = hasAccounts ? "operator" : "admin";
+    this.newRole.title = hasAccounts ? "" : "the first account is an admin's";
   }
 
   invitations() {
@@ -87,12 +98,12 @@ export class UserSection {
       element("button", { onclick: () => invite("viewer") }, "For a viewer"), element("button", { onclick: () => invite("operator") }, "For an operator"), link);
   }
 
-  // Whether it went well; told once the list shows it.
+  // Whether it went well; `said`, a text or what makes it, is told once the list shows it.
   async act(action, said) {
     let problem = "";
     try { await action(); } catch (error) { problem = error.message; }
     await this.refresh();
-    this.tell(problem || said, !problem);
+    this.tell(problem || (typeof said === "function" ? said() : said), !problem);
     return !problem;
   }
 

@@ -234,12 +234,15 @@ def test_an_admin_adds_a_user_changes_the_role_and_deletes(
 ) -> None:
     page = open_tab("/setup")
     look = look_at(page)
+    look.value("#users [name=role]", "admin")
+    assert page.is_disabled("#users [name=role]"), "the first account cannot be another's"
     for name, role in (("anna", "admin"), ("oleg", "operator")):
         page.fill("#users [name=name]", name)
         page.fill("#users [name=password]", WORDS)
-        page.select_option("#users [name=role]", role)
         page.click("#users form button")
         look.text("#users .note", f"{name} is added as {role}")
+        look.value("#users [name=role]", "operator")
+    assert page.is_enabled("#users [name=role]")
     row = "#users tbody tr:has-text('oleg')"
     page.select_option(f"{row} select", "viewer")
     look.text("#users .note", "oleg is viewer now")
