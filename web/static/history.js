@@ -1,6 +1,8 @@
-// What came of the signals somebody charts, in arrays of a fixed size: the last ten minutes.
+// What came of all signals that this page asks for, in arrays of a fixed size: the last ten minutes,
+// also of those that nobody charts at present.
 
 const CAPACITY = 15360; // samples at 25 Hz
+const MOST = 96; // signals: 12 MB
 const STEP_BACK = 1; // s; a clock that was set back by more starts afresh
 
 // Samples stand in one piece: arrays are twice as long, and when they are full their last half
@@ -21,10 +23,14 @@ export class History {
   want(who, names) {
     if (names.length) this.wants.set(who, names);
     else this.wants.delete(who);
-    const wanted = new Set([...this.wants.values()].flat());
-    for (const name of this.columns.keys()) if (!wanted.has(name)) this.columns.delete(name);
-    for (const name of wanted) if (!this.columns.has(name)) this.columns.set(name, new Float32Array(2 * this.capacity).fill(NaN));
-    this.telemetry.want("charts", [...wanted]);
+    this.telemetry.want("charts", [...new Set([...this.wants.values()].flat())]);
+  }
+
+  // Room for one more signal; of too many the oldest that comes no more is given up.
+  add(name, value) {
+    const gone = this.columns.size < MOST ? undefined : [...this.columns.keys()].find((other) => !(other in value));
+    if (gone !== undefined) this.columns.delete(gone);
+    this.columns.set(name, new Float32Array(2 * this.capacity).fill(NaN));
   }
 
   get start() { return Math.max(0, this.end - this.capacity); }
@@ -36,6 +42,7 @@ export class History {
     if (time <= this.last) return;
     this.room();
     this.times[this.end] = time;
+    for (const name in value) if (!this.columns.has(name)) this.add(name, value);
     for (const [name, column] of this.columns) column[this.end] = value[name] ?? NaN;
     this.end += 1;
   }

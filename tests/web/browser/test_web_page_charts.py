@@ -69,6 +69,32 @@ def test_the_history_holds_the_newest_and_stays_in_one_piece(modules: Any) -> No
     assert found is True
 
 
+def test_what_came_of_a_signal_stays_when_no_chart_shows_it(modules: Any) -> None:
+    found = run(
+        modules,
+        """
+        const feed = new Feed(), history = new History(feed, 100);
+        history.want('me', ['a']);
+        const come = (from, to, names) => { for (let i = from; i < to; i++)
+          feed.frame(i, Object.fromEntries(names.map((name) => [name, i]))); };
+        come(0, 10, ['a', 'tabled']);
+        history.want('me', ['tabled']); // another layout
+        come(10, 20, ['tabled']);
+        history.want('me', ['a', 'tabled']);
+        come(20, 30, ['a', 'tabled']);
+        const kept = ['a', 'tabled'].map((name) => [...history.column(name).slice(0, history.end)]);
+        for (let n = 0; n < 300; n++) come(30 + n, 31 + n, ['a', 'tabled', `other ${n}`]);
+        return { kept, size: history.columns.size, still: history.column('a')[5] };""",
+    )
+    a, tabled = found["kept"]
+    assert tabled == list(range(30)), "it came for the table before a chart showed it"
+    assert [value for value in a if value == value and value is not None] == [
+        *range(10), *range(20, 30)
+    ]  # fmt: skip
+    assert found["size"] < 100
+    assert found["still"] is not None
+
+
 def test_what_did_not_come_is_no_number(modules: Any) -> None:
     found = run(
         modules,
