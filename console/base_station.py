@@ -16,7 +16,7 @@ from typing import Any
 
 from bearing_sim import PoseMeasurement
 from console.alarms import AlarmBoard
-from console.beacon_layout import BeaconLayout, vehicle_teller
+from console.beacon_layout import BeaconLayout, in_force, vehicle_teller
 from console.calibrations import Calibrations
 from console.catalogue import Catalogue
 from console.check_desk import CheckDesk
@@ -44,7 +44,7 @@ from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
 from console.tuning.log_window import LogWindow
 from console.vehicle_parameters import VehicleParameters
-from quadrotor.errors import LinkError, RefusedError
+from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics
 from vehicle_link.instance import new_instance
@@ -97,6 +97,8 @@ class BaseStation:
         self.answers = partial(time_sync.answers, clock)
         self._store = StationStore()
         self._store.preset(settings or {})
+        history = ParameterHistory(catalogue.engine, vehicle)
+        problem = self._taken_up(in_force(settings or {}, history.known()))
         self._vehicle_parameters = VehicleParameters(self._node, vehicle)
         self._calibrations = Calibrations(self._node)
         self.runs = RunKeeper(
@@ -112,6 +114,8 @@ class BaseStation:
         self._recorder.period = self._pace.written
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))
+        if problem:
+            self._outbox.say(WARN, f"the beacons that were in force are not taken up: {problem}")
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
         parameters = self._store.parameters
         self._comparison = ComparisonFeed(
@@ -131,9 +135,7 @@ class BaseStation:
             vehicle_teller(self._node),
         )
         self._store.before_change = self._layout.before_change
-        self._witness = ParameterWitness(
-            ParameterHistory(catalogue.engine, vehicle), partial(self._alarms.set, "history")
-        )
+        self._witness = ParameterWitness(history, partial(self._alarms.set, "history"))
         self._witness.begin(self._store.values())
         self.experiments = ExperimentRunner(
             self._node, vehicle, self.link.state, self.link.vehicle_ns, self._outbox,
@@ -190,6 +192,14 @@ class BaseStation:
         ]
         for thread in self._threads:
             thread.start()
+
+    def _taken_up(self, kept: Mapping[str, ParameterValue]) -> str:
+        """Values of before the start, which another version may have written; why not, or ""."""
+        try:
+            self._store.preset(kept)
+        except ParameterError as error:
+            return str(error)
+        return ""
 
     def close(self) -> None:
         """Close the run's file first: nothing else matters as much."""

@@ -2,6 +2,7 @@
 
 The station's `station.bearings.layout` is the authority. A change is made on the vehicle first
 and refused when the vehicle refuses it; a vehicle that connects with another layout is told.
+A station that is started again goes on with the layout that was in force.
 """
 
 from __future__ import annotations
@@ -31,6 +32,13 @@ class Known(Protocol):
     """console.vehicle_parameters.VehicleParameters, as much of it as is needed."""
 
     def known(self, name: str) -> ParameterValue | None: ...
+
+
+def in_force(
+    given: Mapping[str, ParameterValue], before: Mapping[str, ParameterValue]
+) -> dict[str, ParameterValue]:
+    """What to start with: the layout of `before`, the values known last, unless one is `given`."""
+    return {OURS: before[OURS]} if OURS in before and OURS not in given else {}
 
 
 Tell = Callable[[str, str], None]
