@@ -98,9 +98,7 @@ class BeaconLayout:
             except ParameterError as error:
                 raise ParameterError(f"{OURS} not changed, the vehicle refuses: {error}") from None
             except LinkError as error:
-                raise ParameterError(
-                    f"{OURS} not changed, the vehicle did not answer: {error}; try again"
-                ) from None
+                raise ParameterError(f"{OURS} not changed: {error}; try again") from None
 
     def agree(self) -> str:
         """Tell a vehicle that has another layout; why it still has one, empty when it has not.

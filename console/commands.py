@@ -13,8 +13,12 @@ from functools import partial
 from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
-from quadrotor.errors import LinkError, ParameterError, RefusedError, StorageError
-from vehicle_link.client import NoAnswerError
+from quadrotor.errors import (
+    NoAnswerError,
+    ParameterError,
+    RefusedError,
+    StorageError,
+)
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node
@@ -23,15 +27,20 @@ from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
 
 CALL_TIMEOUT = 1.0
-"""s the vehicle has for an answer; clients of the station wait a little longer."""
+"""s the vehicle has for an answer to what is asked again."""
+LATE_ANSWER = 3.0
+"""s the vehicle has for its answer to a command, which is not asked again. A late answer still
+tells what became of it. Clients of the station wait a little longer."""
 
-EMERGENCIES = CHANGES = 4
-"""At once."""
+AT_ONCE = 4
+"""Requests of one service: a cut does not wait behind a landing that the vehicle does not answer,
+nor a landing behind a take-off."""
 AGAIN = 5
 """Times in all a change of parameters is asked for, a second apart, under one id and while the
 link is there. Not what moves the vehicle: done late it would surprise."""
 
-FORWARDED = ("arm", "disarm", "start_behavior", "emergency")
+NOT_REPEATED = ("arm", "disarm", "start_behavior")
+FORWARDED = (*NOT_REPEATED, "emergency")
 
 
 class CommandGateway:
@@ -63,40 +72,37 @@ class CommandGateway:
             name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
         }
         for name in FORWARDED:
-            # A cut must not wait behind a landing that the vehicle does not answer.
-            threads = EMERGENCIES if name == "emergency" else 1
             handler = partial(self._forward, name)
-            node.serve(f"station/{name}", SERVICES[name], handler, threads=threads)
+            node.serve(f"station/{name}", SERVICES[name], handler, threads=AT_ONCE)
         change = "change_parameters"
-        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, threads=CHANGES)
+        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, threads=AT_ONCE)
         # Only here: a repeated command must reach the vehicle when the first one did not.
         record = Idempotent(self._start_or_stop)
         node.serve("station/record", SERVICES["record"], record)
 
     def _forward(self, name: str, request: Any) -> Any:
-        # Requests queue up behind one that waits in vain; executed late they would surprise.
+        # Sent into a lost link it may be carried out late, which would surprise.
         if reason := self._refusal(name):
             return _refused(name, reason)
         try:
             self._permit(name, request.requester)
             self._on_asked(name, request.requester)
-            return self._ask(name, request, AGAIN if name == "change_parameters" else 1)
+            return self._ask(name, request)
         except RefusedError as error:
             return _refused(name, str(error))
-        except LinkError as error:
-            if name == "emergency":  # an error, not a refusal: who asks tries again
-                raise LinkError(f"the vehicle did not answer: {error}") from error
-            return _refused(name, f"the vehicle did not answer: {error}")
 
-    def _ask(self, name: str, request: Any, tries: int) -> Any:
-        """The vehicle's answer.
+    def _ask(self, name: str, request: Any) -> Any:
+        """Return the vehicle's answer.
 
-        Raises LinkError; RefusedError when link or control are lost meanwhile.
+        Raises LinkError, which is no refusal: it is not known what became of the command.
+        RefusedError when link or control are lost meanwhile.
         """
+        tries = AGAIN if name == "change_parameters" else 1
+        timeout = LATE_ANSWER if name in NOT_REPEATED else CALL_TIMEOUT
         began, asked = time.monotonic(), 0
         while True:
             try:
-                return self._clients[name].call(request, timeout=CALL_TIMEOUT)
+                return self._clients[name].call(request, timeout=timeout)
             except NoAnswerError:
                 asked += 1
                 if asked == tries:
@@ -116,7 +122,7 @@ class CommandGateway:
             self._store.check(own)
             if any(authority_of(key) == SIMULATOR for key in values):
                 return self._change_simulator(request, values)
-        except (ParameterError, RefusedError, LinkError) as error:
+        except (ParameterError, RefusedError) as error:
             return _refused(name, str(error))
         applied, revision = {}, self._store.revision
         others = {key: value for key, value in values.items() if key not in own}

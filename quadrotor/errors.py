@@ -47,6 +47,17 @@ class LinkError(QuadlabError):
     """The radio link, a service or a session failed or did not answer in time."""
 
 
+class NoAnswerError(LinkError):
+    """No answer came in time: it is not known whether the question was heard or carried out.
+
+    Worth asking again under the same request id.
+    """
+
+
+class UnreachableError(NoAnswerError):
+    """Nobody is there to answer: nothing was carried out."""
+
+
 class StorageError(QuadlabError):
     """A file or folder cannot be read or written, or the disk is full."""
 

@@ -7,7 +7,7 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 
-from quadrotor.errors import LinkError, ParameterError
+from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
 from vehicle import mailbox
 from vehicle.parameters import new_parameters
@@ -38,8 +38,8 @@ class FlightMailbox:
     ) -> mailbox.Reply:
         """Send the command that `make` builds for a request id, and wait for its reply.
 
-        Raises LinkError when the flight process does not answer in time. Not for the thread that
-        calls `deliver`.
+        Raises NoAnswerError when the flight process does not answer in time. Not for the thread
+        that calls `deliver`.
         """
         with self._lock:
             request_id = next(self._ids)
@@ -56,8 +56,8 @@ class FlightMailbox:
             if not self.send(command):
                 raise LinkError("the flight process does not take commands: its inbox is full")
             if not answered.wait(timeout_s):
-                raise LinkError(
-                    f"the flight process did not answer within {timeout_s:g} s; "
+                raise NoAnswerError(
+                    f"the flight process has not answered within {timeout_s:g} s; "
                     "see the vehicle's terminal"
                 )
         finally:

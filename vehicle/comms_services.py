@@ -1,14 +1,14 @@
 """The services the vehicle offers on the link: commands, parameters, time.
 
 Commands are idempotent by request id; what the flight process refuses is an answer with its
-reason, and a flight process that does not answer is a reason too.
+reason, and a flight process that does not answer an error: nobody knows what became of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from quadrotor.errors import QuadlabError
+from quadrotor.errors import NoAnswerError, QuadlabError
 from vehicle import mailbox
 from vehicle.comms_calibrations import Calibrations
 from vehicle.comms_clock import VehicleClock
@@ -60,11 +60,13 @@ def _prepare(srv_type: str) -> None:
 
 
 def _refusing(srv_type: str, handler: Callable[[Message], Message]) -> Callable[[Message], Message]:
-    """A handler whose errors are answers: not accepted, with the error as the reason."""
+    """Make a handler whose refusals are answers: not accepted, with the error as the reason."""
 
     def handle(request: Message) -> Message:
         try:
             return handler(request)
+        except NoAnswerError:
+            raise  # it is not known what became of it
         except QuadlabError as error:
             return new(f"{srv_type}_Response", accepted=False, reason=str(error))
 

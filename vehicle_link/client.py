@@ -3,22 +3,40 @@
 from __future__ import annotations
 
 import itertools
+import logging
 import threading
 import time
 from typing import Any
 
 import zenoh
 
-from quadrotor.errors import LinkError
+from quadrotor.errors import LinkError, NoAnswerError, UnreachableError
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.rmw_keys import attachment
+
+log = logging.getLogger(__name__)
 
 TIMEOUT = 1.0
 """s; a command is worth repeating under the same request id for 5 s, not waiting for longer."""
 
+KINDS: dict[str, type[LinkError]] = {"no answer": NoAnswerError, "unreachable": UnreachableError}
+"""Errors that stay of their kind on the way from a service to its client, by the schema of the
+error reply's encoding; all others become a LinkError."""
 
-class NoAnswerError(LinkError):
-    """The question or its answer may have been lost: worth asking again under the same id."""
+
+def encoding_of(error: Exception) -> zenoh.Encoding:
+    """Return the encoding of an error reply, which says of which kind the error is."""
+    kind = next((name for name, one in KINDS.items() if type(error) is one), "")
+    text = zenoh.Encoding.TEXT_PLAIN
+    return text.with_schema(kind) if kind else text
+
+
+def peer_of(name: str) -> str:
+    """Return who serves a service, as people are told: they know no services."""
+    parts = name.split("/")
+    if "station" in parts:
+        return "the base station"
+    return "the simulator" if "simulator" in parts else "the vehicle"
 
 
 def wait_for_match(entity: zenoh.Querier | zenoh.Publisher, timeout: float) -> bool:
@@ -64,8 +82,9 @@ class ServiceClient:
         """The response; blocks for at most `timeout` seconds.
 
         Raises:
-            NoAnswerError: nobody answered in time.
-            LinkError: the service answered with an error.
+            UnreachableError: nobody is there to answer.
+            NoAnswerError: no answer came in time, here or where the service asked on.
+            LinkError: the service answered with another error.
         """
         started = time.monotonic()
         try:
@@ -81,15 +100,16 @@ class ServiceClient:
                 attachment=attachment(next(self._sequence), time.time_ns(), self._gid),
             )
         except zenoh.ZError as error:
-            raise LinkError(f"cannot call {self._name}: {error}") from error
+            raise LinkError(f"{peer_of(self._name)} cannot be asked: {error}") from error
         for reply in replies:
             if reply.ok is not None:
                 return decode(reply.ok.payload.to_bytes(), f"{self._type}_Response")
             text = reply.err.payload.to_string() if reply.err else ""
-            if text != "Timeout":  # Zenoh's own way of saying that time is up
-                raise LinkError(f"{self._name}: {text}")
+            if reply.err and text != "Timeout":  # Zenoh's own way of saying that time is up
+                kind = str(reply.err.encoding).partition(";")[2]
+                raise KINDS.get(kind, LinkError)(text)
         if time.monotonic() - started < 0.5 * timeout:  # nobody to wait for
-            raise NoAnswerError(
-                f"nobody serves {self._name}; is the other end running and the link up?"
-            )
-        raise NoAnswerError(f"{self._name} did not answer within {timeout:g} s; is the link up?")
+            log.debug("nobody serves %s", self._name)
+            raise UnreachableError(f"{peer_of(self._name)} is not reached; is it running?")
+        log.debug("%s did not answer within %g s", self._name, timeout)
+        raise NoAnswerError(f"{peer_of(self._name)} has not answered within {timeout:g} s")

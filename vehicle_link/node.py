@@ -23,7 +23,7 @@ import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from quadrotor.errors import LinkError, QuadlabError
-from vehicle_link.client import ServiceClient, wait_for_match
+from vehicle_link.client import ServiceClient, encoding_of, peer_of, wait_for_match
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.misrouted import Topics
 from vehicle_link.rmw_keys import (
@@ -226,8 +226,8 @@ class Node:
 
         With `threads` above 1 as many at once: then none waits behind one that is held up.
 
-        A QuadlabError of the handler is the client's LinkError with the same text; anything else
-        is logged with its traceback, and the client told that the service failed.
+        A QuadlabError of the handler is the client's LinkError with the same text, a NoAnswerError
+        its NoAnswerError; anything else is logged with its traceback, and the client told of it.
         """
         key, _ = self._announce("SS", name, srv_type, RELIABLE)
 
@@ -241,10 +241,11 @@ class Node:
                     stamped = attachment(sequence, time.time_ns(), gid)
                     query.reply(key, response, attachment=stamped)
                 except QuadlabError as error:
-                    query.reply_err(str(error).encode())
+                    query.reply_err(str(error).encode(), encoding=encoding_of(error))
                 except Exception as error:
                     log.exception("service %s failed", name)
-                    query.reply_err(f"the service failed: {error!r}; see its log".encode())
+                    told = f"a defect of {peer_of(name)}, see its log: {error!r}"
+                    query.reply_err(told.encode())
 
         handler_of_queries: Any
         if threads > 1:
@@ -257,7 +258,7 @@ class Node:
                 except RuntimeError:  # a query that was on its way while `close` undeclared
                     log.debug("service %s was asked while it closes", name)
                     with query:
-                        query.reply_err(f"{self.full_name} is closing".encode())
+                        query.reply_err(f"{peer_of(name)} is closing".encode())
 
             handler_of_queries = Callback(hand_over, indirect=False)
         else:

@@ -15,10 +15,12 @@ from starlette.exceptions import HTTPException as StarletteHTTPException
 from quadrotor.errors import (
     LinkError,
     MeasurementError,
+    NoAnswerError,
     ParameterError,
     QuadlabError,
     RefusedError,
     StorageError,
+    UnreachableError,
 )
 from web import commands, events, pump, sticks
 from web.access.hashing import BusyError
@@ -47,6 +49,8 @@ STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (
     (RefusedError, 409),
     (ParameterError, 422),
     (MeasurementError, 422),
+    (UnreachableError, 503),
+    (NoAnswerError, 504),  # the page goes on looking for what became of it
     (LinkError, 503),
     (StorageError, 503),
     (BusyError, 503),

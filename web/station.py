@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from quadrotor.errors import LinkError, RefusedError
+from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
@@ -30,7 +30,15 @@ if TYPE_CHECKING:
     from vehicle_link.parameter_service import ParameterClient
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
-PATIENCE = {"change_parameters": 6.0, "checks": 8.0, "experiment": 4.0, "onboard_files": 4.0}
+PATIENCE = {
+    "arm": 3.5,
+    "disarm": 3.5,
+    "start_behavior": 3.5,
+    "change_parameters": 6.0,
+    "checks": 8.0,
+    "experiment": 4.0,
+    "onboard_files": 4.0,
+}
 """s, for what takes its time; a change of parameters is asked for again and again."""
 RETRY = 1.0  # s
 JOY = "sensor_msgs/Joy"
@@ -200,7 +208,7 @@ class Station:
 
     def _require_node(self) -> Node:
         if self._node is None:
-            raise LinkError("the station cannot be reached; is `quadlab station` running?")
+            raise UnreachableError("the base station is not reached; is it running?")
         return self._node
 
     def _open(self) -> None:

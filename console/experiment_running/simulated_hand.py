@@ -6,7 +6,14 @@ import math
 import uuid
 from collections.abc import Sequence
 
-from quadrotor.errors import LinkError, MeasurementError, RefusedError, WrongTypeError
+from quadrotor.errors import (
+    LinkError,
+    MeasurementError,
+    NoAnswerError,
+    RefusedError,
+    UnreachableError,
+    WrongTypeError,
+)
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import new
 from vehicle_link.node import Node
@@ -72,9 +79,12 @@ class SimulatedHand:
                 return str(from_value(value))
             except (WrongTypeError, ValueError):
                 return None
-            except LinkError as error:
-                if "did not answer" not in str(error):
-                    return None
+            except UnreachableError:
+                return None
+            except NoAnswerError:
+                continue
+            except LinkError:
+                return None
         return None
 
     def _hold(self, how: str, angles: dict[str, float], requester: str) -> None:

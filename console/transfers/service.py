@@ -80,5 +80,5 @@ class Transfers:
             try:
                 return self._files.listed(request)
             except LinkError as error:
-                reason = f"the vehicle did not answer: {error}"
+                reason = str(error)
         return new(f"{SERVICES['onboard_files']}_Response", accepted=False, reason=reason)

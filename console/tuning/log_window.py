@@ -36,7 +36,7 @@ class LogWindow:
         try:
             return self._client.call(request, timeout=TIMEOUT)
         except LinkError as error:
-            return _refused(f"the vehicle did not answer: {error}")
+            return _refused(str(error))
 
 
 def _refused(reason: str) -> Any:

@@ -79,7 +79,7 @@ def test_other_parameters_do_not_ask_the_vehicle(store: StationStore, vehicle: V
     ("refusal", "says"),
     [
         (ParameterError("bearings are flown on"), "the vehicle refuses: bearings are flown on"),
-        (LinkError("1 s"), "the vehicle did not answer: 1 s; try again"),
+        (LinkError("1 s"), "layout not changed: 1 s; try again"),
     ],
 )
 def test_what_the_vehicle_refuses_the_station_refuses(

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+import console.commands as gateway
 from console.base_station import BaseStation
 from console.catalogue import Catalogue
 from console.commands import CALL_TIMEOUT
-from quadrotor.errors import LinkError, ParameterError
+from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record
 from tests.waiting import free_port, until
@@ -64,6 +65,8 @@ class FakeVehicle:
         self.node = node
         self.requests: list[tuple[str, Any]] = []
         self.refusal = ""
+        self.answering = threading.Event()
+        self.answering.set()
         self.lost_answers = 0  # of the next changes: they come later than anybody waits
         self.armed = False
         self.revision = 0
@@ -120,6 +123,7 @@ class FakeVehicle:
 
     def _answer(self, name: str, request: Any) -> Any:
         self.requests.append((name, request))
+        self.answering.wait(LIMIT)
         if name == "arm" and not self.refusal:
             self.armed = True
         if name == "disarm":
@@ -417,6 +421,29 @@ def test_a_refusal_comes_back_with_the_vehicles_reason(bench: Bench) -> None:
     answer = bench.call("arm")
     assert not answer.accepted
     assert answer.reason == "not on the ground"
+
+
+@pytest.mark.parametrize("service", ["arm", "start_behavior", "emergency"])
+def test_a_silent_vehicle_is_no_refusal_and_does_not_hold_up_the_next_command(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, service: str
+) -> None:
+    monkeypatch.setattr(gateway, "LATE_ANSWER", 0.5)
+    monkeypatch.setattr(gateway, "CALL_TIMEOUT", 0.5)
+    bench.vehicle.answering.clear()
+    fields = {"action": "land"} if service == "emergency" else {}
+    with pytest.raises(NoAnswerError, match=r"^the vehicle has not answered"):
+        bench.call(service, **fields)
+    bench.vehicle.answering.set()
+    assert bench.call(service, **fields).accepted
+
+
+def test_a_late_answer_is_the_answer(bench: Bench) -> None:
+    bench.vehicle.refusal = "not on the ground"
+    bench.vehicle.answering.clear()
+    late = threading.Timer(CALL_TIMEOUT + 0.2, bench.vehicle.answering.set)
+    late.start()
+    assert bench.call("arm").reason == "not on the ground"
+    late.join()
 
 
 def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Bench) -> None:

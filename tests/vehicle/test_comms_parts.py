@@ -111,7 +111,7 @@ def test_a_command_gets_its_own_reply() -> None:
 
 def test_no_reply_is_one_clear_error() -> None:
     flight = Flight()
-    with pytest.raises(LinkError, match=r"did not answer within 0\.01 s"):
+    with pytest.raises(LinkError, match=r"has not answered within 0\.01 s"):
         flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.01)
     (command,) = flight.received()
     flight.mailbox.deliver(mailbox.Reply(command.request_id, True))  # too late: nobody waits

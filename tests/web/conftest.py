@@ -24,7 +24,7 @@ from bearing_sim.emulator import BearingParameters
 from console.catalogue import Catalogue, RunEntry
 from console.comparison.parameters import ComparisonParameters
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import encode, header, new
 from vehicle_link.parameter_messages import from_parameters, to_parameters
@@ -76,6 +76,7 @@ class ScriptedStation(Station):
         self.refusal = ""
         self.answers: dict[str, dict[str, Any]] = {}  # fields of a service's answer
         self.away = False
+        self.silence: LinkError = UnreachableError("the base station is not reached")
         self.compared = False
         self.residuals: dict[int, float] | None = None
         self.told: dict[str, Any] | None = None  # fields of its experiment's status
@@ -187,7 +188,7 @@ class ScriptedStation(Station):
         self.requests.append((service, request))
         self.answering.wait(20.0)
         if self.away:
-            raise LinkError(f"nobody serves station/{service}; is the other end running?")
+            raise self.silence
         kind = request.__msgtype__.replace("/srv/msg/", "/srv/").replace("_Request", "_Response")
         if self.refusal:
             return new(kind, accepted=False, reason=self.refusal)

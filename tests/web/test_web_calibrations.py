@@ -46,7 +46,7 @@ def test_a_vehicle_that_does_not_tell_has_a_reason_and_no_history(
     assert answer.status_code == 200
     assert answer.json() == {"history": None, "problem": calibrating.SILENT}
     bench.told_history, bench.station.away = True, True
-    assert "nobody serves" in operator.get("/api/calibrations").json()["problem"]
+    assert "not reached" in operator.get("/api/calibrations").json()["problem"]
 
 
 def test_experiments_say_what_they_propose_and_why_a_file_cannot_run(

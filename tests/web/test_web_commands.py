@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
+from quadrotor.errors import NoAnswerError
 from vehicle_link.parameter_messages import from_parameters
 
 COMMANDS = [
@@ -59,7 +60,16 @@ def test_an_absent_station_is_said(operator: httpx.Client, station: Any) -> None
     station.away = True
     answer = operator.post("/api/commands/arm", json={})
     assert answer.status_code == 503
-    assert "is the other end running" in answer.json()["error"]
+    assert answer.json()["error"] == str(station.silence)
+
+
+def test_no_answer_in_time_is_another_status_than_nobody_there(
+    operator: httpx.Client, station: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(station, "silence", NoAnswerError("the vehicle has not answered"))
+    station.away = True
+    answer = operator.post("/api/commands/arm", json={})
+    assert answer.status_code == 504
 
 
 def test_an_emergency_gets_through_while_other_commands_hang(
