@@ -60,7 +60,7 @@ async function start() {
 
   tabs();
   followAddress();
-  new People(session, fly);
+  new People(session);
   new ControlStrip($("control"), events, session, fly);
   connection(events);
   new Help($("help"), isOperator); // last: it lists the keys of all

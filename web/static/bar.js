@@ -1,6 +1,7 @@
 // The bar: what the vehicle says of itself, grey when old, and the controls always in sight.
 
 import { command } from "./api.js";
+import { flightButton } from "./flight_button.js";
 import { bytes, duration, fixed, NONE, seconds, words } from "./format.js";
 import { onHold } from "./hold.js";
 import { armNote } from "./preflight.js";
@@ -19,8 +20,8 @@ export class Bar {
     this.isOperator = isOperator;
     // What the label said at the press, whatever has been heard since.
     onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted), () => this.nextArm);
-    $("take-off").addEventListener("click", () => fly.start("take_off"));
-    $("land").addEventListener("click", () => fly.start("land"));
+    flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
+    flightButton($("land")).addEventListener("click", () => fly.start("land"));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });

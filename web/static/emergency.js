@@ -2,6 +2,7 @@
 // state of the last press, whoever pressed, until the vehicle has acknowledged it.
 
 import { EmergencyPress } from "./emergency_press.js";
+import { flightButton } from "./flight_button.js";
 import { element } from "./format.js";
 import { onHold } from "./hold.js";
 import { onKey } from "./keys.js";
@@ -24,7 +25,7 @@ class Emergency {
     this.mayCut = session.role !== "viewer";
     this.sent = new EmergencyPress(events, session.label);
     if (!document.querySelector(`link[href="${STYLE}"]`)) document.head.append(element("link", { rel: "stylesheet", href: STYLE }));
-    this.land = element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land");
+    this.land = flightButton(element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land"));
     this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle, but not cut its motors" }, "Cut motors");
     onHold(this.cut, CUT_HOLD, () => this.press("cut"));
     this.said = element("span", { ariaLive: "assertive" });

@@ -1,6 +1,7 @@
 // Emergency land of all vehicles: one press, and what each one made of it until it shows it.
 
 import { request } from "./api.js";
+import { flightButton } from "./flight_button.js";
 import { element } from "./format.js";
 import { onKey } from "./keys.js";
 
@@ -20,7 +21,7 @@ export function landed(press) {
 class LandAll {
   constructor(place, id) {
     this.vehicles = [];
-    this.button = element("button", { id, className: "caution", title: "emergency: every vehicle lands now, whatever runs. Every command but Cut is refused until it is down (key e)", onclick: () => this.press() }, "Land all");
+    this.button = flightButton(element("button", { id, className: "caution", title: "emergency: every vehicle lands now, whatever runs. Every command but Cut is refused until it is down (key e)", onclick: () => this.press() }, "Land all"));
     this.line = element("p", { id: "land-all-state", ariaLive: "assertive" });
     place.append(this.button, this.line);
     onKey("e", "emergency land of all vehicles", () => this.press());

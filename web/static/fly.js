@@ -1,6 +1,7 @@
 // The Fly tab: behaviours with their arguments, recording, and the answer to the last command.
 
 import { command } from "./api.js";
+import { flightButton } from "./flight_button.js";
 import { bytes, element } from "./format.js";
 
 const $ = (id) => document.getElementById(id);
@@ -27,7 +28,7 @@ export class Fly {
   button(behavior) {
     const { label, title, arguments: fields } = behavior;
     if (!fields.length) this.forms.set(behavior, []);
-    return element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, label);
+    return flightButton(element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, label));
   }
 
   row(behavior) {

@@ -2,7 +2,7 @@
 
 const ACTIONS = new Map(); // by key
 const TYPING = "input:not([type=range], [type=checkbox], [type=radio]), select, textarea, [contenteditable]";
-const PRESSED = "button, a, summary, input"; // what the space bar presses
+const PRESSED = "button:not([data-flight]), a, summary, input"; // what the space bar presses
 
 // act(event) on `key` (as in KeyboardEvent.key), except while somebody types or holds a modifier.
 // `meaning` is shown in the help. `hold`: ms it must be held; without it a press is enough.

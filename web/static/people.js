@@ -1,7 +1,8 @@
-// Who is signed in, with a small menu: signing out, and for admins the users.
+// Who is signed in, with a small menu: signing out, invitations, and for admins the users.
 
 import { get, request } from "./api.js";
 import { duration, element } from "./format.js";
+import { Invitation } from "./invite.js";
 
 const $ = (id) => document.getElementById(id);
 const ROLES = ["viewer", "operator", "admin"];
@@ -14,9 +15,11 @@ function seen({ last_seen: stamp, sessions }) {
 }
 
 export class People {
-  constructor(session, fly) {
+  constructor(session) {
     this.session = session;
-    this.fly = fly;
+    this.invitation = new Invitation();
+    this.invitation.place.id = "invitation";
+    $("people").after(this.invitation.place);
     $("who").textContent = session.label;
     $("who").title = `${session.role}; sign out${this.isAdmin ? ", users" : ""}`;
     $("who").addEventListener("click", () => this.show($("people").hidden));
@@ -72,11 +75,7 @@ export class People {
   }
 
   invite(role) {
-    this.fly.attempt(async () => {
-      const { url } = await request("POST", "/api/invitations", { role });
-      await navigator.clipboard?.writeText(url).catch(() => undefined);
-      this.fly.say(element("span", {}, `Link for one ${role} (copied): `, url));
-      this.tell(`Link for one ${role} (copied): ${url}`);
-    });
+    this.show(false); // it would lie below
+    this.invitation.show(role);
   }
 }

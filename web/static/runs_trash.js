@@ -18,7 +18,7 @@ export class Trash {
     opener.addEventListener("click", () => this.open(place.hidden));
     place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.open(false); opener.focus(); } });
     const isAdmin = session.role === "admin";
-    this.empty = element("button", { className: "hold", disabled: !isAdmin, title: isAdmin ? "hold for 1 s: removes all of it for good" : "only admins empty the trash before its time" }, "Empty trash (hold)");
+    this.empty = element("button", { className: "hold", disabled: !isAdmin, title: isAdmin ? "hold for 1 s: removes all of it for good" : "only admins empty the trash before its time" }, "Empty trash");
     onHold(this.empty, 1000, () => this.act("/api/trash/empty", {}));
     this.body = element("tbody");
     this.note = element("p", { className: "empty" });

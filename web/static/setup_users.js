@@ -2,6 +2,7 @@
 
 import { get, request } from "./api.js";
 import { element } from "./format.js";
+import { Invitation } from "./invite.js";
 import { ago } from "./setup_vehicles.js";
 
 const ROLES = ["viewer", "operator", "admin"];
@@ -87,15 +88,8 @@ export class UserSection {
   }
 
   invitations() {
-    const link = element("input", { readOnly: true, ariaLabel: "one-time link", hidden: true, onfocus: () => link.select() });
-    const invite = (role) => this.act(async () => {
-      const { url } = await request("POST", "/api/invitations", { role });
-      link.value = url;
-      link.hidden = false;
-      await navigator.clipboard?.writeText(url).catch(() => undefined);
-    }, `a link for one ${role}, for one use; it is copied`);
-    return element("div", { className: "add" }, element("h3", {}, "Or a one-time link, without a password"),
-      element("button", { onclick: () => invite("viewer") }, "For a viewer"), element("button", { onclick: () => invite("operator") }, "For an operator"), link);
+    const invitation = new Invitation(), button = (text, role) => element("button", { onclick: () => invitation.show(role) }, text);
+    return element("div", { className: "add" }, element("h3", {}, "Or a one-time link, without a password"), button("For a viewer", "viewer"), button("For an operator", "operator"), invitation.place);
   }
 
   // Whether it went well; `said`, a text or what makes it, is told once the list shows it.

@@ -1,6 +1,7 @@
 // The sticks on the Fly tab: where they are (ring: the stick, dot: what is sent), whether they
 // move the vehicle and if not why, how fast full stick is, and the round trip to the station.
 
+import { flightButton } from "./flight_button.js";
 import { element, fixed, hide, words } from "./format.js";
 import { StickEditor } from "./stick_editor.js";
 import { presetOf } from "./stick_mapping.js";
@@ -34,7 +35,7 @@ class StickPanel {
     this.limits = element("p", { className: "limits" });
     this.source = element("span", { className: "source" });
     this.trip = element("output", { className: "trip", title: "from this page to the station and back: median, and the time 95 % stay below" });
-    this.velocity = element("button", { title: "start the behaviour velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity");
+    this.velocity = flightButton(element("button", { title: "start the behaviour velocity: the sticks command the velocity while their button is held", onclick: () => fly.start("velocity") }, "Velocity"));
     this.setUp = element("button", { className: "link", title: "which stick and button of the pad is what", onclick: () => this.editor.toggle() }, "Set up pad");
     place.append(
       element("span", { className: "pads", ariaHidden: "true" }, ...this.pads.map(({ box }) => box)),

@@ -1,6 +1,7 @@
 // The Tune tab: a step or doublet on one axis, drawn and judged from the vehicle's own log.
 
 import { get, request } from "./api.js";
+import { flightButton } from "./flight_button.js";
 import { element, exact, words } from "./format.js";
 import { colorsOf, TunePlot } from "./tune_plot.js";
 import { TuneRuns } from "./tune_runs.js";
@@ -46,7 +47,7 @@ export class Tune {
     this.duration = number("duration of each level", 2, 0.2, 10, "any");
     this.repeats = number("repeats", 1, 1, 5, 1);
     const field = (text, ...parts) => element("label", { className: parts.length > 1 ? "" : "bare" }, element("span", {}, text), ...parts);
-    this.start = element("button", { onclick: () => this.run() }, "Run");
+    this.start = flightButton(element("button", { onclick: () => this.run() }, "Run"));
     this.stop = element("button", { title: "brake: the test ends, the vehicle stops and hovers", onclick: () => this.brake() }, "Brake");
     this.bar = element("i");
     this.progress = element("div", { className: "progress", role: "progressbar", ariaLabel: "progress of the test", ariaValueMin: "0", ariaValueMax: "100" }, this.bar);

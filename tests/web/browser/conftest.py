@@ -46,7 +46,7 @@ class Look:
         expected = re.compile(rf"\b({name})\b")
         self._expect(self._page.locator(selector)).not_to_have_class(expected, timeout=BOUND)
 
-    def value(self, selector: str, value: str) -> None:
+    def value(self, selector: str, value: str | re.Pattern[str]) -> None:
         self._expect(self._page.locator(selector)).to_have_value(value, timeout=BOUND)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -94,3 +95,28 @@ def test_a_viewers_controls_are_disabled(place: Any, tab: Any) -> None:
     for control in ("#arm", "#take-off", "#land", "#cut", "#record"):
         assert tab.locator(control).is_disabled(), control
     assert not tab.locator("#invite").is_visible()
+
+
+@pytest.mark.parametrize("panel", ["fly", "gains", "calibrate"])
+def test_a_link_is_made_once_and_shown_whatever_tab_is_open(
+    place: Any, tab: Any, look_at: Any, panel: str
+) -> None:
+    minted: list[str] = []
+    tab.on("request", lambda one: minted.append(one.url) if "/invitations" in one.url else None)
+    log_in(tab, place, "oleg")
+    tab.wait_for_selector("#behaviors button")
+    tab.keyboard.press("Escape")  # the help of a first visit
+    tab.click(f"[data-tab={panel}]")
+    tab.dblclick("#invite")
+    look = look_at(tab)
+    look.value("#invitation input", re.compile(r"\?token=.{20,}$"))
+    look.text("#invitation p", "^A link for one viewer, for one use")
+    first = tab.input_value("#invitation input")
+    tab.click("#invite")
+    assert tab.locator("#invitation input").is_visible()
+    assert tab.get_attribute(f"[data-tab={panel}]", "aria-selected") == "true"
+    assert (tab.input_value("#invitation input"), len(minted)) == (first, 1)
+    tab.click("#invitation button:text-is('Another')")
+    look.value("#invitation input", re.compile(f"^(?!{re.escape(first)}).+token="))
+    tab.click("#invitation button:text-is('Close')")
+    assert not tab.locator("#invitation").is_visible()

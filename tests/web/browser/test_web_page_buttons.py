@@ -1,0 +1,76 @@
+"""Buttons that act when held, and buttons that make the vehicle fly, in Chromium."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+HELD = (
+    "#arm",
+    "#cut",
+    "#experiment .act button >> nth=0",
+    "#tab-calibrate button:text-is('Start')",
+)
+
+
+def asked(station: Any) -> list[str]:
+    return [getattr(request, "name", service) for service, request in station.requests]
+
+
+@pytest.fixture
+def console(page: Any) -> Any:
+    page.keyboard.press("Escape")  # the help of a first visit
+    return page
+
+
+def test_what_must_be_held_says_so(console: Any) -> None:
+    for button in HELD:
+        told = console.locator(button).evaluate("one => getComputedStyle(one, '::before').content")
+        assert told.startswith('"hold"'), button
+    plain = console.locator("#take-off").evaluate(
+        "one => getComputedStyle(one, '::before').content"
+    )
+    assert "hold" not in plain
+
+
+@pytest.mark.parametrize("press", ["pointer", "key"])
+def test_a_short_press_says_to_keep_holding_and_does_nothing(
+    console: Any, station: Any, look: Any, press: str
+) -> None:
+    console.wait_for_selector("#arm:enabled")
+    if press == "pointer":
+        console.click("#arm")
+    else:
+        console.press("#arm", "Enter")
+    look.text("#hold-hint", "^keep holding, 0.8 s$")
+    hint, button = (console.locator(one).bounding_box() for one in ("#hold-hint", "#arm"))
+    assert hint["y"] >= button["y"] + button["height"]
+    assert abs(hint["x"] + hint["width"] / 2 - button["x"] - button["width"] / 2) < 60.0
+    assert asked(station) == []
+    look.text("#hold-hint", "^$")  # it goes by itself
+
+
+def test_space_pauses_the_charts_and_does_not_start_the_focused_behaviour_again(
+    console: Any, station: Any, look: Any, until: Any
+) -> None:
+    hover = "#behaviors button:text-is('Hover')"
+    console.click(hover)
+    until(lambda: asked(station) == ["hover"])
+    assert console.evaluate("document.activeElement.textContent") == "Hover"
+    console.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Go on$")
+    console.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Pause$")
+    assert asked(station) == ["hover"]
+    console.keyboard.press("Enter")  # who tabs to it presses so
+    until(lambda: asked(station) == ["hover", "hover"])
+
+
+@pytest.mark.parametrize("button", ["#take-off", "#land", "#emergency-land", "#sticks > button"])
+def test_the_space_bar_starts_no_flight(console: Any, station: Any, look: Any, button: str) -> None:
+    console.wait_for_selector(f"{button}:enabled")
+    console.focus(button)
+    console.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Go on$")
+    assert asked(station) == []

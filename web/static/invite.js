@@ -1,0 +1,57 @@
+// A one-time sign-in link for one more browser: made one at a time, shown until it is closed.
+
+import { request } from "./api.js";
+import { element } from "./format.js";
+
+export class Invitation {
+  constructor() {
+    this.role = ""; // of the link that is shown
+    this.isAsking = false;
+    this.note = element("p", { role: "status" });
+    this.link = element("input", { readOnly: true, hidden: true, ariaLabel: "one-time link", onfocus: () => this.link.select() });
+    this.copy = element("button", { type: "button", onclick: () => this.copied() }, "Copy");
+    this.another = element("button", { type: "button", title: "one more link; the one shown here stays good", onclick: () => this.make(this.role) }, "Another");
+    this.place = element("div", { className: "invitation", hidden: true }, this.note, this.link,
+      element("div", { className: "acts" }, this.copy, this.another, element("button", { type: "button", onclick: () => this.close() }, "Close")));
+    this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.close(); });
+  }
+
+  // The link for this role that is shown already, else a new one.
+  show(role) {
+    if (this.isAsking) return;
+    if (role === this.role && this.link.value) this.link.focus();
+    else this.make(role);
+  }
+
+  async make(role) {
+    if (this.isAsking) return;
+    this.isAsking = true;
+    this.forget();
+    this.role = role;
+    this.place.hidden = false;
+    this.note.textContent = "Asking for a link …";
+    try {
+      this.link.value = (await request("POST", "/api/invitations", { role })).url;
+      this.note.textContent = `A link for one ${role}, for one use.`;
+      this.link.hidden = this.copy.disabled = this.another.disabled = false;
+      await this.copied();
+    } catch (error) { this.note.textContent = error.message; } finally { this.isAsking = false; }
+  }
+
+  // Said only where it was: without https, browsers give no clipboard.
+  async copied() {
+    const isCopied = await (navigator.clipboard?.writeText(this.link.value) ?? Promise.reject(new Error("none"))).then(() => true, () => false);
+    this.note.textContent = `A link for one ${this.role}, for one use${isCopied ? "; it is copied" : ""}.`;
+    if (!isCopied) this.link.focus();
+  }
+
+  close() {
+    this.place.hidden = true;
+    this.forget();
+  }
+
+  forget() {
+    this.role = this.link.value = "";
+    this.link.hidden = this.copy.disabled = this.another.disabled = true;
+  }
+}
