@@ -14,7 +14,7 @@ from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
 from vehicle_link.parameter_messages import to_parameters
 
-ENDED = ("passed", "failed", "stopped", "refused")
+ENDED = ("passed", "failed", "not_judged", "stopped", "refused")
 RUNNING = ("flying", "finishing", "evaluating")
 SILENT = 5.0
 """s without a status, after which the station is gone."""
@@ -88,7 +88,8 @@ class Dialogue:
         self._runs = False
         self._screen.rest()
         name = self._wanted.name
-        self._screen.say(f"{name}: {status.phase}{f': {status.reason}' if status.reason else ''}")
+        phase = status.phase.replace("_", " ")
+        self._screen.say(f"{name}: {phase}{f': {status.reason}' if status.reason else ''}")
         if status.proposal:
             return self._decide(status)
         if self._screen.is_terminal and not (self._wanted.accept or self._wanted.reject):

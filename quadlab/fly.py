@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from quadrotor.calibration_record import CalibrationRecord
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
+STATUS = {"passed": 0, "failed": 1, "not_judged": 3}
+"""Exit status by verdict; 2 is a wrong word."""
 
 
 @dataclass
@@ -107,8 +109,9 @@ class Fly:
         result, proposal = judged(experiment, path, aborted)
 
         if not self.json:
-            print(f"{experiment.name}: {result.verdict}{' (' if aborted else ''}"
-                  f"{aborted}{')' if aborted else ''}")  # fmt: skip
+            reason = aborted or result.reason
+            words = result.verdict.replace("_", " ")
+            print(f"{experiment.name}: {words}{f' ({reason})' if reason else ''}")
         width = max(map(len, result.metrics), default=0)
         for name, value in result.metrics.items():
             limit = result.limits.get(name)
@@ -129,7 +132,7 @@ class Fly:
             report = {
                 "experiment": experiment.name,
                 "verdict": result.verdict,
-                "reason": aborted,
+                "reason": aborted or result.reason,
                 "log": str(path),
                 "report": [str(file) for file in files],
                 "metrics": result.metrics
@@ -139,7 +142,7 @@ class Fly:
             if proposal is not None:
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))
-        return 0 if result.verdict == "passed" else 1
+        return STATUS[result.verdict]
 
 
 def chosen(name: str) -> Experiment:
@@ -166,10 +169,11 @@ def judged(
     """
     from console.experiments.client import Calibrating, Result
     from console.experiments.user_file import mistakes_told
+    from console.experiments.verdict import evaluated
 
     try:
         with mistakes_told(experiment):
-            result = experiment.evaluate(log)
+            result = evaluated(experiment, log)
             if aborted:
                 return Result("failed", result.metrics, result.limits), None
             if isinstance(experiment, Calibrating):

@@ -73,7 +73,8 @@ class ExperimentBoard:
             state.ended = time.monotonic()
             name = state.name
         level = INFO if phase == phases.PASSED else WARN
-        self.say(level, f"experiment {name}: {phase}{': ' if reason else ''}{reason}")
+        words = phase.replace("_", " ")
+        self.say(level, f"experiment {name}: {words}{': ' if reason else ''}{reason}")
         self.send()
 
     def tick(self, count: int) -> None:

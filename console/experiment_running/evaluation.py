@@ -19,8 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from console.experiments.client import Calibrating, Experiment, Reporting, Result
+from console.experiments.client import VERDICTS, Calibrating, Experiment, Reporting, Result
 from console.experiments.user_file import mistakes_told
+from console.experiments.verdict import evaluated
 from console.run_reports import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import MeasurementError, QuadlabError, StorageError
@@ -28,7 +29,6 @@ from quadrotor.errors import MeasurementError, QuadlabError, StorageError
 NICENESS = 15
 POLL = 0.1
 ROOT = Path(__file__).parents[1]
-VERDICTS = ("passed", "failed")
 MODULE = "console.experiment_running.evaluation"
 
 
@@ -84,7 +84,7 @@ def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgeme
         ) from None
     if "error" in answer:
         raise StorageError(str(answer["error"]))
-    result = Result(answer["verdict"], answer["metrics"], answer["limits"])
+    result = Result(answer["verdict"], answer["metrics"], answer["limits"], answer["reason"])
     proposal = answer["proposal"]
     return Judgement(
         result, tuple(answer["files"]), answer["problem"],
@@ -96,11 +96,11 @@ def evaluate(job: Job) -> dict[str, Any]:
     """In the process: result.json and the report's files; what they say. Raises QuadlabError."""
     experiment, folder = job.experiment, report_folder(job.log)
     with mistakes_told(experiment):
-        result = experiment.evaluate(job.log)
+        result = evaluated(experiment, job.log)
     if result.verdict not in VERDICTS:
         raise MeasurementError(
             f"the verdict of {experiment.name} is {result.verdict!r:.40}; allowed are "
-            f"{' and '.join(VERDICTS)}"
+            f"{', '.join(VERDICTS)}"
         )
     try:  # numpy's numbers of any kind are fine, words are not
         metrics = {str(name): float(value) for name, value in result.metrics.items()}
@@ -124,6 +124,7 @@ def evaluate(job: Job) -> dict[str, Any]:
             "run_id": job.log.stem,
             "options": dict(experiment.parameters or ()),
             "verdict": result.verdict,
+            "reason": result.reason,
             "metrics": {k: v for k, v in metrics.items() if math.isfinite(v)},
             "limits": limits,
             "files": files,

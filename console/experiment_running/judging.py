@@ -46,4 +46,5 @@ class Judging:
                 done.result.verdict, done.files, done.proposal,
             )  # fmt: skip
             state.metrics, state.limits = done.result.metrics, done.result.limits
-        board.end(done.result.verdict, done.problem)
+        reason = "; ".join(filter(None, (done.result.reason, done.problem)))
+        board.end(done.result.verdict, reason)

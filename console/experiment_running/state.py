@@ -12,7 +12,8 @@ from console.experiments.readings import Progress
 from vehicle_link.messages import header, new
 
 IDLE, FLYING, FINISHING, EVALUATING = "idle", "flying", "finishing", "evaluating"
-PASSED, FAILED, STOPPED, REFUSED = "passed", "failed", "stopped", "refused"
+PASSED, FAILED, NOT_JUDGED = "passed", "failed", "not_judged"
+STOPPED, REFUSED = "stopped", "refused"
 RUNNING = (FLYING, FINISHING, EVALUATING)
 IN_THE_AIR = (FLYING, FINISHING)
 ACCEPTED, REJECTED = "accepted", "rejected"

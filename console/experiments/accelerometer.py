@@ -32,6 +32,7 @@ from console.experiments.pose_guide import (
     words_of,
 )
 from console.experiments.readings import Progress
+from console.experiments.verdict import judged
 from estimation.calibration.accelerometer import (
     CONDITION_MAX,
     FACES,
@@ -257,8 +258,7 @@ class Accelerometer:
             "poses": float(len(found.measured)),
         }
         limits = {"residual_rms_m_s2": RESIDUAL_MAX, "condition_number": CONDITION_MAX}
-        passed = all(metrics[name] <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
         """Raises as `evaluate`."""

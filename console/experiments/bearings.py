@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.experiments.bearings_log import papers_sensor, read_flight
+from console.experiments.bearings_limits import limits
+from console.experiments.bearings_log import read_flight
 from console.experiments.client import Client, Result
 from console.experiments.stick_sequences import RATE, recorded, scripted
+from console.experiments.verdict import judged
 from control.presets import PRESETS as CONTROL_PRESETS
 from control.presets import preset
 from estimation.parameters import PRESETS as ESTIMATION_PRESETS
@@ -28,14 +30,6 @@ SETTLE = 2.0
 PERIOD = 8.0
 PATIENCE = 40.0
 """s, how long the hand-over is asked for."""
-LIMITS = {
-    ("error_state", "hover"): 0.025,
-    ("error_state", "figure_eight"): 0.04,
-    ("complementary", "hover"): 0.05,
-    ("complementary", "figure_eight"): 0.07,
-    ("complementary", "sticks"): 0.055,
-}
-"""m rms of the tracking error with the sensor of Sec. 7; elsewhere figures are only reported."""
 
 
 class BearingsOptions(Parameters):
@@ -259,17 +253,11 @@ class BearingsExperiment:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Errors on bearings against the limit there is. Raises LogFormatError."""
+        """Errors on bearings against what its sensor allows. Raises LogFormatError."""
         p = self.parameters
         flight = read_flight(log, self._vehicle, RAMP)
-        metrics = flight.metrics()
-        limits: dict[str, float] = {"fallbacks": 0.0, "emergencies": 0.0}
-        rms = LIMITS.get((p.estimator, p.manoeuvre))
-        if rms is not None and p.gains != "paper" and papers_sensor(log):
-            limits["position_rms_m"] = rms
-            limits["saturated_share"] = 0.0
-        passed = all(metrics[name] <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        gains = p.gains if p.estimator == "complementary" else "auto"
+        return judged(flight.metrics(), *limits(flight.bound, p.estimator, gains))
 
     def report(self, log: Path, folder: Path) -> list[Path]:
         """Fig. 6 and its figures. Raises UsageError without matplotlib."""

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.emulator import BearingParameters
+from bearing_sim.beacons import parse_layout
 from console.experiments.alignment import between
-from quadrotor.errors import LogFormatError
-from vehicle_link.log.attached import json_value
+from console.experiments.bearings_bound import Frame, PoseBound, posterior_bound
+from console.experiments.log_columns import read_parameters
+from estimation.error_state.parameters import ErrorStateParameters
+from quadrotor.errors import LinkError, LogFormatError, MeasurementError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.log.attached import literal_value
 from vehicle_link.log.column_spool import ColumnSpool, read_spools
-from vehicle_link.log.reader import read_attachments, read_log
 from vehicle_link.messages import decode
+from vehicle_link.topics import decode_bearings
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]
@@ -33,7 +40,7 @@ WANTED: dict[str, tuple[str, ...]] = {
     "actuators": ("scaling",),
     "status": ("mode",),
 }
-WHOLE = ("/events", "/parameter_changes")
+WHOLE = ("/events", "/parameter_changes", "/bearings")
 EMERGENCIES = ("emergency_land", "cut")
 
 
@@ -49,6 +56,8 @@ class BearingsFlight:
         window: s, what is judged. fell_back: the events that say so.
         emergencies: times the vehicle landed in an emergency or its motors were cut, from the
             hand-over on.
+        bound: how near to the truth, or to the tracker's poses with their noise, an estimate from
+            these frames could be in the window; NaN when the log does not tell.
     """
 
     time: Array
@@ -59,6 +68,7 @@ class BearingsFlight:
     window: tuple[float, float]
     fell_back: tuple[str, ...]
     emergencies: int
+    bound: PoseBound
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
@@ -137,7 +147,8 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     ]
     window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
     stamps, truth = _rows(spools, "truth", begin_ns, end_ns)
-    if not len(stamps):
+    tracked = not len(stamps)
+    if tracked:
         stamps, truth = _rows(spools, "tracker_pose", begin_ns, end_ns)
     state_ns, state = _rows(spools, "state", begin_ns, end_ns)
     _unflip(state)
@@ -151,6 +162,17 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
             f"{log.name} has no truth, state and reference at common times between "
             f"{window[0]:.1f} s and {window[1]:.1f} s: too short a stay on bearings"
         )
+    positions, attitudes = np.asarray(truth[:, :3], np.float64), truth[:, 3:7].astype(np.float64)
+    frames = _frames(spools["bearings"], begin, end)
+    nearest = np.searchsorted(stamps[:-1], [round(1e9 * frame.time) for frame in frames])
+    values = _values(log, spools["parameter_changes"], window[0])
+    noise = _noise(values)
+    bound = posterior_bound(
+        frames, positions[nearest], attitudes[nearest], _places(values), noise, window
+    )
+    if tracked:
+        sigma = math.radians(noise.pose_attitude_sigma)
+        bound = bound.seen_by(noise.pose_position_sigma, sigma)
     _, scaling = _rows(spools, "actuators", round(window[0] * 1e9), round(window[1] * 1e9))
     return BearingsFlight(
         time,
@@ -164,6 +186,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
             if text.startswith("fell back") or "no tracker to fall back" in text
         ),
         _emergencies(spools["status"], begin_ns),
+        bound,
     )  # fmt: skip
 
 
@@ -243,28 +266,44 @@ def _window(
     return (start, end - late) if start < end - late else (begin, end)
 
 
-def papers_sensor(log: Path) -> bool:
-    """Whether the emulated sensor was that of Sec. 7, which the limits are for.
+def _frames(spool: ColumnSpool, begin: float, end: float) -> list[Frame]:
+    """The usable frames of bearings between two times (s), in order."""
+    frames = {}
+    for ns, payload in _payloads(spool):
+        if begin <= ns * 1e-9 <= end:
+            with suppress(LinkError, MeasurementError):
+                seen = decode_bearings(payload)
+                frames[ns] = Frame(ns * 1e-9, seen.beacon_ids, seen.sigma)
+    return [frames[ns] for ns in sorted(frames)]
 
-    A station's run has its own parameters beside the vehicle's, and may have changed them.
-    """
+
+def _values(log: Path, changes: ColumnSpool, until: float) -> dict[str, ParameterValue]:
+    """The vehicle's parameters at a time (s), as far as the log tells them."""
     try:
-        values = json_value(read_attachments(log).get("parameters.json", b"{}"))
-    except ValueError as error:
-        raise LogFormatError(f"{log.name}: its parameters cannot be read: {error}") from None
-    prefix, changed = "bearings.", False
-    if isinstance(values, dict) and isinstance(values.get("station"), dict):
-        values, prefix = dict(values["station"]), "station.bearings."
-        for message in read_log(log):
-            if message.topic.endswith("/parameter_changes"):
-                name = decode(message.payload, message.type_name).name
-                changed |= name.startswith(prefix) and name != f"{prefix}seed"
-    return (
-        not changed
-        and isinstance(values, dict)
-        and all(
-            values.get(f"{prefix}{name}", default) == default
-            for name, default in BearingParameters()
-            if name != "seed"
-        )
-    )
+        values = dict(read_parameters(log).vehicle)
+    except LogFormatError:
+        values = {}
+    for ns, payload in _payloads(changes):
+        if ns * 1e-9 <= until:
+            change = decode(payload, changes.type_name)
+            with suppress(ValueError):
+                values[change.name] = literal_value(change.new_value)
+    return values
+
+
+def _places(values: Mapping[str, ParameterValue]) -> dict[int, list[float]]:
+    """Where the vehicle believes the beacons, m, by id; empty when that is not known."""
+    try:
+        beacons = parse_layout(str(values["beacons.layout"]))
+    except (KeyError, MeasurementError):
+        return {}
+    return dict(zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True))
+
+
+def _noise(values: Mapping[str, ParameterValue]) -> ErrorStateParameters:
+    """What the vehicle assumes of its IMU; the default for what the log does not name."""
+    noise = ErrorStateParameters()
+    for name, default in ErrorStateParameters():
+        told = values.get(f"estimation.error_state.{name}", default)
+        setattr(noise, name, told if isinstance(told, int | float) and told > 0.0 else default)
+    return noise

@@ -38,7 +38,8 @@ def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Pat
 
 
 def _markdown(options: Parameters, result: Result, flight: BearingsFlight, picture: str) -> str:
-    lines = ["# Flight on bearings", "", f"Verdict: **{result.verdict}**", ""]
+    lines = ["# Flight on bearings", "", f"Verdict: **{result.verdict.replace('_', ' ')}**", ""]
+    lines += [result.reason, ""] if result.reason else []
     lines += [f"- `experiment.{name}` = {value}" for name, value in options]
     lines += [f"- {text}" for text in flight.fell_back]
     lines += ["", "| figure | value | at most |", "|---|---:|---:|"]

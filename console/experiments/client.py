@@ -114,13 +114,24 @@ class Client(Protocol):
     def bench_readings(self) -> BenchReadings: ...
 
 
+PASSED, FAILED, NOT_JUDGED = "passed", "failed", "not_judged"
+VERDICTS = (PASSED, FAILED, NOT_JUDGED)
+
+
 @dataclass(slots=True)
 class Result:
-    """What came of an experiment: verdict "passed" or "failed", and named metrics in SI units."""
+    """What came of an experiment; `console.experiments.verdict.judged` makes it of the figures.
+
+    Attributes:
+        verdict: "passed", "failed" or "not_judged".
+        metrics: figures by name, SI units. limits: the largest values that are good.
+        reason: why it is not judged; empty otherwise.
+    """
 
     verdict: str
     metrics: dict[str, float]
     limits: dict[str, float] = field(default_factory=dict)
+    reason: str = ""
 
 
 class Experiment(Protocol):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from console.experiments.client import Client, Result
 from console.experiments.tracking import tracking_errors
+from console.experiments.verdict import judged
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
 
@@ -124,6 +125,4 @@ class FigureEight:
         if self._window is None:
             raise RefusedError("the 8 was not flown to its end, so there is nothing to evaluate")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
-        limits = LIMITS[self.parameters.laps]
-        passed = all(metrics[name] <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, dict(limits))
+        return judged(metrics, LIMITS[self.parameters.laps])

@@ -9,6 +9,7 @@ import numpy as np
 from console.experiments.client import Client, Result
 from console.experiments.log_columns import Array, read_columns
 from console.experiments.readings import Progress
+from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError, RefusedError
 from quadrotor.parameters import Parameters, parameter
@@ -86,8 +87,7 @@ class Gyroscope:
             "standard_error_deg_s": ERROR_MAX,
             "drift_left_deg_s": 2.0 * ERROR_MAX + 2.0 * float(seen),
         }
-        passed = all(metrics[name] <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
         """What the vehicle found and flies on already, with what is left of it."""

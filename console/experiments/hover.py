@@ -6,6 +6,7 @@ from pathlib import Path
 
 from console.experiments.client import Client, Result
 from console.experiments.tracking import tracking_errors
+from console.experiments.verdict import judged
 from quadrotor.errors import RefusedError
 
 DURATION = 10.0
@@ -50,5 +51,4 @@ class Hover:
         if self._window is None:
             raise RefusedError("the hover was not flown to its end")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()
-        passed = all(metrics[name] <= limit for name, limit in self.limits.items())
-        return Result("passed" if passed else "failed", metrics, dict(self.limits))
+        return judged(metrics, self.limits)

@@ -15,6 +15,7 @@ from console.experiments.calibration_flight import CLEAR, come_down, missing_pla
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.inertia_log import read_inertia
 from console.experiments.readings import Progress
+from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
@@ -182,9 +183,7 @@ class InertiaExperiment:
     def evaluate(self, log: Path) -> Result:
         """Raises LogFormatError without what it needs, MeasurementError when never excited."""
         flight = read_inertia(log, self._vehicle)
-        metrics, limits = flight.metrics(), flight.limits()
-        passed = all(metrics.get(name, np.inf) <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        return judged(flight.metrics(), flight.limits())
 
     def proposal(self, log: Path) -> CalibrationRecord:
         """The three inertias for model.inertia_xx, _yy, _zz. Raises as `evaluate`."""

@@ -18,6 +18,7 @@ from console.experiments.client import Client, Result, VehicleView
 from console.experiments.mass_log import DEVIATION_MAX, read_mass
 from console.experiments.readings import Progress
 from console.experiments.stick_sequences import RATE, SPEEDS, scripted
+from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
@@ -178,9 +179,7 @@ class MassExperiment:
     def evaluate(self, log: Path) -> Result:
         """Raises LogFormatError without what it needs, MeasurementError when it never flew."""
         flight = read_mass(log, self._vehicle)
-        metrics, limits = flight.metrics(), flight.limits()
-        passed = all(metrics.get(name, np.inf) <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        return judged(flight.metrics(), flight.limits())
 
     def proposal(self, log: Path) -> CalibrationRecord:
         """The mass for model.mass. Raises as `evaluate`."""

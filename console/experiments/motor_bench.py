@@ -24,6 +24,7 @@ from console.experiments.motor_bench_log import (
     record_of,
 )
 from console.experiments.readings import BenchReadings, Progress
+from console.experiments.verdict import judged
 from estimation.calibration.motor_bench import SETTLING, BenchSchedule
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import MOTORS
@@ -196,8 +197,7 @@ class MotorBench:
             "torque_miss_share": TORQUE_MISS_MAX,
             "time_constant_error_share": TIME_CONSTANT_ERROR_MAX,
         }
-        passed = all(metrics[name] <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
         """Raises as `evaluate`."""

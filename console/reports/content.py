@@ -61,7 +61,7 @@ class Report:
     """A whole report.
 
     Attributes:
-        verdict: passed, failed or empty.
+        verdict: passed, failed, not_judged or empty.
         facts: name and value, the first thing below the title.
     """
 

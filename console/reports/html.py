@@ -26,7 +26,7 @@ p { margin: .5rem 0; overflow-wrap: anywhere; }
   border: 1px solid; border-radius: .3rem; font-weight: 600; }
 .passed { color: #00563f; background: #e8f5f0; }
 .failed { color: #8c2d04; background: #fdeee6; }
-.none { color: #444; background: #f2f2f2; }
+.not_judged, .none { color: #444; background: #f2f2f2; }
 .why { color: #555; }
 .warning { border-left: 4px solid #d55e00; padding: .25rem .75rem; background: #fdf3ec; }
 .facts { display: grid; grid-template-columns: max-content 1fr; gap: .1rem 1.2rem; margin: 1rem 0; }
@@ -45,7 +45,12 @@ figcaption { color: #444; font-size: .9rem; margin-top: .3rem; }
 @media print { body { margin: 0; max-width: none; font-size: 10pt; }
   figure, tr { break-inside: avoid; } h2, caption { break-after: avoid; } }
 """
-WORDS = {"passed": "✓ passed", "failed": "✗ failed", "": "not judged"}
+WORDS = {
+    "passed": "✓ passed",
+    "failed": "✗ failed",
+    "not_judged": "– not judged",
+    "": "not judged",
+}
 LOUD = ("EXCEEDED", "WARNING")
 
 

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from console.experiments.catalogue import EXPERIMENTS, find
-from console.experiments.client import Calibrating, Experiment, Result
+from console.experiments.client import NOT_JUDGED, VERDICTS, Calibrating, Experiment, Result
 from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
 from console.experiments.figure_eight import REST_TO_REST, STEADY
 from console.experiments.hover import Hover
+from console.experiments.verdict import evaluated, judged
 from console.reports.bench_steps import law_figures
 from console.reports.flight import Flight, airborne, inside, rms
 from console.reports.run_log import RunLog, parameters_of
@@ -38,13 +39,12 @@ TOPICS = {
     "bench_reading": "motor_bench",
 }
 """A log whose metadata names no experiment is what its topics make of it."""
-DECIDED = ("passed", "failed")
 
 
 @dataclass
 class Judgement:
     """Attributes:
-    verdict: passed, failed or empty; `source` says who judged, or why nobody did.
+    verdict: passed, failed, not_judged or empty; `source` says who judged, or why nobody did.
     metrics, limits: by name, SI units and degrees.
     flight: figures of any flight, by name, with units in the name.
     windows: what is judged, s since the log's first message; empty when not known.
@@ -102,8 +102,7 @@ def judge(
             out.flight = law_figures(log)
     experiment = _made(log, out)
     if result is not None:
-        out.verdict, out.metrics, out.limits = result.verdict, result.metrics, result.limits
-        out.source = "judged after the flight"
+        _taken(out, result, "judged after the flight")
     elif out.source:
         pass
     elif out.experiment in FLOWN:
@@ -192,34 +191,41 @@ def _stored(log: RunLog, out: Judgement) -> None:
         stored = read_result(log.path)
         out.metrics, out.limits = _numbers(stored.get("metrics")), _numbers(stored.get("limits"))
         verdict = str(stored.get("verdict", ""))
-        out.verdict = verdict if verdict in DECIDED else ""
+        out.verdict = verdict if verdict in VERDICTS else ""
         out.decision = str(stored.get("decision", ""))
         if isinstance(stored.get("proposal"), Mapping):
             out.proposal = parse_record(json.dumps(stored["proposal"]))
         options = stored.get("options")
         out.options = dict(options) if isinstance(options, Mapping) else out.options
-        out.source = "judged after the flight (result.json)"
+        reason = str(stored.get("reason", ""))
+        out.source = _source("judged after the flight (result.json)", out.verdict, reason)
     except QuadlabError as error:
         out.source = f"not judged: {error}"
 
 
 def _evaluated(log: RunLog, out: Judgement, experiment: Experiment) -> None:
     try:
-        result = experiment.evaluate(log.path)
+        result = evaluated(experiment, log.path)
     except QuadlabError as error:
         limits: dict[str, float] = LIMITS.get(out.kind, {})
         if out.windows and limits and limits.keys() <= out.flight.keys():
-            out.metrics = {name: out.flight[name] for name in limits}
-            out.limits = dict(limits)
-            good = all(out.metrics[name] <= limit for name, limit in limits.items())
-            out.verdict = "passed" if good else "failed"
+            result = judged({name: out.flight[name] for name in limits}, limits)
             start, end = out.windows[0]
-            out.source = f"judged by this report from {start:.1f} to {end:.1f} s of the log"
+            _taken(out, result, f"judged by this report from {start:.1f} to {end:.1f} s of the log")
         else:
             out.source = f"not judged: {error}"
         return
+    _taken(out, result, "judged by this report from the log")
+
+
+def _taken(out: Judgement, result: Result, source: str) -> None:
     out.verdict, out.metrics, out.limits = result.verdict, result.metrics, result.limits
-    out.source = "judged by this report from the log"
+    out.source = _source(source, result.verdict, result.reason)
+
+
+def _source(by: str, verdict: str, reason: str) -> str:
+    """Who judged, or why nobody could."""
+    return f"not judged: {reason}" if verdict == NOT_JUDGED else by
 
 
 def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.log_columns import read_columns
+from console.experiments.verdict import judged
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter
 
@@ -92,5 +93,4 @@ class SideStep:
             "end_error_m": float(abs(y[-1] - target)),
         }
         limits = {"overshoot_m": 0.05, "end_error_m": 0.02}
-        passed = all(metrics[name] <= limit for name, limit in limits.items())
-        return Result("passed" if passed else "failed", metrics, limits)
+        return judged(metrics, limits)

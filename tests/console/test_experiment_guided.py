@@ -547,7 +547,7 @@ class Judged(Scripted):
 @pytest.mark.parametrize(
     ("result", "said"),
     [
-        (Result("fine", {}), "the verdict of scripted is 'fine'; allowed are passed and failed"),
+        (Result("fine", {}), "the verdict of scripted is 'fine'; allowed are passed, failed"),
         (Result("passed", {"rms": "small"}), "are numbers by name"),  # type: ignore[dict-item]
         (Result("passed", {}, ["rms"]), "are numbers by name"),  # type: ignore[arg-type]
     ],
@@ -570,11 +570,16 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
     ],
 )
 def test_without_a_proposal_the_verdict_stands(tmp_path: Path, record: Any, said: str) -> None:
-    told = evaluate(
-        Job(Judged(Result("passed", {"n": np.float32(2)}), record), tmp_path / "r", 1.0)
-    )
+    result = Result("passed", {"n": np.float32(2)}, {"n": 3.0})
+    told = evaluate(Job(Judged(result, record), tmp_path / "r", 1.0))
     assert (told["verdict"], told["metrics"], told["proposal"]) == ("passed", {"n": 2.0}, None)
     assert said in told["problem"]
+
+
+def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
+    told = evaluate(Job(Judged(Result("passed", {"n": 2.0})), tmp_path / "r", 1.0))
+    assert told["verdict"] == "not_judged"
+    assert told["reason"]
 
 
 def test_what_no_other_process_can_have_is_not_judged(tmp_path: Path) -> None:
@@ -604,7 +609,7 @@ class Mine:
         client.imu()
 
     def evaluate(self, log):
-        return Result("passed", {"mass_kg": self.found})
+        return Result("passed", {"mass_kg": self.found}, {"mass_kg": 2.0})
 
     def proposal(self, log):
         return CalibrationRecord(name="mass", values={"model.mass": self.found})

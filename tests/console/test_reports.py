@@ -177,6 +177,19 @@ def test_a_judged_run_is_shown_as_it_was_judged(log: Path, tmp_path: Path) -> No
     assert words.row("model.mass")[1] == "1.35"
 
 
+def test_a_run_that_was_not_judged_says_so_and_why(log: Path, tmp_path: Path) -> None:
+    copy = tmp_path / log.name
+    copy.write_bytes(log.read_bytes())
+    report_folder(copy).mkdir()
+    write_result(copy, {
+        "experiment": "hover", "verdict": "not_judged", "reason": "no limit for position_rms_m",
+        "metrics": {"position_rms_m": 0.00123}, "limits": {}, "options": {},
+    })  # fmt: skip
+    page = undrawn(copy)
+    assert 'class="verdict not_judged"' in page
+    assert "no limit for position_rms_m" in page
+
+
 def test_what_people_wrote_is_never_markup(tmp_path: Path) -> None:
     evil = '<script>alert("1")</script><img src=x onerror=alert(2)>'
     kind = "rcl_interfaces/Log"

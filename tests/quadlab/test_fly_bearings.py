@@ -128,7 +128,7 @@ def test_the_report_is_a_page_a_paper_four_plots_and_a_table(reported: dict[str,
     assert f'<td>position rms</td><td class="n">{shown}</td>' in page.read_text()
     assert "Fig. 6 of the paper" in page.read_text()
     written = text.read_text()
-    assert f"| position_rms_m | {report['metrics']['position_rms_m']:.5g} | 0.025 |" in written
+    assert f"| position_rms_m | {report['metrics']['position_rms_m']:.5g} | 0.0" in written
     assert "`experiment.manoeuvre` = hover" in written
     assert picture.name in written
 
@@ -203,7 +203,7 @@ def test_the_vehicle_is_told_where_the_emulated_beacons_stand_unless_it_is_told_
     assert layouts(other) == ("wide", "paper")
 
 
-def test_another_sensor_is_reported_and_not_held_to_the_limits(
+def test_a_coarser_sensor_is_held_to_limits_of_its_own(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     coarse = fly(
@@ -211,3 +211,28 @@ def test_another_sensor_is_reported_and_not_held_to_the_limits(
     )  # fmt: skip
     assert coarse["metrics"]["position_rms_m"] > 0.025
     assert coarse["verdict"] == "passed"
+
+
+@pytest.mark.parametrize("estimator", ["error_state", "complementary"])
+def test_bearings_that_are_all_turned_fail_by_the_attitude_they_give(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, estimator: str
+) -> None:
+    turned = fly(
+        capsys, tmp_path, "--set", "experiment.duration=5", "--set", "bearings.bias_z=3",
+        "--set", f"experiment.estimator={estimator}",
+    )  # fmt: skip
+    assert turned["verdict"] == "failed"
+    assert turned["metrics"]["fallbacks"] == 0.0
+    assert 2.5 < turned["metrics"]["estimate_attitude_rms_deg"] < 3.5
+
+
+def test_gains_whose_limits_nobody_knows_are_not_judged_with_a_status_of_their_own(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    words = ("--set", "experiment.duration=5", "--set", "experiment.estimator=complementary",
+             "--set", "experiment.gains=bearings")  # fmt: skip
+    assert main(["fly", "bearings", *words, "--out", str(tmp_path), "--json"]) == 3
+    report = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
+    assert report["verdict"] == "not_judged"
+    for name in ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_deg"):
+        assert name in report["reason"]

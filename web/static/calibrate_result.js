@@ -3,7 +3,7 @@
 import { get } from "./api.js";
 import { recordView } from "./calibrate_record.js";
 import { labelOf } from "./calibrate_words.js";
-import { element } from "./format.js";
+import { element, words } from "./format.js";
 import { onHold } from "./hold.js";
 import { RunReport } from "./runs_report.js";
 
@@ -59,7 +59,7 @@ export class CalibrationResult {
     this.shown = this.id;
     if (isNew) this.was.clear();
     if (isNew) this.report.show(status.run_id ? { id: status.run_id } : null);
-    this.title.textContent = `${labelOf(status.name)}: ${status.phase}`;
+    this.title.textContent = `${labelOf(status.name)}: ${words(status.phase)}`;
     this.title.className = `verdict ${status.phase}`;
     this.reason.textContent = proposal?.problem ? `The result makes no sense: ${proposal.problem}` : status.reason || (!record && status.phase === "passed" ? "It proposes nothing." : "");
     const said = record && !Object.keys(record.values).length ? IN_USE : SAID;

@@ -98,7 +98,7 @@ export class ExperimentSection {
     if (place.open) this.load();
     const inTheAir = runs && status.phase !== "evaluating";
     const time = status?.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : "";
-    set(this.state, !status || status.phase === "idle" ? "" : `${words(status.name)} · ${status.phase}`);
+    set(this.state, !status || status.phase === "idle" ? "" : `${words(status.name)} · ${words(status.phase)}`);
     this.guide.draw(isElsewhere ? null : status, old);
     place.classList.toggle("old", old);
     this.start.disabled = !this.isOperator || runs || old || !this.chosen || Boolean(this.chosen.problem);
@@ -120,7 +120,7 @@ export class ExperimentSection {
       ...(status.run_id ? [element("a", { href: `/api/runs/${run}/download`, download: "" }, "Run")] : []),
     ];
     this.result.replaceChildren(
-      element("p", { className: `verdict ${status.phase}` }, `${words(status.name)}: ${status.phase}`, element("span", { className: "links" }, ...links)),
+      element("p", { className: `verdict ${status.phase}` }, `${words(status.name)}: ${words(status.phase)}`, element("span", { className: "links" }, ...links)),
       ...(status.reason ? [element("p", { className: "reason" }, status.reason)] : []),
       ...(judged ? [figures(status.metrics)] : []));
   }

@@ -20,11 +20,12 @@ try {
   const url = (name) => `${base}/report/${encodeURIComponent(name)}`;
   const pictures = report.files.filter((name) => name.endsWith(".png"));
   const metrics = Object.entries(report.metrics).map(([name, value]) => ({ name, value, limit: report.limits[name] ?? null }));
-  document.title = `${words(report.experiment)}: ${report.verdict}`;
+  document.title = `${words(report.experiment)}: ${words(report.verdict)}`;
   main.append(
-    element("h1", { className: `verdict ${report.verdict}` }, `${words(report.experiment)}: ${report.verdict}`),
+    element("h1", { className: `verdict ${report.verdict}` }, `${words(report.experiment)}: ${words(report.verdict)}`),
     element("p", { className: "facts" }, `${run} · `, element("a", { href: `${base}/download`, download: "" }, "run"),
       ...report.files.flatMap((name) => [" · ", element("a", { href: url(name) }, name.slice(name.lastIndexOf(".") + 1))])),
+    ...(report.reason ? [element("p", { className: "reason" }, report.reason)] : []),
     ...(report.problem ? [element("p", { className: "reason" }, report.problem)] : []),
     ...pictures.map((name) => element("img", { src: url(name), alt: name })),
     element("div", { className: "columns" },

@@ -27,7 +27,7 @@ export function state(run) {
 }
 
 export const lasted = (run) => (run.complete || run.duration ? duration(run.duration) : "–");
-export const experiment = (run) => (run.report ? `${words(run.experiment)}: ${run.verdict || "?"}` : "");
+export const experiment = (run) => (run.report ? `${words(run.experiment)}: ${run.verdict ? words(run.verdict) : "?"}` : "");
 
 // Query of /api/runs/search: dates (2026, 2026-01, 2026-01-31, first..last) are of this browser's clock.
 export function query(text, tag, vehicle = "") {

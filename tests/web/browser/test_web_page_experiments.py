@@ -162,6 +162,31 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
     section.wait_for_selector("#detail a:has-text('Report')")
 
 
+def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
+    section: Any, look: Any, station: Any, report: Path, context: Any, site: Any
+) -> None:
+    reason = "no limit for position_rms_m"
+    result = json.loads((report / "result.json").read_text())
+    result |= {"verdict": "not_judged", "reason": reason, "limits": {}}
+    (report / "result.json").write_text(json.dumps(result))
+    tell(
+        station, name="bearings", phase="not_judged", verdict="not_judged", run_id=RUN,
+        reason=reason, metric_names=["position_rms_m"], metric_values=[0.04],
+        metric_limits=[float("nan")],
+    )  # fmt: skip
+    look.text("#experiment .verdict", "^bearings: not judged")
+    look.has_class("#experiment .verdict", "not_judged")
+    look.text("#experiment .reason", f"^{reason}$")
+    with context.expect_page() as opened:
+        section.click("#experiment .links a >> nth=0")
+    shown = opened.value
+    shown.wait_for_selector(f".reason:has-text('{reason}')")
+    assert shown.inner_text("h1") == "bearings: not judged"
+    shown.close()
+    section.goto(f"{site.base}/runs")
+    section.wait_for_selector("#list td.not_judged:has-text('bearings: not judged')")
+
+
 def test_what_ended_it_is_shown_and_an_old_status_is_grey(
     section: Any, look: Any, station: Any
 ) -> None:

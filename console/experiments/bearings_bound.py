@@ -1,0 +1,144 @@
+"""The Cramér-Rao bound of a flight on bearings: how near to the truth an estimate could be.
+
+The information of each recorded frame on the pose (`bearing_sim.observability`) is added up along
+the flown trajectory, and carried from frame to frame by the IMU's noise and biases: the posterior
+bound of an estimator that remembers. Noise and walks of the IMU are those that the vehicle's
+`estimation.error_state.*` assume, the bearings' sigma is that of the frames themselves. What a
+sensor does beyond its sigma (bias, swapped identities, wrong places of beacons) is not in the
+bound, so that limits which scale with it show such a fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from bearing_sim.quaternions import matrix_of
+from estimation.error_state.parameters import ErrorStateParameters, noise_record
+from quadrotor.constants import GRAVITY
+
+Array = npt.NDArray[np.float64]
+
+START = np.repeat([0.1, math.radians(3.0), 0.5, 0.01, 0.1], 3)
+"""Deviations before the first frame of position (m), attitude (rad), velocity (m/s), gyroscope
+bias (rad/s) and accelerometer bias (m/s^2): about those of a pose of one frame."""
+ERRORS = len(START)
+NEAREST = 0.05
+"""m; a beacon nearer than this has no direction worth using."""
+LONGEST = 1.0
+"""s between frames that are carried over; across longer holes nothing is known of the flight."""
+
+
+class Frame(NamedTuple):
+    """When a frame was taken (s), the ids in it, and its sigma (rad)."""
+
+    time: float
+    beacon_ids: tuple[int, ...]
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseBound:
+    """Least rms lengths of the errors of position (m) and attitude (rad); NaN when not known."""
+
+    position: float
+    attitude: float
+
+    def seen_by(self, position_sigma: float, attitude_sigma: float) -> PoseBound:
+        """Return the same of errors that are seen against noisy poses.
+
+        Args:
+            position_sigma: m, attitude_sigma: rad, of these poses on each axis.
+        """
+        root3 = math.sqrt(3.0)
+        return PoseBound(
+            math.hypot(self.position, root3 * position_sigma),
+            math.hypot(self.attitude, root3 * attitude_sigma),
+        )
+
+
+UNKNOWN = PoseBound(math.nan, math.nan)
+
+
+def posterior_bound(
+    frames: Sequence[Frame],
+    positions_w: Array,
+    quaternions_wb: Array,
+    beacons: Mapping[int, Sequence[float]],
+    noise: ErrorStateParameters,
+    window: tuple[float, float],
+) -> PoseBound:
+    """Return the bound, rms over the frames within `window` (s).
+
+    Each value is of the moment before the frame, when the estimate is oldest.
+
+    Args:
+        frames: in order, from where the estimator began or later. positions_w: (N, 3) m and
+        quaternions_wb: (N, 4), the pose at each.
+        beacons: place (m, world) by id; ids of no place are passed over.
+
+    The specific force is taken as that of hover, which leaves out what manoeuvres tell of the yaw.
+    """
+    if not beacons:
+        return UNKNOWN
+    g: Any = noise_record(noise)[0]
+    P = np.diag(START**2)
+    walks = np.repeat(
+        [0.0, g["gyroscope_noise"], g["accelerometer_noise"],
+         g["gyroscope_bias_walk"], g["accelerometer_bias_walk"]], 3,
+    ) ** 2  # fmt: skip
+    found = []
+    for k, frame in enumerate(frames):
+        if k:
+            dt = min(frame.time - frames[k - 1].time, LONGEST)
+            F = _transition(matrix_of(quaternions_wb[k - 1]), dt)
+            P = F @ P @ F.T
+            P[range(ERRORS), range(ERRORS)] += dt * walks
+        if window[0] <= frame.time <= window[1]:
+            variances = np.diag(P)
+            found.append((variances[:3].sum(), variances[3:6].sum()))
+        H = _rows([beacons[id] for id in frame.beacon_ids if id in beacons], positions_w[k])
+        sigma = max(frame.sigma, float(g["bearing_sigma_floor"]))
+        S = H @ P[:6, :6] @ H.T
+        S[range(len(H)), range(len(H))] += sigma * sigma
+        gain = np.linalg.solve(S, H @ P[:6])
+        P = P - (H @ P[:6]).T @ gain
+        P = 0.5 * (P + P.T)
+    if not found:
+        return UNKNOWN
+    position, attitude = np.sqrt(np.mean(found, axis=0)).tolist()
+    return PoseBound(position, attitude)
+
+
+def _transition(R_wb: Array, dt: float) -> Array:
+    """(15, 15) of the error over `dt` s, at the specific force of hover."""
+    force_w = np.array([[0.0, -GRAVITY, 0.0], [GRAVITY, 0.0, 0.0], [0.0, 0.0, 0.0]])  # [f] cross
+    F = np.eye(ERRORS)
+    F[0:3, 6:9] = dt * np.eye(3)
+    F[6:9, 3:6] = -dt * force_w
+    F[6:9, 12:15] = -dt * R_wb
+    F[3:6, 9:12] = -dt * R_wb
+    F[6:9, 9:12] = 0.5 * dt * dt * force_w @ R_wb
+    F[0:3, 3:6], F[0:3, 12:15] = 0.5 * dt * F[6:9, 3:6], 0.5 * dt * F[6:9, 12:15]
+    return F
+
+
+def _rows(places_w: Sequence[Sequence[float]], position_w: Array) -> Array:
+    """(2 M, 6), what two tangent angles of each bearing change with position and attitude."""
+    away = np.asarray(places_w, dtype=float).reshape(-1, 3) - position_w
+    away = away[np.linalg.norm(away, axis=1) > NEAREST]
+    distance = np.linalg.norm(away, axis=1, keepdims=True)
+    d = away / distance
+    across = np.eye(3)[np.abs(d).argmin(axis=1)]
+    t = np.cross(d, across)
+    t /= np.linalg.norm(t, axis=1, keepdims=True)
+    u = np.cross(d, t)
+    # A rotation phi moves the direction by phi x d: along t by phi . (d x t).
+    rows = [np.concatenate([-one / distance, np.cross(d, one)], axis=1) for one in (t, u)]
+    out: Array = np.concatenate(rows)
+    return out

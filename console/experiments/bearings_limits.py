@@ -1,0 +1,48 @@
+"""The largest errors on bearings that are good: multiples of what the flown sensor allows.
+
+They scale with the Cramér-Rao bound of the very flight (`console.experiments.bearings_bound`), and
+with it with sigma, rate and view of the sensor, the beacons' places and the way flown.
+"""
+
+from __future__ import annotations
+
+import math
+
+from console.experiments.bearings_bound import PoseBound
+
+ESTIMATE = {"error_state": 2.5, "complementary": 3.5}
+"""Largest rms error of the estimate over the bound, of position and of attitude."""
+FLIGHT = {"error_state": 3.0, "complementary": 5.5}
+"""Largest rms error of the flight over the bound of position: the law follows the estimate."""
+TRACKING = 0.005
+"""m rms more, of the law itself: what hover and the 8 may have on the tracker."""
+TUNED = ("auto", "resolved")
+"""Gains of the complementary filter that the multiples are of."""
+DECIDING = ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_deg")
+"""Figures without whose limits a flight is not judged."""
+
+
+def limits(
+    bound: PoseBound, estimator: str, gains: str
+) -> tuple[dict[str, float], tuple[str, ...], str]:
+    """Return the limits by the names of the figures, the figures that decide, and why a limit of
+    theirs is missing.
+
+    Args:
+        gains: of the complementary filter on bearings; "auto" for another estimator.
+    """
+    out = {"fallbacks": 0.0, "emergencies": 0.0}
+    why = ""
+    if gains not in TUNED:
+        why = f"none is known with the gains {gains}; they are for {' and '.join(TUNED)}"
+    elif not math.isfinite(bound.position + bound.attitude):
+        why = "the log does not tell what the sensor allows: bearings, and where the beacons stand"
+    else:
+        factor = ESTIMATE[estimator]
+        out |= {
+            "position_rms_m": TRACKING + FLIGHT[estimator] * bound.position,
+            "estimate_position_rms_m": factor * bound.position,
+            "estimate_attitude_rms_deg": factor * math.degrees(bound.attitude),
+            "saturated_share": 0.0,
+        }
+    return out, DECIDING, why

@@ -1,0 +1,51 @@
+"""What makes a verdict: figures against limits, and figures that need a limit to be judged at all.
+
+A figure beyond its limit fails the flight. A flight that keeps to every limit there is, but has
+none for a figure that decides, is neither good nor bad: it is not judged, and the reason says
+which figure has no limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from console.experiments.client import FAILED, NOT_JUDGED, PASSED, Experiment, Result
+
+NO_LIMITS = "no figure has a limit"
+
+
+def judged(
+    metrics: Mapping[str, float],
+    limits: Mapping[str, float],
+    deciding: Collection[str] = (),
+    because: str = "",
+) -> Result:
+    """Return the result of figures against the largest values allowed.
+
+    Args:
+        metrics, limits: by name. A figure that is missing or NaN exceeds its limit.
+        deciding: names of figures without which there is no verdict.
+        because: why one of them has no limit.
+    """
+    metrics, limits = dict(metrics), dict(limits)
+    if not all(metrics.get(name, float("nan")) <= limit for name, limit in limits.items()):
+        return Result(FAILED, metrics, limits)
+    without = [name for name in deciding if name not in limits]
+    if without:
+        reason = f"no limit for {', '.join(without)}"
+        return Result(NOT_JUDGED, metrics, limits, f"{reason}: {because}" if because else reason)
+    return settled(Result(PASSED, metrics, limits))
+
+
+def settled(result: Result) -> Result:
+    """Return the result itself, or not judged in place of a pass by no limit at all."""
+    if result.verdict == PASSED and not result.limits:
+        return replace(result, verdict=NOT_JUDGED, reason=NO_LIMITS)
+    return result
+
+
+def evaluated(experiment: Experiment, log: Path) -> Result:
+    """Return what an experiment of any origin makes of a log. Raises as its `evaluate` does."""
+    return settled(experiment.evaluate(log))
