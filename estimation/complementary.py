@@ -10,8 +10,8 @@ import numpy as np
 from estimation.complementary_filter import correct, correct_one, predict, predict_one, report
 from estimation.convergence import Convergence, Deviations
 from estimation.history import recall
-from estimation.memory import new_memory
-from estimation.outcome import NORM_TOLERANCE, Outcome
+from estimation.memory import START_ATTITUDE, START_POSITION, new_memory
+from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.parameters import EstimationParameters, estimation_record
 from estimation.planar_pose import planar_pose
 from estimation.position_at_attitude import position_at_attitude
@@ -53,6 +53,7 @@ class ComplementaryEstimator:
         """Take new gains; state and biases are kept."""
         self._parameters = parameters.model_copy()
         self._gains = estimation_record(parameters)
+        self._frame_gains = self._gains.copy()
 
     @property
     def initialized(self) -> bool:
@@ -85,6 +86,8 @@ class ComplementaryEstimator:
         if self.stale:
             return Convergence(False, f"last measurement applied {self.measurement_age:.2f} s ago")
         p, m = self._parameters, self._memory[0]
+        if m["agreement"] not in (Agreement.USED, Agreement.MOVED):
+            return Convergence(False, "the newest pose is too far from its prediction")
         slowest = min(p.position_bandwidth, p.attitude_bandwidth)
         needed, run = SETTLED_AFTER / slowest, 1e-9 * float(m["stamp_ns"] - m["started_ns"])
         if run < needed:
@@ -132,7 +135,12 @@ class ComplementaryEstimator:
         m["pose"][:3], m["pose"][3:] = position, quaternion / math.sqrt(norm2)
         m["velocity_w"] = 0.0
         m["pose_stamp_ns"] = m["started_ns"] = pose["stamp_ns"][0]
+        m["newest_ns"] = pose["stamp_ns"][0]
         m["position_spread"] = m["attitude_spread"] = 0.0
+        m["position_scale"], m["attitude_scale"] = START_POSITION**2, START_ATTITUDE**2
+        m["distance"] = m["last_turn"] = 0.0
+        m["last_offset_w"] = 0.0
+        m["run_count"], m["agreement"] = 0, Agreement.USED
         m["ring_count"] = 0  # the next prediction starts the history
         m["initialized"] = 1
         m["outcomes"][Outcome.APPLIED] += 1
@@ -148,14 +156,17 @@ class ComplementaryEstimator:
     def correct(self, pose: Record, estimate: Record) -> None:
         """Apply a POSE_SAMPLE (1,); write its innovations into the ESTIMATE (1,).
 
-        The first pose of all initializes. A pose that is not newer than the last, older than
-        the history or ahead of the IMU is counted in `ignored`. Raises MeasurementError when it
-        is not finite or its quaternion not unit.
+        The first pose of all initializes. A pose that is beyond the gate, not newer than the
+        last, older than the history or ahead of the IMU is counted in `ignored`. Raises
+        MeasurementError when it is not finite or its quaternion not unit.
         """
         if not self._initialized:
             self.initialize(pose)
             return
-        correct(self._memory, pose, self._gains, estimate, self._outcome)
+        self._correct(pose, self._gains, estimate)
+
+    def _correct(self, pose: Record, gains: Record, estimate: Record) -> None:
+        correct(self._memory, pose, gains, estimate, self._outcome)
         if self._outcome[0] == Outcome.INVALID:
             raise refuse_pose(pose)
 
@@ -180,7 +191,14 @@ class ComplementaryEstimator:
         sample[0] = stamp_ns, pose.position_w, pose.quaternion_wb
         if start is not None:
             position_at_attitude(beacons, seen, start[1], start[0], sample["position_w"][0])
-        self.correct(sample, estimate)
+        if not self._initialized:
+            self.initialize(sample)
+            return
+        gains = self._frame_gains
+        variance = np.diag(pose.covariance)
+        for name, axes in (("pose_position_noise", slice(3)), ("pose_attitude_noise", slice(3, 6))):
+            gains[name] = max(self._gains[name][0], math.sqrt(float(variance[axes].mean())))
+        self._correct(sample, gains, estimate)
 
     def report(self, estimate: Record) -> None:
         """Write biases, measurement age and counts into the ESTIMATE (1,)."""

@@ -1,7 +1,8 @@
 """The complementary filter in SE(3) of Sec. 6.1: prediction at the IMU's rate, late poses.
 
-A pose is compared with the estimate at the pose's own stamp and applied at once. No measurement
-is ever held, so a lost tracker leaves a prediction with the last biases (dead reckoning).
+A pose is compared with the estimate at the pose's own stamp and, if `estimation.pose_gate` lets it
+pass, applied at once. No measurement is ever held, so a lost tracker leaves a prediction with the
+last biases (dead reckoning).
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from estimation.attitude_filter import (
 )
 from estimation.history import amend, recall, remember
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
+from estimation.pose_gate import chord2, move_to, passes, refuse, rotation_vector
 from estimation.rate_filter import low_pass
 from estimation.translation_observer import (
     acceleration_of,
@@ -28,7 +30,7 @@ from estimation.translation_observer import (
 )
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
-from quadrotor.vectors import dot
+from quadrotor.vectors import dot, multiply, normalized, quaternion
 
 SPREAD = 0.1
 """Weight of the newest innovation in their mean square."""
@@ -89,7 +91,7 @@ def correct_one(m: Any, z: Any, g: Any, out: Any) -> int:
 
     Args:
         m: ESTIMATOR_MEMORY item. z: POSE_SAMPLE item. g: ESTIMATION_GAINS item.
-        out: ESTIMATE item, innovations written when applied.
+        out: ESTIMATE item, innovations written when there are any, refused or not.
 
     Returns an Outcome, which is counted.
     """
@@ -104,22 +106,34 @@ def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
     norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
     if not (math.isfinite(p[0] + p[1] + p[2]) and abs(norm2 - 1.0) < NORM_TOLERANCE):
         return _INVALID
-    if stamp_ns <= m.pose_stamp_ns:
+    if stamp_ns <= m.newest_ns:
         return _NOT_NEWER
     if stamp_ns > m.stamp_ns + AHEAD_NS:
         return _AHEAD
     back = recall(m, stamp_ns)
     if back < 0:
         return _TOO_OLD
+    e_w = (p[0] - past[0], p[1] - past[1], p[2] - past[2])
+    turn_b = attitude_innovation(past, q)
+    for i in range(3):
+        out.position_innovation_w[i] = e_w[i]
+        out.attitude_innovation_b[i] = turn_b[i]
+    turn = multiply((past[3], -past[4], -past[5], -past[6]), normalized(quaternion(q)))
+    if not passes(m, stamp_ns, e_w, chord2(turn), g):
+        moves = refuse(m, stamp_ns, e_w, turn, g)
+        m.newest_ns = stamp_ns
+        if moves:
+            x, y, z = rotation_vector(turn)
+            move_to(m, back, stamp_ns, e_w, to_world(past, 1.0, x, y, z))
+            return _APPLIED
+        return _OUTLIER
     interval = 1e-9 * (stamp_ns - m.pose_stamp_ns)
-    m.pose_stamp_ns = stamp_ns
+    m.pose_stamp_ns = m.newest_ns = stamp_ns
 
     l = translation_gains(  # noqa: E741 - L of the derivation there
         g.position_bandwidth, g.accelerometer_bias_bandwidth, interval
     )
     l_q, l_g = attitude_gains(g.attitude_bandwidth, g.gyroscope_bias_bandwidth, interval)
-    e_w = (p[0] - past[0], p[1] - past[1], p[2] - past[2])
-    turn_b = attitude_innovation(past, q)
     turn_w = to_world(past, 1.0, l_q * turn_b[0], l_q * turn_b[1], l_q * turn_b[2])
     # b_dot = -R_wb^T Kb e: an acceleration that is missing is a bias that is too large.
     e_b = to_world(past, -1.0, e_w[0], e_w[1], e_w[2])
@@ -129,8 +143,6 @@ def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
     for i in range(3):
         a_bias[i] = min(max(a_bias[i] - l[2] * e_b[i], -a_max), a_max)
         w_bias[i] = min(max(w_bias[i] - l_g * turn_b[i], -w_max), w_max)
-        out.position_innovation_w[i] = e_w[i]
-        out.attitude_innovation_b[i] = turn_b[i]
     m.position_spread += SPREAD * (dot(e_w, e_w) - m.position_spread)
     m.attitude_spread += SPREAD * (dot(turn_b, turn_b) - m.attitude_spread)
     return _APPLIED
@@ -159,6 +171,7 @@ def report(memory: Record, estimate: Record) -> None:
         out.measurement_age = math.inf
         if m.initialized:
             out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.pose_stamp_ns))
+        out.agreement = m.agreement
         n = m.outcomes
         out.measurements_used, out.measurements_refused = n[_APPLIED], n[_OUTLIER]
         out.measurements_ignored = n[_TOO_OLD] + n[_NOT_NEWER] + n[_AHEAD] + n[_INVALID]

@@ -14,6 +14,9 @@ from quadrotor.records import Record
 HISTORY_LENGTH = 256
 """Predicted poses kept for late measurements: 0.51 s at 500 Hz, 0.25 s at 1000 Hz."""
 
+START_POSITION, START_ATTITUDE = 0.25, 0.3
+"""m, rad: deviations of an innovation before any is known."""
+
 ESTIMATOR_MEMORY = np.dtype(
     [
         ("initialized", "u1"),  # a first pose was taken
@@ -24,6 +27,21 @@ ESTIMATOR_MEMORY = np.dtype(
         ("outcomes", "i8", len(Outcome)),  # measurements since the reset, by Outcome
         ("position_spread", "f8"),  # m^2, mean square innovation of the last dozen poses
         ("attitude_spread", "f8"),  # rad^2
+        # The gate of `estimation.pose_gate`:
+        ("newest_ns", "i8"),  # of the newest pose looked at
+        ("agreement", "i8"),  # an Agreement
+        ("position_scale", "f8"),  # m^2, variance of an innovation on one axis
+        ("attitude_scale", "f8"),  # rad^2
+        ("distance", "f8"),  # of the newest pose used from its prediction, squared, in variances
+        ("last_offset_w", "f8", 3),  # m, of the same pose
+        ("last_turn", "f8"),  # rad
+        ("jumped", "i8"),  # 1: the poses refused left the estimate at once
+        ("run_count", "i8"),  # refused poses that agree with each other
+        ("run_start_ns", "i8"),
+        ("run_ns", "i8"),  # of its newest pose
+        ("run_first_w", "f8", 3),  # m, of its first pose from the prediction
+        ("run_offset_w", "f8", 3),  # m, of its newest pose
+        ("run_turn", "f8", 4),  # from the predicted to its newest attitude, body axes
         ("pose", "f8", 7),  # the estimate
         ("past", "f8", 7),  # the estimate when the newest measured pose was true
         ("velocity_w", "f8", 3),  # m/s
@@ -45,4 +63,5 @@ def new_memory(count: int = 1) -> Record:
     """`count` filters at the origin, level and at rest, waiting for a first pose."""
     memory = np.zeros(count, ESTIMATOR_MEMORY)
     memory["pose"][:, 3] = 1.0
+    memory["position_scale"], memory["attitude_scale"] = START_POSITION**2, START_ATTITUDE**2
     return memory

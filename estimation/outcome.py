@@ -25,7 +25,7 @@ class Agreement(IntEnum):
     """Of the newest measurements with the estimate."""
 
     USED = 0  # the newest one was used
-    REFUSED = 1  # the newest one was refused by the gate
-    # Measurements are refused that agree with each other and with the motion, so either
-    JUMPED = 2  # the tracker is wrong by now: they moved away from the estimate at once
-    DRIFTED = 3  # or the estimate is: it moved away from them little by little
+    REFUSED = 1  # it was refused by the gate, as too far from its prediction
+    JUMPED = 2  # refused, too, but such agree with each other: the tracker jumped
+    DRIFTED = 3  # it is as far, but left the prediction little by little: the estimate drifted
+    MOVED = 4  # the estimate was moved to the measurements refused so far

@@ -1,4 +1,4 @@
-"""Parameters of the complementary filter, their presets and their compiled record.
+"""Parameters of the complementary filter, its gate, their presets and their compiled record.
 
 Bandwidths (rad/s) are the filter's poles: eq. 11's gains K_p, K_v of a double pole are
 2 omega and omega^2, so the printed 126.3 and 3987.3 are a double pole at 63.15 rad/s. Gains as
@@ -6,6 +6,8 @@ printed, or per measurement, become parameters by `estimation.gains`.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -23,6 +25,9 @@ ESTIMATION_GAINS = np.dtype(
         ("norm_penalty", "f8"),  # 1/s
         ("accelerometer_bias_limit", "f8"),  # m/s^2
         ("gyroscope_bias_limit", "f8"),  # rad/s
+        ("pose_gate", "f8"),  # standard deviations
+        ("pose_position_noise", "f8"),  # m
+        ("pose_attitude_noise", "f8"),  # rad
     ],
     align=True,
 )
@@ -124,6 +129,30 @@ class EstimationParameters(Parameters):
         step=0.01,
         description="clamp of each component of the gyroscope bias",
     )
+    pose_gate: float = parameter(
+        6.0,
+        ge=3.0,
+        le=1000.0,
+        step=0.5,
+        description="deviations of its innovation beyond which a pose is refused; 1000: never",
+    )
+    pose_position_noise: float = parameter(
+        0.01,
+        unit="m",
+        ge=0.001,
+        le=0.5,
+        step=0.001,
+        description="least deviation the gate takes for a position on each axis, errors of time "
+        "included",
+    )
+    pose_attitude_noise: float = parameter(
+        1.0,
+        unit="deg",
+        ge=0.1,
+        le=20.0,
+        step=0.1,
+        description="least deviation the gate takes for an attitude on each axis",
+    )
     error_state: ErrorStateParameters = ErrorStateParameters()
 
 
@@ -159,4 +188,5 @@ def estimation_record(parameters: EstimationParameters) -> Record:
     out = np.zeros(1, ESTIMATION_GAINS)
     for name in ESTIMATION_GAINS.names or ():
         out[name] = getattr(parameters, name)
+    out["pose_attitude_noise"] = math.radians(parameters.pose_attitude_noise)
     return out

@@ -84,3 +84,6 @@ class Flag(IntFlag):
     NOT_REAL_TIME = 128  # no SCHED_FIFO here
     ON_BEARINGS = 256  # flown on bearings to beacons, without the tracker
     FELL_BACK = 512  # on the tracker again by the vehicle's own decision
+    MEASUREMENTS_REFUSED = 1024  # too far from their prediction, within the last second
+    TRACKER_JUMPED = 2048  # refused ones agree with each other
+    ESTIMATE_DRIFTED = 4096  # measurements left the prediction little by little

@@ -20,6 +20,7 @@ from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle import mailbox
+from vehicle.agreement_watch import AgreementWatch
 from vehicle.bearings_watch import BearingsWatch
 from vehicle.estimator_choice import (
     ESTIMATOR,
@@ -54,6 +55,7 @@ class Navigation:
     Attributes:
         active: the estimator flown on.
         source: what it is fed with: "poses", "bearings" or "both".
+        agreement: whether measurements agree with it, for people.
         deaf: bearings are no longer taken: the rest of the flight is predicted, or on poses.
     """
 
@@ -67,6 +69,7 @@ class Navigation:
     ) -> None:
         p = self._parameters = parameters
         self.watch = BearingsWatch(fallback or FallBackParameters())
+        self.agreement = AgreementWatch(say)
         self.deaf = False
         self._say = say
         self._queue: list[Record] = []
@@ -107,9 +110,14 @@ class Navigation:
             self._step_beside(runner, imu, dt)
         if self.source != POSES:
             self.watch.remember(imu["stamp_ns"].item(), state)
-        if self._queue:
+        measured = bool(self._queue)
+        if measured:
             self._take_measurements(imu["stamp_ns"].item(), state, estimate)
         active.report(estimate)
+        if measured:
+            self.agreement.look(estimate, imu["stamp_ns"].item())
+        if self.agreement.flags:
+            self.agreement.step(imu["stamp_ns"].item())
 
     def measure(self, measurement: mailbox.Pose | mailbox.Bearings) -> None:
         """Take one measurement; it acts at the next step."""
@@ -171,6 +179,7 @@ class Navigation:
         if str(seats.active) != before:
             self.deaf = False
             self.watch.begin()
+            self.agreement.begin()
             self._say(f"estimator {seats.active}", mailbox.INFO)
         for runner in seats.all():
             runner.estimator.configure(p)

@@ -16,6 +16,7 @@ from control.behaviors.near_hovering import Level
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
 from estimation.estimator import Estimator
+from estimation.outcome import Agreement
 from quadrotor.vehicle_model import GRAVITY
 from vehicle import mailbox
 from vehicle.commands import CommandHandler
@@ -209,6 +210,7 @@ class FlightStack(StackOnGround):
         now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, self.tilt
         x, y, z = self._innovation.tolist()
         now.innovation = math.sqrt(x * x + y * y + z * z)
+        now.jumped = self._agreement.item() == Agreement.JUMPED
         x, y, z = self._velocity.tolist()
         now.speed = math.sqrt(x * x + y * y + z * z)
         x, y, z = self._position.tolist()
@@ -255,7 +257,7 @@ class FlightStack(StackOnGround):
             behavior=self.behaviors.name,
             airborne=self.ground.airborne,
             supervisor_flags=self.supervisor.flags,
-            bearings_flags=self.guard.flags,
+            estimate_flags=self.guard.flags | self.navigation.agreement.flags,
             stale_pose=pose_age > self._pose_timeout,
             saturated=self._scaling.item() < 1.0,
             tilt_limited=self.controller.tilt_limited,

@@ -100,6 +100,7 @@ class StackParts:
         self._position = self.state["position_w"][0]
         self._velocity = self.state["velocity_w"][0]
         self._innovation = self.estimate["position_innovation_w"][0]
+        self._agreement = self.estimate["agreement"]
         self._situation = Situation()
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._armed_ns = 0

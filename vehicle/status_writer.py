@@ -47,7 +47,7 @@ class StatusWriter:
         behavior: int,
         airborne: bool,
         supervisor_flags: Flag,
-        bearings_flags: int,
+        estimate_flags: int,
         stale_pose: bool,
         saturated: bool,
         tilt_limited: bool,
@@ -56,7 +56,7 @@ class StatusWriter:
     ) -> None:
         """Once a tick. voltage: V. pressure: Pa."""
         self._voltage[0], self._pressure[0] = voltage, pressure
-        flags = int(supervisor_flags) | bearings_flags
+        flags = int(supervisor_flags) | estimate_flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
         if stale_pose:

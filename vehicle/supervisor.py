@@ -42,6 +42,7 @@ class Situation:
     voltage: float = 16.0  # V
     pose_age: float = 0.0  # s
     innovation: float = 0.0  # m, distance of the newest pose from its prediction
+    jumped: bool = False  # poses left their prediction at once: the tracker is wrong
     tilt: float = 0.0  # rad, angle between z_B and z_W
     speed: float = 0.0  # m/s
     outside: float = 0.0  # m beyond the flight volume
@@ -115,7 +116,7 @@ class Supervisor:
         lost = not now.innovation <= p.innovation_max
         if self._lasts("diverged", lost, stamp_ns, p.innovation_delay):
             far = f"poses {now.innovation:.2f} m from their prediction for {p.innovation_delay:g} s"
-            why = f"the estimate diverged: {far}"
+            why = f"the {'tracker jumped' if now.jumped else 'estimate diverged'}: {far}"
             verdict = self._once("diverged", p.innovation_reaction, why)
         if verdict is None and self._without_pose(stamp_ns, now.pose_age):
             why = f"no pose measurement for {now.pose_age:.1f} s"

@@ -5,6 +5,7 @@ Independent of the package: the truth is differentiated numerically and turned b
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -74,6 +75,11 @@ def figure_eight(
     )
 
 
+Spoil = Callable[[Array, Array, Array, Array], None]
+"""Of times (n,), measured positions (n, 3), quaternions (n, 4) and forces (n, 3): in place. A
+position that is not finite is a pose that does not come."""
+
+
 @dataclass(frozen=True)
 class Sensors:
     """What the estimator is given; defaults are exact."""
@@ -116,6 +122,8 @@ class Flown:
     rate_bias: Array
     estimator: ComplementaryEstimator
     estimate: Record = field(repr=False)
+    estimates: Record = field(repr=False)  # ESTIMATE at each tick
+    converged: npt.NDArray[np.bool_] = field(repr=False)
 
     def rms(self, name: str, after: float) -> float:
         error: Array = getattr(self, name)[self.t >= after]
@@ -123,9 +131,13 @@ class Flown:
 
 
 def fly(
-    truth: Truth, sensors: Sensors, parameters: EstimationParameters | None = None, seed: int = 0
+    truth: Truth,
+    sensors: Sensors,
+    parameters: EstimationParameters | None = None,
+    seed: int = 0,
+    spoil: Spoil | None = None,
 ) -> Flown:
-    """Run the estimator along a flight."""
+    """Run the estimator along a flight; `spoil` may change what the sensors tell."""
     rng = np.random.default_rng(seed)
     count, s = len(truth.t), sensors
     force = truth.specific_force_b + s.force_bias + rng.normal(0, 1, (count, 3)) * s.force_noise
@@ -136,13 +148,16 @@ def fly(
     position = truth.position_w + rng.normal(0, 1, (count, 3)) * s.position_noise
     wobble = Rotation.from_rotvec(rng.normal(0, 1, (count, 3)) * s.attitude_noise)
     attitude = s.sign * quaternion(truth.attitude * wobble)
+    if spoil is not None:
+        spoil(truth.t, position, attitude, force)
     stamps = np.round(truth.t * 1e9).astype(np.int64) + 1_000_000_000
     dt = float(truth.t[1] - truth.t[0])
 
     estimator = ComplementaryEstimator(parameters)
     imu, pose, state = np.zeros(1, IMU_SAMPLE), np.zeros(1, POSE_SAMPLE), new_state()
     estimate = np.zeros(1, ESTIMATE)
-    states = np.zeros(count, state.dtype)
+    states, estimates = np.zeros(count, state.dtype), np.zeros(count, ESTIMATE)
+    converged = np.zeros(count, bool)
     biases = np.zeros((2, count, 3))
     for i in range(count):
         imu["stamp_ns"] = stamps[i]
@@ -150,11 +165,13 @@ def fly(
         estimator.predict(imu, dt, state)
         states[i] = state[0]
         j = i - s.delay
-        if j >= 0 and j % s.pose_every == 0 and truth.t[j] <= s.pose_until:
+        due = j >= 0 and j % s.pose_every == 0 and truth.t[j] <= s.pose_until
+        if due and math.isfinite(position[j, 0]):
             pose["stamp_ns"] = stamps[j]
             pose["position_w"], pose["quaternion_wb"] = position[j], attitude[j]
             estimator.correct(pose, estimate)
         estimator.report(estimate)
+        estimates[i], converged[i] = estimate[0], estimator.converged
         biases[0, i] = estimate["accelerometer_bias_b"][0]
         biases[1, i] = estimate["gyroscope_bias_b"][0]
     q = np.roll(states["quaternion_wb"], -1, axis=1)
@@ -169,6 +186,8 @@ def fly(
         biases[1],
         estimator,
         estimate,
+        estimates,
+        converged,
     )
 
 

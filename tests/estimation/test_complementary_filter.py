@@ -270,7 +270,7 @@ def test_a_pose_older_than_the_history_is_ignored_and_one_just_inside_is_used() 
     still = Still()
     still.correct()
     still.tick(HISTORY_LENGTH + 50)
-    far = (5.0, 5.0, 5.0)
+    far = (0.2, 0.2, 0.2)
     still.correct(ago_ns=HISTORY_LENGTH * PERIOD_NS, position=far)
     assert still.estimator.ignored == {Outcome.TOO_OLD: 1}
     still.correct(ago_ns=(HISTORY_LENGTH - 1) * PERIOD_NS, position=far)
@@ -432,12 +432,14 @@ def test_a_batch_equals_its_single_flights(rng: np.random.Generator) -> None:
         imu["stamp_ns"] = pose["stamp_ns"] = i * PERIOD_NS
         imu["specific_force_b"] = rng.normal(size=(count, 3)) + np.array([0.0, 0.0, 9.81])
         imu["angular_velocity_b"] = rng.normal(size=(count, 3))
-        pose["position_w"] = rng.normal(size=(count, 3))
-        pose["stamp_ns"][1] = 0  # refused for the second
+        pose["position_w"] = 0.1 * rng.normal(size=(count, 3))
+        pose["position_w"][2, 0] += 9.0 * (i % 7 == 0)  # beyond the gate of the third
+        pose["stamp_ns"][1] = 0  # too old for the second
         predict(batch, imu, gains, 0.002, states)
         correct(batch, pose, gains, estimates, outcomes)
         report(batch, estimates)
-        assert outcomes.tolist() == [Outcome.APPLIED, Outcome.NOT_NEWER, Outcome.APPLIED]
+        third = Outcome.APPLIED if i % 7 else Outcome.OUTLIER
+        assert outcomes.tolist() == [Outcome.APPLIED, Outcome.NOT_NEWER, third]
         for k, single in enumerate(singles):
             predict(single, imu[k : k + 1], gains, 0.002, state)
             assert state[0] == states[k]

@@ -38,7 +38,8 @@ def test_record_carries_every_gain() -> None:
     parameters = EstimationParameters()
     record = estimation_record(parameters)
     for name in ESTIMATION_GAINS.names or ():
-        assert record[name][0] == getattr(parameters, name)
+        unit = math.radians(1.0) if name == "pose_attitude_noise" else 1.0
+        assert record[name][0] == pytest.approx(unit * getattr(parameters, name), rel=1e-15)
 
 
 def test_nothing_is_wrong_with_the_defaults_at_100_hz_nor_with_the_bearings_at_30() -> None:

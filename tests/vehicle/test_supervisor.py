@@ -148,7 +148,8 @@ def test_a_vehicle_that_turned_over_stops_its_motors() -> None:
 TRIGGERS = [
     ({"tilt": math.radians(75.0)}, "tilt", 0.2, Reaction.EMERGENCY, "tilt 75 deg"),
     ({"innovation": 0.7}, "innovation", 0.3, Reaction.DESCEND, "0.70 m from their prediction"),
-    ({"innovation": math.nan}, "innovation", 0.3, Reaction.DESCEND, "diverged"),
+    ({"innovation": math.nan}, "innovation", 0.3, Reaction.DESCEND, "estimate diverged"),
+    ({"innovation": 0.7, "jumped": True}, "innovation", 0.3, Reaction.DESCEND, "tracker jumped"),
     ({"pose_age": 1.2}, "pose", 0.0, Reaction.DESCEND, "no pose measurement for 1.2 s"),
     ({"outside": 0.6}, "volume", 0.2, Reaction.LAND, "0.6 m outside the flight volume"),
     ({"speed": 6.5}, "speed", 0.2, Reaction.BRAKE, "6.5 m/s"),

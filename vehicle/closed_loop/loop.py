@@ -92,7 +92,7 @@ def _begin(c: Item, p: Item, v: Item) -> None:
             bias[i] += rate[i] / n
     e = v.estimator
     e.initialized = 1
-    e.pose_stamp_ns = -1
+    e.pose_stamp_ns = e.newest_ns = -1
     for i in range(3):
         e.pose[i] = p.x[i]
     for i in range(4):

@@ -45,7 +45,8 @@ export class Bar {
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
-    this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz` : "none"), station?.tracker_rate < 10);
+    const refused = this.refused(status);
+    this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || refused);
     this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";
@@ -58,6 +59,12 @@ export class Bar {
     this.set("control-mode", control ? `${control.tone === "alarm" ? "⚠ " : ""}${control.text}` : words(status?.control_mode), control?.tone === "warn");
     output.classList.toggle("alarm", control?.tone === "alarm" && this.fresh("status"));
     if (output.parentElement.title !== title) output.parentElement.title = title;
+  }
+
+  // What the vehicle thinks of the poses it gets, while it thinks so.
+  refused(status) {
+    const flags = this.fresh("status") ? status?.flags ?? [] : [];
+    return flags.includes("tracker_jumped") ? " · jumped" : flags.includes("measurements_refused") ? " · refused" : "";
   }
 
   // The station's own figure while it speaks; longer once it is silent.

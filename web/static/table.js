@@ -16,7 +16,7 @@ const VECTORS = [
 const SCALARS = [
   ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],
   ["innov., pose age", ["innovation.position", "innovation.attitude", "measurement.age"], [1, 2, 0], "mm, °, ms"],
-  ["used, refused, ignored", ["measurements.used", "measurements.refused", "measurements.ignored"], [0, 0, 0], "meas."],
+  ["used, refused", ["measurements.used", "measurements.refused", null], [0, 0, 0], "meas."],
   ["error to truth", ["truth.position_error", "truth.velocity_error", null], [1, 3, 0], "mm, m/s"],
 ];
 

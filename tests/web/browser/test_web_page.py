@@ -29,6 +29,22 @@ def test_the_bar_shows_what_the_vehicle_says(page: Any, look: Any) -> None:
     look.text("#flags", "not real time")
 
 
+def test_poses_that_the_vehicle_refuses_show_where_the_tracker_does(
+    page: Any, look: Any, station: Any, flying: Any
+) -> None:
+    look.text("#tracker", "^100 Hz$")
+    station.said = {"flags": ["measurements_refused"]}
+    look.text("#tracker", "^100 Hz · refused$")
+    look.has_class("#tracker", "warn")
+    station.said = {"flags": ["measurements_refused", "tracker_jumped"]}
+    look.text("#tracker", "^100 Hz · jumped$")
+    look.text("#flags", "tracker jumped")
+    look.text("#table", "used, refused")
+    station.said = {}
+    look.text("#tracker", "^100 Hz$")
+    look.has_no_class("#tracker", "warn")
+
+
 def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
     page: Any, look: Any, station: Any
 ) -> None:

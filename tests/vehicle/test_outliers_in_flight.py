@@ -1,0 +1,202 @@
+"""A tracker that errs in flight: the vehicle stays, and says so."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from estimation.outcome import Agreement
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.records import ESTIMATE
+from vehicle import mailbox
+from vehicle.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
+from vehicle.modes import Flag
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+Displace = Callable[[tuple[float, ...]], tuple[float, ...]]
+START = (0.0, 0.0, 1.0)
+OF_AGREEMENT = Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED
+
+
+class Events:
+    """A log that keeps events alone."""
+
+    def __init__(self) -> None:
+        self.events: list[mailbox.Event] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.events.append(event)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class Lab(SimulatedFlight):
+    """A hover over which the tracker's positions can be displaced."""
+
+    def __init__(self) -> None:
+        self.robot = SimulatedVehicle(FlightParameters().simulator)
+        self.log_of_events = Events()
+        parameters = FlightParameters().model_copy(deep=True)
+        super().__init__(parameters, self.robot, self.log_of_events)  # type: ignore[arg-type]
+        self.displace: Displace = lambda position: position
+        take = self.stack.measure
+
+        def measure(one: Any) -> None:
+            if isinstance(one, mailbox.Pose):
+                one = mailbox.Pose(one.stamp_ns, self.displace(one.position_w), one.quaternion_wb)
+            take(one)
+
+        self.stack.measure = measure  # type: ignore[method-assign]
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(0.2)
+        self.arm()
+        self.wait(0.5)
+        self.start("take_off", height=START[2])
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.wait(1.0)
+
+    @property
+    def flags(self) -> Flag:
+        return Flag(int(self.stack.status["flags"][0])) & OF_AGREEMENT
+
+    def watch(self, seconds: float) -> tuple[np.ndarray, Flag]:  # type: ignore[type-arg]
+        """True positions (N, 3) and all flags seen meanwhile."""
+        places, flags = [], Flag.NONE
+        end_ns = self.stack.stamp_ns + round(seconds * 1e9)
+        while self.stack.stamp_ns < end_ns:
+            self.advance()
+            places.append(self.robot.truth["position_w"][0].copy())
+            flags |= self.flags
+        return np.array(places), flags
+
+    def warnings(self) -> list[str]:
+        return [e.text for e in self.log_of_events.events if e.level == mailbox.WARN]
+
+
+def moved_by(x: float) -> Displace:
+    return lambda p: (p[0] + x, *p[1:])
+
+
+@pytest.fixture
+def lab() -> Lab:
+    return Lab()
+
+
+def test_one_pose_a_metre_off_moves_nothing_and_is_flagged_for_a_second(lab: Lab) -> None:
+    lab.displace = moved_by(1.0)
+    lab.watch(0.01)
+    lab.displace = moved_by(0.0)
+    places, flags = lab.watch(0.9)
+    assert np.abs(places - START).max() < 0.02
+    assert flags == lab.flags == Flag.MEASUREMENTS_REFUSED
+    assert lab.stack.estimate["measurements_refused"][0] == 1
+    lab.watch(0.2)
+    assert lab.flags == Flag.NONE
+    assert len(lab.warnings()) == 1
+
+
+def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: Lab) -> None:
+    """Ungated the estimate was off by 1.15 m and 3.2 m/s and said to be converged."""
+    lab.displace = lambda _: (1.5, -0.5, 0.7)
+    places, flags = lab.watch(0.2)
+    assert flags == Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED
+    assert not lab.stack.estimator.converged
+    lab.displace = moved_by(0.0)
+    after, _ = lab.watch(1.5)
+    assert np.abs(np.concatenate((places, after)) - START).max() < 0.02
+    assert lab.view().behavior == "hover"
+    assert lab.flags == Flag.NONE
+    assert lab.stack.estimator.converged
+    assert len(lab.warnings()) == 2  # that it jumped, that it is back
+
+
+def test_a_tracker_shifted_for_good_is_followed_without_a_lunge(lab: Lab) -> None:
+    lab.displace = moved_by(0.3)
+    places, flags = lab.watch(6.0)
+    assert flags == Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED
+    assert np.abs(places[:225] - START).max() < 0.02  # 0.45 s
+    assert places[-1] == pytest.approx((-0.3, 0.0, 1.0), abs=0.03)
+    assert places[:, 0].min() > -0.42
+    assert np.abs(np.diff(places, axis=0)).max() * 500.0 < 1.0  # m/s
+    assert lab.view().behavior == "hover"
+    assert lab.stack.estimator.converged
+
+
+def test_a_metre_for_good_is_a_matter_of_the_supervisor_which_names_the_tracker(lab: Lab) -> None:
+    lab.displace = moved_by(1.0)
+    lab.watch(0.5)
+    reasons = [e.text for e in lab.log_of_events.events if e.level > mailbox.INFO]
+    assert any("tracker jumped" in text and "1.00 m" in text for text in reasons)
+    assert not any("diverged" in text for text in reasons)
+    assert lab.view().mode == "emergency_land"
+
+
+# ---------------------------------------------------------------------- the watch alone
+class Told:
+    """A watch fed by hand."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.watch = AgreementWatch(lambda line, _: self.lines.append(line))
+        self.estimate = np.zeros(1, ESTIMATE)
+        self.now_ns = 10_000_000_000
+
+    def look(self, agreement: Agreement, refused: int = 0, far: float = 0.0) -> Flag:
+        self.now_ns += 10_000_000
+        self.estimate["agreement"] = agreement
+        self.estimate["measurements_refused"] += refused
+        self.estimate["position_innovation_w"][0, 0] = far
+        self.watch.look(self.estimate, self.now_ns)
+        return Flag(self.watch.flags)
+
+
+def test_a_jump_and_its_end_take_two_lines_however_long_it_lasts() -> None:
+    told = Told()
+    told.look(Agreement.REFUSED, 1, 0.5)
+    for _ in range(40):
+        flags = told.look(Agreement.JUMPED, 1, 0.5)
+    assert flags == Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED
+    told.look(Agreement.MOVED, 0, 0.5)
+    told.look(Agreement.USED)
+    assert len(told.lines) == 2
+    assert "0.50 m" in told.lines[0]
+    assert "41 refused" in told.lines[1]
+
+
+def test_drift_is_flagged_as_such() -> None:
+    told = Told()
+    assert told.look(Agreement.DRIFTED, 0, 0.2) == Flag.ESTIMATE_DRIFTED
+    told.look(Agreement.USED)
+    assert len(told.lines) == 1
+    told.watch.step(told.now_ns + HOLD_NS)
+    assert told.watch.flags == 0
+
+
+def test_outliers_that_go_on_take_a_line_in_five_seconds() -> None:
+    told = Told()
+    for _ in range(QUIET_NS // 20_000_000 - 1):
+        told.look(Agreement.REFUSED, 1, 0.4)
+        assert told.look(Agreement.USED) == Flag.MEASUREMENTS_REFUSED
+    assert len(told.lines) == 1
+    for _ in range(3):
+        told.look(Agreement.REFUSED, 1, 0.9)
+        told.look(Agreement.USED)
+    assert len(told.lines) == 2
+    assert "0.90 m" in told.lines[1]
+
+
+def test_another_estimator_begins_without_flags_and_with_its_own_count() -> None:
+    told = Told()
+    told.look(Agreement.REFUSED, 7, 0.4)
+    told.watch.begin()
+    assert told.watch.flags == 0
+    told.estimate["measurements_refused"] = 3
+    assert told.look(Agreement.USED) == Flag.NONE
+    told.look(Agreement.REFUSED, 1, 0.4)
+    told.now_ns += QUIET_NS
+    told.look(Agreement.USED)
+    assert "; 1 refused" in told.lines[-1]
