@@ -11,6 +11,8 @@ FARTHEST = 2.0
 fits by chance can hold any."""
 POLE = 1.2
 """rad/s, three times: the barometer's noise of 0.2 m gives a climb rate good to 0.02 m/s."""
+LONGEST_HELD = 0.05
+"""s that one reading counts for: after a gap it would else throw the height beyond itself."""
 
 
 class BarometricHeight:
@@ -43,7 +45,7 @@ class BarometricHeight:
         self.climb += up * dt
         error = (self._ground - pressure) / PASCALS_PER_METRE - self.height
         error = min(FARTHEST, max(-FARTHEST, error))
-        w = POLE
-        self.height += 3.0 * w * dt * error
-        self.climb += 3.0 * w * w * dt * error
-        self._bias -= w * w * w * dt * error
+        w, held = POLE, min(dt, LONGEST_HELD)
+        self.height += 3.0 * w * held * error
+        self.climb += 3.0 * w * w * held * error
+        self._bias -= w * w * w * held * error

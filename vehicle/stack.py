@@ -29,7 +29,10 @@ from vehicle.supervisor import Situation
 from vehicle_link.serial.ids import MotorState
 
 LONGEST_STEP = 0.05
-"""s: after a longer gap between samples the filters are stepped by this much only."""
+"""s: after a longer gap between samples laws and behaviors are stepped by this much only."""
+LONGEST_GAP = 1.0
+"""s that estimators predict at most: beyond nobody knows where the vehicle went, and a stamp that
+jumped must not throw the estimate away."""
 NOMINAL_STEP = 0.002
 LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
 
@@ -59,24 +62,25 @@ class FlightStack(StackOnGround):
 
         They are motor references (counts), or what `flight_control_mode` says.
         """
-        dt = self._advance_time(sample.stamp_ns)
-        if dt <= 0.0:
+        since = self._advance_time(sample.stamp_ns)
+        if since <= 0.0:
             return None
+        dt = min(since, LONGEST_STEP)
         self.imu_calibrator.calibrate(sample, self.imu)
         if self.mode is Mode.STARTING:
             self._calibrate_gyroscope(sample)
 
         airborne = self.ground.airborne
-        self.navigation.step(self.imu, dt, self.state, self.estimate)
+        self.navigation.step(self.imu, since, self.state, self.estimate)
         # The wrench is still the last tick's: what the vehicle obeyed until now.
-        self.mass.step(self.state, self.actuators, self._weighs(airborne), dt, self.estimate)
+        self.mass.step(self.state, self.actuators, self._weighs(airborne), since, self.estimate)
         if self.mass.used:
             self._fly_on(self.mass.mass)
         if self.steering.follow_battery(sample.battery_voltage, dt):
             self.behaviors.model = self.steering.model
 
         pose_age = self.navigation.active.measurement_age
-        self._follow_altitude(sample, dt)
+        self._follow_altitude(sample, since)
         verdict = self.supervisor.step(self._stamp_ns, self._look(sample, pose_age))
         if verdict is not None and self.mode in FLYING:
             self.react(verdict)
@@ -192,7 +196,7 @@ class FlightStack(StackOnGround):
             return 0.0
         self._stamp_ns = stamp_ns
         self._sequence[0] += 1
-        return min(dt, LONGEST_STEP)
+        return min(dt, LONGEST_GAP)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """By the barometer, in every mode: nobody knows when it will be needed."""

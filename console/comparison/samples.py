@@ -14,7 +14,7 @@ import numpy as np
 from quadrotor.records import IMU_SAMPLE, Record
 
 NOMINAL_STEP, LONGEST_STEP = 0.002, 0.05
-"""s: of the first sample, and the longest that is taken in one, as on board."""
+"""s: of the first sample, and the longest that is taken in one."""
 BRIDGE_STEP = 0.01
 LONGEST_GAP = 0.5
 """s without telemetry after which nobody knows where the vehicle went in between."""

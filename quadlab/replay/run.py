@@ -26,7 +26,7 @@ from quadrotor.records import (
     new_state,
 )
 from vehicle import mailbox
-from vehicle.stack import LONGEST_STEP, NOMINAL_STEP
+from vehicle.stack import LONGEST_GAP, NOMINAL_STEP
 
 _BYTES = f"V{STATE.itemsize}"
 
@@ -119,7 +119,7 @@ class _Vehicle:
                     estimator.reset()
                     self._refused, out.started_ns = 0, None
                     self._begin_ns = None if begins else self._begin_ns
-                estimator.predict(imu[k : k + 1], min(dt, LONGEST_STEP), state)
+                estimator.predict(imu[k : k + 1], min(dt, LONGEST_GAP), state)
                 while next_arrival < len(arrivals) and arrivals[next_arrival].arrival_ns < now_ns:
                     self._take(arrivals[next_arrival].measurement, now_ns)
                     next_arrival += 1
