@@ -464,6 +464,7 @@ def station(site: Site) -> Iterator[ScriptedStation]:
     site.station.refusal = ""
     site.station.said = {}
     site.station.away = False
+    site.station.silence = UnreachableError("the base station is not reached")
     site.station.answering.set()
 
 

@@ -11,7 +11,7 @@ export async function request(method, path, body) {
       body: body === undefined ? undefined : JSON.stringify(body),
     });
   } catch {
-    throw new Error("quadlab web does not answer; is it running?");
+    throw new Error("this page's server does not answer; is it running?");
   }
   const content = await response.json().catch(() => ({}));
   if (!response.ok) {

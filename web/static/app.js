@@ -6,13 +6,13 @@ import { Ages } from "./ages.js";
 import { Bar } from "./bar.js";
 import { Beacons } from "./beacons.js";
 import { Calibrate } from "./calibrate.js";
+import { Contact } from "./contact.js";
 import { ControlStrip } from "./control.js";
 import { Charts } from "./charts.js";
 import { addEmergency } from "./emergency.js";
 import { ExperimentSection } from "./experiment.js";
 import { Fly } from "./fly.js";
 import { Gains } from "./gains.js";
-import { element } from "./format.js";
 import { Help } from "./help.js";
 import { LinkPanel } from "./link.js";
 import { EventList } from "./log.js";
@@ -62,26 +62,12 @@ async function start() {
   followAddress();
   new People(session);
   new ControlStrip($("control"), events, session, fly);
-  connection(events);
+  new Contact($("contact"), { events, telemetry, ages, gains });
   new Help($("help"), isOperator); // last: it lists the keys of all
 }
 
-// A strip across the top while quadlab web is away; everything grows old below it.
-function connection(events) {
-  const strip = $("offline");
-  const show = async () => {
-    if (events.connected) { strip.hidden = true; return; }
-    strip.hidden = false;
-    strip.textContent = "No connection to quadlab web; reconnecting. The vehicle does not depend on this page.";
-    try { await get("/api/session"); } catch (error) {
-      if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back. The vehicle does not depend on this page.");
-    }
-  };
-  events.addEventListener("close", () => setTimeout(show, 400));
-  events.addEventListener("open", show);
-}
-
 start().catch((error) => {
-  $("offline").hidden = false;
-  $("offline").textContent = `The page could not start: ${error.message}`;
+  $("answer").className = "bad";
+  $("answer").hidden = false;
+  $("answer").textContent = `The page could not start: ${error.message}`;
 });

@@ -9,6 +9,8 @@ import { controlOf, isAlone } from "./who_flies.js";
 
 const $ = (id) => document.getElementById(id);
 
+const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
+
 const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
 
 export class Bar {
@@ -19,7 +21,7 @@ export class Bar {
     this.controls = ["arm", "take-off", "land"].map($);
     this.isOperator = isOperator;
     // What the label said at the press, whatever has been heard since.
-    onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted), () => this.nextArm);
+    onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted, SHOWN[wanted]), () => this.nextArm);
     flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
     flightButton($("land")).addEventListener("click", () => fly.start("land"));
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }

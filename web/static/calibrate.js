@@ -117,7 +117,7 @@ export class Calibrate {
   get hindrance() {
     const { status, control } = this.events.summary, { status: experiment } = this, holder = control?.holder ?? "";
     if (!this.isOperator) return "Viewers watch; an operator calibrates.";
-    if (!this.events.connected) return "No connection to quadlab web.";
+    if (!this.events.connected) return "No connection to this page's server.";
     if (!this.known.length) return "The station does not tell its calibrations.";
     if (this.chosen?.problem) return "This file cannot run; the reason stands above.";
     if (!status) return "No vehicle is heard.";

@@ -40,7 +40,7 @@ export class EmergencyPress {
       try {
         const { id } = await Promise.race([
           command("emergency", { action, request_id: own.id }),
-          pause(LATE).then(() => { throw new Error("quadlab web does not answer"); }),
+          pause(LATE).then(() => { throw new Error("this page's server does not answer"); }),
         ]);
         own.id = id; // of another's press, if ours came while that was under way
         own.phase = "accepted";
@@ -99,7 +99,7 @@ export class EmergencyPress {
       return { tone: "done", said: `${DONE[press.action]}${of}, ${answered}`, answered: `${of && `pressed${of}, `}${answered}`, running: "" };
     }
     if (press.phase === "failed") return { tone: "failed", said: `${name} failed: ${press.reason}. Press again.`, running: "" };
-    if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: quadlab web does not answer, trying again`, running: `, pressed ${ago} ago` };
+    if (press.web === false && press.phase === "sent") return { tone: "waiting", said: `${name}: this page's server does not answer, trying again`, running: `, pressed ${ago} ago` };
     const silent = this.events.age("status") > 1 ? "; the vehicle is not heard" : "";
     const isTaken = press.action === "land" && this.events.summary.emergency_land === "emergency";
     const what = press.phase === "sent" ? "not acknowledged" : isTaken ? "accepted, the microcontroller not yet flying" : "accepted, not yet shown by the vehicle";

@@ -42,7 +42,7 @@ function connection(socket) {
   const show = async () => {
     strip.hidden = socket.connected;
     if (socket.connected) return;
-    strip.textContent = "No connection to quadlab web; reconnecting. What stands here is old; Land all is tried all the same.";
+    strip.textContent = "No connection to this page's server; reconnecting. What stands here is old; Land all is tried all the same.";
     try { await get("/api/session"); } catch (error) {
       if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
     }

@@ -1,6 +1,7 @@
 // The Fly tab: behaviours with their arguments, recording, and the answer to the last command.
 
 import { command } from "./api.js";
+import { CommandNotice } from "./command_notice.js";
 import { flightButton } from "./flight_button.js";
 import { bytes, element } from "./format.js";
 
@@ -14,6 +15,7 @@ export class Fly {
     this.forms = new Map();
     this.started = null; // {name, values}: the last behaviour this page started
     this.isOperator = isOperator;
+    this.notice = new CommandNotice($("answer"), events);
     const plain = element("div", { className: "plain" });
     for (const behavior of behaviors) {
       if (behavior.arguments.length) $("behaviors").append(this.row(behavior));
@@ -62,30 +64,13 @@ export class Fly {
     this.attempt(async () => {
       await command("start_behavior", { name, arguments: values });
       this.started = { name, values };
-    }, label);
+    }, label, (status) => status.behavior?.toLowerCase() === name);
   }
 
-  // Runs a command and shows its answer: a refusal stays until the next command.
-  async attempt(act, label = "") {
-    try {
-      await act();
-      if (label) this.say(`${label}: accepted`);
-    } catch (error) {
-      this.refuse(`${label ? `${label}: ` : ""}${error.message}`);
-    }
-  }
-
-  say(content) { this.show(content, true); }
-  refuse(content) { this.show(content, false); document.querySelector("[data-tab=fly]").click(); }
-
-  show(content, good) {
-    const answer = $("answer");
-    clearTimeout(this.fading);
-    answer.replaceChildren(content);
-    answer.classList.toggle("good", good);
-    answer.hidden = false;
-    if (good && typeof content === "string") this.fading = setTimeout(() => { answer.hidden = true; }, 4000);
-  }
+  // Runs a command and says what became of it; see static/command_notice.js.
+  attempt(act, label = "", shows = null) { return this.notice.run(label, act, shows); }
+  say(content) { this.notice.say(content); }
+  refuse(content) { this.notice.refuse(content); }
 
   record() {
     const start = !this.events.summary.station?.recording;

@@ -1,5 +1,6 @@
 // The Link tab: how the radio to the vehicle does, and this page's own way to the station.
 
+import { REACTIONS } from "./contact_words.js";
 import { duration, element, fixed } from "./format.js";
 import { LinkStrip } from "./link_strip.js";
 import { LoopPanel } from "./loop_panel.js";
@@ -33,7 +34,7 @@ export class LinkPanel {
       clock_offset: strip("Clock offset", { format: (value) => (Math.abs(value) < 1 ? ms(value) : `${fixed(value, 3)} s`), least: 0.002, zero: false, title: "vehicle's clock minus the station's" }),
     };
     this.page = {
-      roundTrip: new LinkStrip("Round trip", { format: ms, least: 0.02, deadline: { value: () => SLOW, text: "slow" }, title: "this page to quadlab web and back, once a second" }),
+      roundTrip: new LinkStrip("Round trip", { format: ms, least: 0.02, deadline: { value: () => SLOW, text: "slow" }, title: "this page to its server and back, once a second" }),
       rate: new LinkStrip("Frames", { format: hertz, least: 30, title: "telemetry frames that reached this page; 25 a second are sent" }),
     };
     place.append(
@@ -90,14 +91,15 @@ export class LinkPanel {
 
   reactionText() {
     const timeout = this.gains.value("safety.link_timeout"), land = this.gains.value("safety.link_land_after");
-    if (timeout === undefined || land === undefined) return "What the vehicle does without the station is not known here: its parameters have not been read.";
-    return `Without the station for ${fixed(timeout, 2)} s, a flying vehicle brakes and hovers by itself; ${fixed(land, 1)} s later it lands.`;
+    const first = REACTIONS[this.gains.value("safety.link_reaction")], then = REACTIONS[this.gains.value("safety.link_land_reaction")];
+    if (timeout === undefined || land === undefined || !first || !then) return "What the vehicle does without the station is not known here: its parameters have not been read.";
+    return `Without the station for ${fixed(timeout, 2)} s, a flying vehicle ${first.does} by itself; ${fixed(land, 1)} s later it ${then.does}.`;
   }
 
   // Which of the two ways is the slow one.
   verdictText(link, isOld) {
     const { roundTrip, connected } = this.telemetry;
-    if (!connected) return "This page has no connection to quadlab web: what it shows is old, whatever the radio does.";
+    if (!connected) return "This page has no connection to its server: what it shows is old, whatever the radio does.";
     if (!(roundTrip > SLOW) && !(this.rate < FRAMES)) return "";
     const radio = link && !isOld && link.state === "good" ? "The radio is good: it" : "It";
     return `${radio} is this browser or its way to the station that is slow (${roundTrip > SLOW ? `${Math.round(1e3 * roundTrip)} ms` : `${fixed(this.rate, 0)} of 25 frames a second`}).`;

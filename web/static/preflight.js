@@ -1,5 +1,5 @@
-// The pre-flight check list at the top of the Fly tab, until the vehicle is armed. The station
-// judges it and refuses to arm by it; here it is shown, and read out with the Arm button.
+// The pre-flight check list at the top of the Fly tab. The station judges it and refuses to arm by
+// it; here it is shown, and read out with the Arm button. The list opens over what stands below.
 
 import { badge, checkList } from "./check_list.js";
 import { element } from "./format.js";
@@ -36,13 +36,15 @@ export class Preflight {
   draw() {
     const { preflight, status } = this.events.summary, old = !preflight || !(this.events.age("preflight") < STALE);
     const armed = Boolean(status?.armed);
-    this.place.hidden = armed;
     const note = armed || old ? "" : armNote(preflight);
     if (this.note.textContent !== note) this.note.textContent = note;
-    if (armed) return;
-    const open = this.place.open, key = JSON.stringify([old, preflight?.ready, preflight?.blocks, ...(old ? [] : preflight.checks.map((one) => (open || one.state !== "ok" ? [one.name, one.state, one.found] : one.state)))]);
+    const open = this.place.open, key = JSON.stringify([armed, old, preflight?.ready, preflight?.blocks, ...(old ? [] : preflight.checks.map((one) => (open || one.state !== "ok" ? [one.name, one.state, one.found] : one.state)))]);
     if (key === this.drawn) return;
     this.drawn = key;
+    if (armed) { // it keeps its row: what stands below must not come under the pointer
+      this.head("ok", "Armed", "checked before arming");
+      return;
+    }
     if (old) {
       this.head("unknown", "Pre-flight checks not heard", "the station does not tell them");
       this.body.replaceChildren();

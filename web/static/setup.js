@@ -36,7 +36,7 @@ function connection(events) {
   const show = async () => {
     strip.hidden = events.connected;
     if (events.connected) return;
-    strip.textContent = "No connection to quadlab web; reconnecting. What stands here is old.";
+    strip.textContent = "No connection to this page's server; reconnecting. What stands here is old.";
     try { await get("/api/session"); } catch (error) {
       if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
     }

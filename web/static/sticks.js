@@ -143,7 +143,7 @@ export class Sticks {
     });
     this.link.addEventListener("lost", () => {
       if (this.on) this.dropped = "the connection was lost";
-      this.refuse("no connection to quadlab web; release and press again");
+      this.refuse("no connection to this page's server; release and press again");
     });
   }
 }

@@ -6,6 +6,8 @@ import { listenInside } from "./keys.js";
 import { here } from "./vehicle_path.js";
 import { isAlone, landing } from "./who_flies.js";
 
+const LOST = 0.8; // s
+
 const $ = (id) => document.getElementById(id);
 
 export class View {
@@ -37,7 +39,8 @@ export class View {
     const { status, station, link } = events.summary, age = events.age("state");
     const isSilent = this.silence.holds || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
     const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
-    const texts = isSilent ? [silence] : (status?.flags ?? []).map(words);
+    // Silence that lasts is a lost contact, which static/contact.js tells.
+    const texts = isSilent ? (age < LOST ? [silence] : []) : (status?.flags ?? []).map(words);
     if (events.age("station_status") < 1.5) texts.push(...(station?.alarms ?? []));
     const who = events.age("status") < 1 ? landing(status) : "", key = [who, ...texts].join("|");
     if (key === this.shown) return;

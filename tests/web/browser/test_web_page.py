@@ -81,8 +81,10 @@ def test_what_is_old_is_grey_and_keeps_its_last_value(page: Any, look: Any, flyi
     look.text("#mode", "^armed$")
     look.has_class("#table tbody tr >> nth=0", "stale")
     look.text(x, r"^1\.000$")
-    look.text("#flags", r"no telemetry for")
+    page.wait_for_selector("#contact:not([hidden])")
+    look.text("#flags", "^$")
     flying(True)
+    page.wait_for_selector("#contact", state="hidden")
     look.has_no_class("#mode", "stale")
 
 
@@ -147,10 +149,9 @@ def test_the_page_comes_back_by_itself_after_a_restart_of_web(
         page = open_page(first)
         look = look_at(page)
         port = int(first.host.split(":")[1])
-    page.wait_for_selector("#offline:not([hidden])")
-    look.text("#offline", "No connection to quadlab web")
+    page.wait_for_selector("#contact[data-cause=page]")
     with serve(tmp_path, catalogue, port=port) as again:
-        page.wait_for_selector("#offline", state="hidden")
+        page.wait_for_selector("#contact:not([data-cause=page])", state="attached")
         again.station.fly()
         look.text("#mode", "^armed$")
         page.close()

@@ -73,7 +73,7 @@ def test_an_admin_sees_the_users_and_ends_sessions(place: Any, tab: Any, look_at
     tab.click("#who")
     look.text("#users .user >> nth=1 >> .name", "^oleg$")
     tab.click("#users .user >> nth=1 >> button")
-    look_at(theirs).text("#offline", "Signed out. Sign in to come back")
+    look_at(theirs).text("#contact", "Signed out. Sign in to come back")
     look.text("#events", "anna ended the sessions of oleg")
     other.close()
 

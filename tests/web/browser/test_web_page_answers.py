@@ -1,0 +1,95 @@
+"""What became of a command: pending while its answer is late, then by answer or by the vehicle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from quadrotor.errors import NoAnswerError
+
+FIGURE_8 = ".behavior:has-text('Figure 8') button"
+FLIES = {"behavior": "follow_trajectory"}
+LATER = """(milliseconds) => { const now = performance.now.bind(performance);
+  performance.now = () => now() + milliseconds; }"""
+"""Makes it so much later on the page's clock."""
+
+
+def is_gone(page: Any) -> None:
+    page.wait_for_selector("#answer", state="hidden")
+
+
+def test_a_late_answer_is_pending_and_then_what_it_says(page: Any, look: Any, station: Any) -> None:
+    station.answering.clear()
+    station.refusal = "the motors are hot"
+    page.click(FIGURE_8)
+    look.has_class("#answer", "pending")
+    look.text("#answer .running", r"[\d.]+ s")
+    station.answering.set()
+    look.text("#answer", "the motors are hot")
+    look.has_class("#answer", "bad")
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_what_the_vehicle_shows_is_done_whatever_became_of_the_answer(
+    page: Any, look: Any, station: Any, answers: bool
+) -> None:
+    station.silence = NoAnswerError("the vehicle has not answered")
+    station.away = not answers
+    if answers:
+        station.answering.clear()
+    page.click(FIGURE_8)
+    look.has_class("#answer", "pending")
+    station.said = FLIES
+    look.text("#answer", "^Figure 8: done")
+    look.has_class("#answer", "good")
+    station.answering.set()
+    is_gone(page)
+
+
+def test_what_nothing_shows_is_not_known_until_the_vehicle_does_something_else(
+    page: Any, look: Any, station: Any
+) -> None:
+    station.silence = NoAnswerError("the vehicle has not answered")
+    station.away = True
+    page.click(FIGURE_8)
+    look.has_class("#answer", "pending")
+    page.evaluate(LATER, 11_000)
+    look.text("#answer", "^Figure 8: not known whether.* shows armed, hover")
+    look.has_class("#answer", "bad")
+    station.said = {"behavior": "land"}
+    is_gone(page)
+
+
+def test_a_command_of_what_is_flown_already_is_not_taken_for_done(
+    page: Any, look: Any, station: Any
+) -> None:
+    station.silence = NoAnswerError("the vehicle has not answered")
+    station.away, station.said = True, FLIES
+    look.text("#behavior", "^follow trajectory$")
+    page.click(FIGURE_8)
+    look.text("#answer", "^Figure 8: not known whether.* shows armed, follow trajectory")
+
+
+def test_a_refusal_goes_with_the_state_that_it_was_about(
+    page: Any, look: Any, station: Any
+) -> None:
+    station.refusal = "the motors are off; arm the vehicle first"
+    page.click("#take-off")
+    look.text("#answer", "arm the vehicle first")
+    page.click("[data-tab=gains]")  # it is seen from all tabs, and takes nobody to another
+    page.wait_for_timeout(300)
+    assert page.is_visible("#answer")
+    assert page.is_visible("#gains")
+    station.said = {"behavior": "take_off"}
+    is_gone(page)
+
+
+def test_an_absent_station_is_said_until_it_is_heard_again(
+    page: Any, look: Any, station: Any
+) -> None:
+    station.away = True
+    page.click("#take-off")
+    look.text("#answer", f"^Take off: {station.silence}")
+    station.away = False
+    is_gone(page)
