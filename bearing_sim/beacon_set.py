@@ -1,4 +1,4 @@
-"""A set of beacons: who they are, where they stand, and the plane they stand in."""
+"""A set of beacons: who they are, where they stand, and the plane nearest to them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,10 @@ from quadrotor.records import MAX_BEACONS
 Array = npt.NDArray[np.float64]
 
 LEAST = 4
-"""Beacons of a set: a planar pose needs as many in view."""
+"""Beacons of a set: a pose of one frame needs as many in view."""
 ID_MAX = 2**31 - 1
 FARTHEST = 1000.0
 """m from the world's origin on each axis; more is a wrong unit."""
-FLATNESS = 1e-3
-"""How far a set may leave its plane, as a share of its extent: what the planar pose accepts."""
 IN_LINE = 1e-3
 """Share of the extent across which a set counts as standing on one line."""
 
@@ -32,15 +30,17 @@ class Beacons:
 
     Args:
         ids: (N,), whole numbers 0 … 2³¹ − 1, each once; 4 <= N <= MAX_BEACONS. Lists will do.
-        positions_w: (N, 3) m, world axes; in one plane, not on one line. Lists will do.
+        positions_w: (N, 3) m, world axes; not on one line. Lists will do. An estimator that
+            needs them in one plane refuses what is not (`estimation.beacon_plane`).
 
     Attributes:
         ids, positions_w: int32 and float64, copies, read-only as all arrays here.
         center_w: (3,) m, their mean.
-        normal_w: (3,) unit normal of their plane, the one with its largest component above 0.
+        normal_w: (3,) unit normal of the plane nearest to them, the one with its largest component
+            above 0.
 
-    Raises MeasurementError when malformed; DegenerateGeometryError when they are too few, on one
-    line or not in one plane.
+    Raises MeasurementError when malformed; DegenerateGeometryError when they are too few or on
+    one line.
     """
 
     ids: npt.NDArray[np.int32]
@@ -147,10 +147,7 @@ def _checked_positions(positions_w: npt.ArrayLike, ids: npt.NDArray[np.int32]) -
 
 
 def _plane(places: Array) -> tuple[Array, Array]:
-    """Centre and unit normal. Raises DegenerateGeometryError when they span no plane, or leave it.
-
-    The limits are those of `estimation.beacon_plane`: what is accepted here can be solved there.
-    """
+    """Centre and unit normal of the nearest plane. Raises DegenerateGeometryError when none is."""
     center = places.mean(axis=0)
     from_center = places - center
     _, singular, axes = np.linalg.svd(from_center, full_matrices=False)
@@ -161,12 +158,6 @@ def _plane(places: Array) -> tuple[Array, Array]:
             "allowed are sets that span a plane: move one aside"
         )
     normal: Array = axes[2]
-    if singular[2] > FLATNESS * singular[0]:
-        off = float(np.abs(from_center @ normal).max())
-        raise DegenerateGeometryError(
-            f"the beacons leave their common plane by up to {off:.3g} m; "
-            f"allowed is about {FLATNESS * extent:.2g} m: level them or correct their positions"
-        )
     if normal[np.argmax(np.abs(normal))] < 0.0:
         normal = -normal
     return center, normal.copy()

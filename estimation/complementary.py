@@ -17,6 +17,7 @@ from estimation.planar_pose import planar_pose
 from estimation.position_at_attitude import position_at_attitude
 from estimation.refusals import refuse_bearings, refuse_pose
 from estimation.stability import gain_warnings
+from quadrotor.errors import DegenerateGeometryError
 from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record
 
 __all__ = [
@@ -175,7 +176,8 @@ class ComplementaryEstimator:
 
         The pose is sought from the estimate at the frame's stamp; its position is then solved
         anew at the filter's attitude, which is far better than the frame's own. Raises
-        MeasurementError when the frame is malformed or gives no pose.
+        MeasurementError when the frame is malformed or gives no pose, DegenerateGeometryError
+        when its beacons, fewer than four or in no plane, determine none.
         """
         frame = bearings[0]
         count, stamp_ns = int(frame["count"]), int(frame["stamp_ns"])
@@ -186,7 +188,10 @@ class ComplementaryEstimator:
         if self._initialized and recall(self._memory[0], stamp_ns) > 0:
             past = self._memory["past"][0].copy()
             start = (past[:3], past[3:])
-        pose = planar_pose(beacons, seen, float(frame["sigma"]), start)
+        try:
+            pose = planar_pose(beacons, seen, float(frame["sigma"]), start)
+        except DegenerateGeometryError as error:
+            raise DegenerateGeometryError(f"complementary needs a pose a frame: {error}") from error
         sample = self._frame_pose
         sample[0] = stamp_ns, pose.position_w, pose.quaternion_wb
         if start is not None:

@@ -175,3 +175,7 @@ def report(memory: Record, estimate: Record) -> None:
         n = m.outcomes
         out.measurements_used, out.measurements_refused = n[_APPLIED], n[_OUTLIER]
         out.measurements_ignored = n[_TOO_OLD] + n[_NOT_NEWER] + n[_AHEAD] + n[_INVALID]
+        out.nis, out.nis_freedom = math.nan, 0  # a filter of fixed gains has no covariance
+        for i in range(3):
+            out.position_variance_w[i] = out.velocity_variance_w[i] = math.nan
+            out.attitude_variance_w[i] = math.nan

@@ -6,6 +6,8 @@ from enum import IntEnum
 
 AHEAD_NS = 20_000_000
 """A measurement may be this far ahead of the newest IMU sample: clock error, serial latency."""
+LATEST_NS = 600_000_000
+"""One may be this late, where the estimator goes back so far; what came since is applied again."""
 NORM_TOLERANCE = 0.02
 """How far the squared length of a measured quaternion or bearing may be from 1."""
 

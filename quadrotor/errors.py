@@ -43,6 +43,10 @@ class DegenerateGeometryError(MeasurementError):
     """What was seen, or where the beacons stand, does not determine a pose."""
 
 
+class UndeterminedStartError(DegenerateGeometryError):
+    """A filter that knows a pose could use the measurement, but none can be had from it alone."""
+
+
 class LinkError(QuadlabError):
     """The radio link, a service or a session failed or did not answer in time."""
 

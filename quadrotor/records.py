@@ -94,6 +94,12 @@ ESTIMATE = np.dtype(
         ("measurements_refused", "u4"),  # by the gate: too far from their prediction
         ("measurements_ignored", "u4"),  # too old, repeated, ahead of the time, or unusable
         ("agreement", "u1"),  # estimation.outcome.Agreement of measurements and estimate
+        # Of an estimator with a covariance; NaN and 0 of one without:
+        ("nis", "f8"),  # normalised innovation squared of the newest measurement used
+        ("nis_freedom", "i4"),  # its degrees: numbers measured; 0 when the newest was refused
+        ("position_variance_w", "f8", 3),  # m^2, after the newest measurement
+        ("velocity_variance_w", "f8", 3),  # m^2/s^2
+        ("attitude_variance_w", "f8", 3),  # rad^2, about the world's axes
     ],
     align=True,
 )

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from estimation.convergence import Deviations, Difference
+from estimation.outcome import LATEST_NS
 from quadrotor.records import Record
 from vehicle.parameters import FallBackParameters
 
@@ -26,8 +27,6 @@ FEWEST_FRAMES = 5
 """Fewer in the window tell nothing."""
 IN_A_ROW = 10
 """Poses that must disagree one after the other: 0.1 s of a 100 Hz tracker."""
-PAST_TICKS = 300
-"""Poses of the estimate kept for late frames: 0.6 s at 500 Hz."""
 
 
 class BearingsWatch:
@@ -44,7 +43,7 @@ class BearingsWatch:
     def __init__(self, parameters: FallBackParameters) -> None:
         self.parameters = parameters
         self.verdict: str | None = None
-        self._past: deque[tuple[int, Array, Array]] = deque(maxlen=PAST_TICKS)
+        self._past: deque[tuple[int, Array, Array]] = deque()
         self._frames: deque[tuple[int, int, int, float]] = deque()
         self._apart = 0
 
@@ -60,6 +59,8 @@ class BearingsWatch:
         self._past.append(
             (stamp_ns, state["position_w"][0].copy(), state["quaternion_wb"][0].copy())
         )
+        while self._past[0][0] < stamp_ns - LATEST_NS:  # a frame as late is not used
+            self._past.popleft()
 
     def frame(self, frame: Record, deviations: Deviations | None, now_ns: int) -> list[int]:
         """Judge one BEARINGS_SAMPLE (1,) before it is applied.

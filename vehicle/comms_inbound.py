@@ -17,6 +17,7 @@ import time
 from collections.abc import Callable
 
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
+from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import Record
 from vehicle import mailbox
@@ -190,7 +191,7 @@ class Inbound:
 
     def _bearings(self, payload: bytes) -> None:
         seen = topics.decode_bearings(payload)
-        if not self._fresh("bearings", seen.stamp_ns):
+        if not self._fresh("bearings", seen.stamp_ns, LATEST_NS):
             return
         self._send(mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma))
         self._log("bearings", payload, seen.stamp_ns)
@@ -201,13 +202,16 @@ class Inbound:
         )
         self._bearing_pose(encoded, seen.stamp_ns)
 
-    def _fresh(self, topic: str, stamp_ns: int) -> bool:
+    def _fresh(self, topic: str, stamp_ns: int, oldest_ns: int = OLDEST_NS) -> bool:
         age_ns = self._clock.now_ns() - stamp_ns
-        if abs(age_ns) <= OLDEST_NS:
+        allowed_ns = oldest_ns if age_ns > 0 else OLDEST_NS
+        if abs(age_ns) <= allowed_ns:
             return True
         when = f"{age_ns / 1e6:.0f} ms old" if age_ns > 0 else f"{-age_ns / 1e6:.0f} ms ahead"
         self._complain(
-            topic, f"ignored, its stamp is {when} of the vehicle's clock; allowed 200 ms"
+            topic,
+            f"ignored, its stamp is {when} of the vehicle's clock; "
+            f"allowed {allowed_ns / 1e6:.0f} ms",
         )
         return False
 

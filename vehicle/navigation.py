@@ -16,7 +16,7 @@ from estimation import registry
 from estimation.convergence import difference
 from estimation.estimator import Estimator
 from estimation.parameters import EstimationParameters
-from quadrotor.errors import MeasurementError
+from quadrotor.errors import MeasurementError, UndeterminedStartError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE, Record
 from vehicle import mailbox
@@ -237,8 +237,11 @@ class Navigation:
                 else:
                     self._warn(now_ns)
             for other in self._beside:
-                self._correct_beside(other, measurement, now_ns)
+                self._correct_beside(other, measurement, now_ns, state)
         self._queue.clear()
+        for each in self._seats.all():
+            for line in each.news(now_ns):
+                self._say(line, mailbox.WARN)
 
     def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
         """The measurement as the estimator in use gets it; None when nothing is left of it."""
@@ -279,10 +282,18 @@ class Navigation:
         except Exception as error:
             self._drop(runner, error)
 
-    def _correct_beside(self, runner: Runner, measurement: Record, now_ns: int) -> None:
+    def _correct_beside(
+        self, runner: Runner, measurement: Record, now_ns: int, state: Record
+    ) -> None:
         try:
             if runner.wants(measurement, now_ns, self._timeout_ns):
                 runner.correct(measurement, runner.estimate)
+        except UndeterminedStartError as error:
+            if self.active.converged:  # then the vehicle's pose is known
+                runner.start_at(now_ns, state)
+                self._say(f"{runner} started at the pose of {self._seats.active}", mailbox.INFO)
+            else:
+                self._complain(str(error), now_ns)
         except MeasurementError as error:
             if runner.source != self.source:  # else said of the estimator in use
                 self._complain(f"{runner}: {error}", now_ns)

@@ -6,8 +6,11 @@ import numpy as np
 
 from estimation.estimator import Estimator
 from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state
+from vehicle.unused_measurements import UnusedMeasurements
 
 POSES, BEARINGS, BOTH = "poses", "bearings", "both"
+NEWS_NS = 1_000_000_000
+"""Between two lines of one estimator: a filter that finds no footing starts anew twice a second."""
 
 
 class Runner:
@@ -26,6 +29,8 @@ class Runner:
         self.name, self.source, self.estimator, self.plugged = name, source, estimator, plugged
         self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
         self._last_pose_ns = -(1 << 62)
+        self._unused = UnusedMeasurements()
+        self._told_ns = -(1 << 62)
 
     def __str__(self) -> str:
         return f"{self.name} on {self.source}"
@@ -53,3 +58,21 @@ class Runner:
             self.estimator.correct(measurement, estimate)
         else:
             self.estimator.correct_bearings(measurement, estimate)
+
+    def start_at(self, stamp_ns: int, state: Record) -> None:
+        """Start at the pose of a STATE (1,). Raises MeasurementError."""
+        pose = np.zeros(1, POSE_SAMPLE)
+        pose[0] = stamp_ns, state["position_w"][0], state["quaternion_wb"][0]
+        self.estimator.initialize(pose)
+
+    def news(self, now_ns: int) -> list[str]:
+        """What a person should know of the estimator; of a plugin what it tells by `notices`."""
+        lines = []
+        notices: list[str] = getattr(self.estimator, "notices", [])
+        if notices and now_ns - self._told_ns > NEWS_NS:
+            self._told_ns = now_ns
+            often = f" ({len(notices)} times)" if len(notices) > 1 else ""
+            lines.append(notices[-1] + often)
+            notices.clear()
+        unused = self._unused.look(str(self), self.estimator, now_ns)
+        return lines if unused is None else [*lines, unused]

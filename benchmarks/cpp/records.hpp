@@ -75,6 +75,9 @@ struct Estimate {
     double position_innovation_w[3], attitude_innovation_b[3], measurement_age;
     uint32_t measurements_used, measurements_refused, measurements_ignored;
     uint8_t agreement;
+    double nis;
+    int32_t nis_freedom;
+    double position_variance_w[3], velocity_variance_w[3], attitude_variance_w[3];
 };
 
 struct Onboard {

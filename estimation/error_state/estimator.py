@@ -13,11 +13,12 @@ from estimation.error_state import filter as kernels
 from estimation.error_state.memory import ERRORS, new_memory
 from estimation.error_state.parameters import noise_record
 from estimation.error_state.timeline import apply_one
+from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters
 from estimation.planar_pose import planar_pose
 from estimation.refusals import refuse_bearings, refuse_pose
-from quadrotor.errors import MeasurementError
+from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
 from quadrotor.records import POSE_SAMPLE, Record
 
 Array = npt.NDArray[np.float64]
@@ -25,31 +26,37 @@ Array = npt.NDArray[np.float64]
 ANCHOR_NS = 200_000_000
 """Without a measurement for so long the covariance is brought to the present by itself."""
 LOST_AFTER_NS = 500_000_000
-LOST_REFUSALS = 8
-"""So many measurements refused in a row, for LOST_AFTER_NS, mean that the filter is wrong."""
+"""LOST_REFUSALS measurements in a row, for so long, mean that the filter is wrong."""
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
+TOLD_EVERY_NS = 1_000_000_000
+"""Between two lines about restarts that failed."""
+DETERMINED = 4
+"""Bearings to beacons in one plane that leave one pose."""
+HOW_TO_START = "show it a fourth beacon in their plane, or run it beside an estimator on poses"
 FIT = Deviations(position=0.15, velocity=0.2, attitude=math.radians(3.0))
 """Largest deviations to be flown on."""
-FIT_UPDATES = 10
-FIT_CONSISTENCY = 3.0
+NOT_YET_CONSISTENT = 2.0 * FIT_CONSISTENCY
+"""Mean consistency a filter restarts with: measurements have to bring it down."""
 
 
 class ErrorStateEstimator:
     """Tightly coupled: each bearing, or pose, corrects state and biases by their covariance.
 
     Attributes:
-        ignored: how many measurements were not applied, by Outcome.
+        notices: what a person should know of it, for instance a restart; whoever tells them
+            clears the list.
     """
 
     name = "error_state"
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
-        self.ignored: Counter[Outcome] = Counter()
+        self.notices: list[str] = []
         self._memory = new_memory()
         self._initialized = False
         self._waiting: list[tuple[int, Record]] = []
         self._due_ns = 1 << 62
+        self._told_ns = -(1 << 62)
         self._remember_views()
         self.configure(parameters or EstimationParameters())
 
@@ -85,6 +92,13 @@ class ErrorStateEstimator:
         return self.measurement_age > self._timeout
 
     @property
+    def ignored(self) -> Counter[Outcome]:
+        """How many measurements since the reset were not applied, by Outcome."""
+        counts = self._memory["outcomes"][0].tolist()
+        counts[Outcome.APPLIED] = 0
+        return +Counter(dict(zip(Outcome, counts, strict=True)))
+
+    @property
     def memory(self) -> Record:
         """The filter's memory, shape (1,), for logs and tests."""
         return self._memory
@@ -112,6 +126,9 @@ class ErrorStateEstimator:
         applied = int(self._memory["applied"][0])
         if applied < FIT_UPDATES:
             return Convergence(False, f"{applied} measurements applied, needs {FIT_UPDATES}")
+        refused = int(self._memory["refused"][0])
+        if refused >= LOST_REFUSALS:
+            return Convergence(False, f"the last {refused} measurements did not agree with it")
         consistency = float(self._memory["consistency"][0])
         if not consistency < FIT_CONSISTENCY:
             return Convergence(
@@ -143,7 +160,7 @@ class ErrorStateEstimator:
         self._initialized = False
         self._waiting.clear()
         self._due_ns = 1 << 62
-        self.ignored.clear()
+        self.notices.clear()
 
     def initialize(self, pose: Record, deviations: Array = START) -> None:
         """Start anew at a POSE_SAMPLE (1,), at rest, with the biases so far.
@@ -169,6 +186,8 @@ class ErrorStateEstimator:
         m["base_ns"] = min(stamp_ns, int(m["stamp_ns"])) if m["sample_count"] else stamp_ns
         m["now"] = x
         m["initialized"], m["consistency"], m["applied"], m["refused"] = 1, 1.0, 0, 0
+        m["restarted"], m["freedom"], m["innovation"] = 0, 0, 0.0
+        m["outcomes"][Outcome.APPLIED] += 1
         m["event_count"], m["event_order"][0], m["event_kind"][0] = 1, 0, 0
         m["event_ns"][0] = m["base_ns"]
         m["after_state"][0], m["after_covariance"][0] = x, m["covariance"]
@@ -199,19 +218,21 @@ class ErrorStateEstimator:
             return
         if not kernels.take_pose(self._memory[0], pose[0]):
             raise self._refused(refuse_pose(pose))
-        if self._apply(pose, estimate):
-            self.initialize(pose)
+        self._apply(pose)
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
         """Apply a BEARINGS_SAMPLE (1,), late or not, any number of beacons.
 
         Before any pose the first frame that determines one by itself starts the filter. What
         cannot be applied is counted in `ignored`. Raises MeasurementError when a number is not
-        finite, a bearing not unit, or no pose was found to start from.
+        finite, a bearing not unit, or no pose was found to start from: UndeterminedStartError
+        when one from elsewhere would do (`initialize`).
         """
         if not kernels.take_bearings(self._memory[0], bearings[0]):
             raise self._refused(refuse_bearings(bearings))
-        if not self._initialized or self._apply(bearings, estimate):
+        if self._initialized:
+            self._apply(bearings)
+        else:
             self._start_from(bearings)
 
     def report(self, estimate: Record) -> None:
@@ -225,20 +246,14 @@ class ErrorStateEstimator:
         return ["no measurement comes: position and velocity are only predicted"]
 
     # ------------------------------------------------------------------ parts
-    def _apply(self, measurement: Record, estimate: Record) -> bool:
-        """Apply what was taken; True when the filter is lost and should start anew from it."""
+    def _apply(self, measurement: Record) -> None:
+        """Apply what was taken, now or when the IMU has come so far. Raises MeasurementError."""
         m = self._memory[0]
-        ahead_ns = int(m["new_ns"] - m["stamp_ns"])
-        if 0 < ahead_ns <= AHEAD_NS:
+        if 0 < int(m["new_ns"] - m["stamp_ns"]) <= AHEAD_NS:
             self._waiting.append((int(m["new_ns"]), measurement.copy()))
             self._due_ns = min(due_ns for due_ns, _ in self._waiting)
-            return False
-        outcome = Outcome(apply_one(m, self._noise[0]))
-        if outcome is not Outcome.APPLIED:
-            self.ignored[outcome] += 1
-        if outcome is not Outcome.OUTLIER or m["refused"] < LOST_REFUSALS:
-            return False
-        return bool(m["stamp_ns"] - m["measurement_ns"] > LOST_AFTER_NS)
+        else:
+            self._settle(measurement)
 
     def _apply_waiting(self, now_ns: int) -> None:
         """Measurements that were ahead of the IMU and no longer are."""
@@ -248,9 +263,38 @@ class ErrorStateEstimator:
         for one in ready:
             take = kernels.take_pose if one.dtype == POSE_SAMPLE else kernels.take_bearings
             take(self._memory[0], one[0])
-            outcome = Outcome(apply_one(self._memory[0], self._noise[0]))
-            if outcome is not Outcome.APPLIED:
-                self.ignored[outcome] += 1
+            try:
+                self._settle(one)
+            except MeasurementError as error:  # a prediction has no way to refuse
+                if now_ns - self._told_ns > TOLD_EVERY_NS:
+                    self._told_ns = now_ns
+                    self.notices.append(str(error))
+
+    def _settle(self, measurement: Record) -> None:
+        """Apply what was taken; when the filter is lost, start anew from it.
+
+        Raises MeasurementError when it gives no start.
+        """
+        m = self._memory[0]
+        outcome = apply_one(m, self._noise[0])
+        if outcome != Outcome.OUTLIER or m["refused"] < LOST_REFUSALS:
+            return
+        lost_ns = int(m["stamp_ns"] - m["measurement_ns"])
+        if lost_ns <= LOST_AFTER_NS:
+            return
+        refused, before = int(m["refused"]), m["now"][:3].copy()
+        at_once = bool(m["at_once"])
+        if measurement.dtype == POSE_SAMPLE:
+            self.initialize(measurement)
+        else:
+            self._start_from(measurement)
+        m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
+        m["outcomes"][Outcome.OUTLIER] -= 1  # counted as used now
+        self.notices.append(
+            f"error_state started anew, {np.linalg.norm(m['now'][:3] - before):.2f} m from where "
+            f"it was: {refused} measurements in {1e-9 * lost_ns:.1f} s did not agree with it, "
+            + ("which jumped" if at_once else "from which it drifted")
+        )
 
     def _anchor(self) -> None:
         """Bring filter and covariance to the newest sample without a measurement."""
@@ -261,7 +305,18 @@ class ErrorStateEstimator:
         """Start at the pose one frame gives by itself. Raises MeasurementError."""
         frame = bearings[0]
         count = int(frame["count"])
-        pose = planar_pose(frame["beacon_w"][:count], frame["bearing_b"][:count], frame["sigma"])
+        beacons, seen = frame["beacon_w"][:count], frame["bearing_b"][:count]
+        if count < DETERMINED:
+            why = "up to four poses fit them" if count == 3 else "they leave the pose open"
+            raise UndeterminedStartError(
+                f"error_state cannot start on {count} bearings: {why}; {HOW_TO_START}"
+            )
+        try:
+            pose = planar_pose(beacons, seen, frame["sigma"])
+        except DegenerateGeometryError as error:
+            raise UndeterminedStartError(
+                f"error_state cannot start on these bearings: {error}; {HOW_TO_START}"
+            ) from error
         sample = np.zeros(1, POSE_SAMPLE)
         sample[0] = frame["stamp_ns"], pose.position_w, pose.quaternion_wb
         deviations = START.copy()
@@ -269,7 +324,7 @@ class ErrorStateEstimator:
         self.initialize(sample, deviations)
 
     def _refused(self, error: MeasurementError) -> MeasurementError:
-        self.ignored[Outcome.INVALID] += 1
+        self._memory["outcomes"][0, Outcome.INVALID] += 1
         return error
 
 

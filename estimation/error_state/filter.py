@@ -14,13 +14,16 @@ import numpy.typing as npt
 from estimation.error_state.memory import BEARINGS, NOTHING, POSE, SAMPLES
 from estimation.error_state.motion import move
 from estimation.error_state.timeline import apply_one
-from estimation.outcome import NORM_TOLERANCE
+from estimation.error_state.update import LOST_REFUSALS
+from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.rate_filter import low_pass
 from quadrotor.compiled import compiled
 from quadrotor.records import MAX_BEACONS, Record
 from quadrotor.vectors import add, axes_of, scale, to_body, vector
 
 _MASK = SAMPLES - 1
+_APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Outcome)
+_USED, _REFUSED, _JUMPED, _DRIFTED = (int(a) for a in Agreement)
 
 
 @compiled(inner=True)
@@ -95,19 +98,35 @@ def take_nothing(m: Any) -> None:
 
 @compiled
 def report(memory: Record, estimate: Record) -> None:
-    """Biases, the last correction and the measurement's age into (N,) ESTIMATE."""
+    """Biases, what the newest measurement said, and variances after the newest event in time.
+
+    Args:
+        memory: (N,) ERROR_STATE_MEMORY. estimate: (N,) ESTIMATE, written.
+    """
     for k in range(memory.shape[0]):
-        m, out = memory[k], estimate[k]
-        x, step = m.now, m.step
-        turn_b = to_body(axes_of((x[6], x[7], x[8], x[9])), vector(step[3:]))
+        m, out, n = memory[k], estimate[k], memory[k].outcomes
+        x, P = m.now, m.covariance
+        turn_b = to_body(axes_of((x[6], x[7], x[8], x[9])), vector(m.innovation[3:]))
+        known = m.initialized == 1
         for i in range(3):
             out.gyroscope_bias_b[i] = x[10 + i]
             out.accelerometer_bias_b[i] = x[13 + i]
-            out.position_innovation_w[i] = step[i]
+            out.position_innovation_w[i] = m.innovation[i]
             out.attitude_innovation_b[i] = turn_b[i]
+            out.position_variance_w[i] = P[i, i] if known else math.nan
+            out.attitude_variance_w[i] = P[3 + i, 3 + i] if known else math.nan
+            out.velocity_variance_w[i] = P[6 + i, 6 + i] if known else math.nan
+        out.nis = m.nis if m.freedom > 0 else math.nan
+        out.nis_freedom = m.freedom
         out.measurement_age = math.inf
-        if m.initialized:
+        if known:
             out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.measurement_ns))
+        out.measurements_used, out.measurements_refused = n[_APPLIED], n[_OUTLIER]
+        out.measurements_ignored = n[_TOO_OLD] + n[_NOT_NEWER] + n[_AHEAD] + n[_INVALID]
+        if m.refused >= LOST_REFUSALS or m.restarted:
+            out.agreement = _JUMPED if m.at_once else _DRIFTED
+        else:
+            out.agreement = _REFUSED if m.refused else _USED
 
 
 @compiled

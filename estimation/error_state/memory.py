@@ -16,15 +16,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from estimation.outcome import Outcome
 from quadrotor.records import MAX_BEACONS, Record
 
 ERRORS = 15
 POSE_ERRORS = 6
 NOMINAL = 16
-SAMPLES = 256
-"""IMU samples kept for late measurements (a power of two): 0.51 s at 500 Hz."""
-EVENTS = 16
-"""Measurements kept with what was known after each: 0.16 s of poses at 100 Hz."""
+SAMPLES = 1024
+"""IMU samples kept for late measurements (a power of two): LATEST_NS at 1000 Hz, and the way there
+from the event before."""
+EVENTS = 384
+"""Measurements kept with what was known after each: LATEST_NS of poses at 500 Hz and of bearings
+at 120 Hz, the most that sensors are set to."""
 ROWS = 2 * MAX_BEACONS
 
 NOTHING, POSE, BEARINGS = 0, 1, 2
@@ -62,15 +65,19 @@ ERROR_STATE_MEMORY = np.dtype(
         ("event_data", "f8", (EVENTS, MAX_BEACONS, 6)),
         ("after_state", "f8", (EVENTS, NOMINAL)),
         ("after_covariance", "f8", (EVENTS, ERRORS, ERRORS)),
-        # What the last measurement said.
-        ("used", "u1", MAX_BEACONS),  # pairs of rows that passed the gate
-        ("freedom", "i8"),  # numbers it gave, 2 a bearing, 6 a pose
+        # What the newest measurement to arrive said.
+        ("innovation", "f8", POSE_ERRORS),  # before the correction: m, rad, in world axes
+        ("freedom", "i8"),  # numbers it gave, 2 a bearing, 6 a pose; 0: it was refused
         ("nis", "f8"),  # normalised innovation squared, of `freedom` degrees
         ("consistency", "f8"),  # mean of nis / freedom over the last few dozen
         ("applied", "i8"),  # since the start
         ("refused", "i8"),  # in a row
-        ("step", "f8", ERRORS),  # the correction
+        ("at_once", "u1"),  # the first of them came close behind one that was applied
+        ("restarted", "u1"),  # by measurements refused, and not consistent with them since
+        ("outcomes", "i8", len(Outcome)),  # measurements since the reset, by Outcome
         # Room to work in.
+        ("used", "u1", MAX_BEACONS),  # pairs of rows that passed the gate
+        ("step", "f8", ERRORS),  # the correction
         ("row", "f8", (ROWS, POSE_ERRORS)),  # Jacobian of each number measured
         ("rest", "f8", ROWS),  # its residual
         ("variance", "f8", ROWS),

@@ -93,9 +93,14 @@ def walk(m: Any, x: Array, from_ns: int, to_ns: int, g: Any, with_covariance: bo
     """
     stamps, samples = m.sample_ns, m.sample
     newest = (m.sample_next - 1) & _MASK
-    i, back = newest, 1
-    while back < m.sample_count and stamps[i] > from_ns:
-        i, back = (i - 1) & _MASK, back + 1
+    back, most = 0, max(0, m.sample_count - 1)  # how far the last sample not after from_ns is back
+    while back < most:
+        half = (back + most) // 2
+        if stamps[(newest - half) & _MASK] > from_ns:
+            back = half + 1
+        else:
+            most = half
+    i = (newest - back) & _MASK
     t = from_ns
     while t < to_ns:
         j = i if i == newest else (i + 1) & _MASK

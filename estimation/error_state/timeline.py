@@ -13,7 +13,7 @@ from typing import Any
 from estimation.error_state.memory import ERRORS, EVENTS, NOMINAL, NOTHING, SAMPLES
 from estimation.error_state.motion import walk
 from estimation.error_state.update import fuse
-from estimation.outcome import Outcome
+from estimation.outcome import LATEST_NS, Outcome
 from quadrotor.compiled import compiled
 
 _MASK = SAMPLES - 1
@@ -29,7 +29,7 @@ def insert(m: Any) -> int:
     position = count
     while position > 0 and stamps[order[position - 1]] > stamp_ns:
         position -= 1
-    if position == 0:
+    if position == 0 or (position < count and stamp_ns < m.stamp_ns - LATEST_NS):
         return -_TOO_OLD
     before = order[position - 1]
     if stamps[before] == stamp_ns and m.event_kind[before] == m.new_kind:
@@ -60,12 +60,20 @@ def insert(m: Any) -> int:
 
 @compiled
 def apply_one(m: Any, g: Any) -> int:
-    """Apply the new measurement of an initialized filter, and predict to now; an Outcome.
+    """Apply the new measurement of an initialized filter, and predict to now; an Outcome, counted.
 
     Args:
         m: ERROR_STATE_MEMORY item; `take_pose`, `take_bearings` put the measurement there.
         g: ERROR_STATE_NOISE item.
     """
+    outcome = _apply(m, g)
+    if m.new_kind != NOTHING:
+        m.outcomes[outcome] += 1
+    return outcome
+
+
+@compiled(inner=True)
+def _apply(m: Any, g: Any) -> int:
     position = insert(m)
     if position < 0:
         return -position
@@ -91,7 +99,7 @@ def apply_one(m: Any, g: Any) -> int:
         if last:
             break
         m.base_ns = end_ns
-        if not fuse(m, event, g) and k == position:
+        if not fuse(m, event, g, k == position) and k == position:
             outcome = _OUTLIER
         for i in range(NOMINAL):
             m.after_state[event, i] = x[i]

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from estimation.error_state.memory import BEARINGS, ERRORS, NOMINAL, NOTHING, POSE_ERRORS
 from estimation.error_state.rows import linearize
 from quadrotor.compiled import compiled
-from quadrotor.vectors import cross, multiply, normalized, turned
+from quadrotor.vectors import Vector, add, cross, dot, multiply, normalized, scale, turned, vector
 
 Array = npt.NDArray[np.float64]
 MAX_STEPS = 6
@@ -25,6 +25,15 @@ STRAIGHT = 0.02
 """rad: bearings moved by less need no other linearisation."""
 MEMORY = 0.05
 """Weight of the newest measurement in the mean consistency."""
+LOST_REFUSALS = 8
+"""So many measurements refused in a row are no chance outliers any more."""
+AT_ONCE_NS = 200_000_000
+"""Measurements refused from one to the next within it jumped; otherwise the estimate drifted."""
+FIT_UPDATES = 10
+FIT_CONSISTENCY = 3.0
+"""Measurements since the start, and their mean consistency, with which a filter is fit."""
+BROAD = 0.5
+"""m and rad: beyond what the bearings of one frame leave open, an innovation is not told."""
 
 
 @compiled(inner=True)
@@ -117,8 +126,52 @@ def reset(P: Array, phi: Array) -> None:
 
 
 @compiled(inner=True)
-def fuse(m: Any, slot: int, g: Any) -> bool:
-    """Update base and covariance with one event at `base_ns`; False when it was an outlier."""
+def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
+    """What bearings alone say of three of the pose errors, 0:3 (m) or 3:6 (rad), the others right.
+
+    The most probable one if no more was known of it than BROAD on each axis: what they leave open,
+    as a single bearing does the distance, stays near 0. It is not drawn to the filter's own
+    covariance, as the correction is.
+    """
+    axx, ayy, azz = 1.0 / BROAD**2, 1.0 / BROAD**2, 1.0 / BROAD**2
+    axy, axz, ayz = 0.0, 0.0, 0.0
+    b = (0.0, 0.0, 0.0)
+    for k in range(2 * pairs):
+        if all_of_them or m.used[k // 2]:
+            row, weight = vector(m.row[k, first:]), 1.0 / m.variance[k]
+            x, y, z = row
+            axx, ayy, azz = axx + weight * x * x, ayy + weight * y * y, azz + weight * z * z
+            axy, axz, ayz = axy + weight * x * y, axz + weight * x * z, ayz + weight * y * z
+            b = add(b, scale(weight * m.rest[k], row))
+    one, two, three = (axx, axy, axz), (axy, ayy, ayz), (axz, ayz, azz)
+    across = cross(two, three)
+    whole = dot(one, across)  # Cramer's rule, A symmetric
+    return (
+        dot(b, across) / whole,
+        dot(b, cross(three, one)) / whole,
+        dot(b, cross(one, two)) / whole,
+    )
+
+
+@compiled(inner=True)
+def tell_innovation(m: Any, pairs: int, kind: int, count: int) -> None:
+    """Write `innovation` of the rows linearised at the prediction; of all when none was used."""
+    if kind != BEARINGS:
+        for i in range(POSE_ERRORS):
+            m.innovation[i] = m.rest[i]
+        return
+    move, turn = shift(m, pairs, 0, count == 0), shift(m, pairs, 3, count == 0)
+    for i in range(3):
+        m.innovation[i], m.innovation[3 + i] = move[i], turn[i]
+
+
+@compiled(inner=True)
+def fuse(m: Any, slot: int, g: Any, newest: bool) -> bool:
+    """Update base and covariance with one event at `base_ns`; False when it was an outlier.
+
+    Args:
+        newest: to arrive: what it says is kept. The others are only applied again, in their order.
+    """
     P, x, step, found, kind = m.covariance, m.base, m.step, m.found, m.event_kind[slot]
     if kind == NOTHING:
         return True
@@ -129,14 +182,23 @@ def fuse(m: Any, slot: int, g: Any) -> bool:
     pairs = linearize(m, slot, x, g)
     # chi-square of two degrees: as improbable as so many deviations of a Gaussian, nearly.
     count = gate(m, pairs, kind != BEARINGS, 2.0 * (8.0 / 9.0 + g.gate / 3.0) ** 3)
+    if newest:
+        tell_innovation(m, pairs, kind, count)
+        m.freedom = 2 * count
+        m.nis = 0.0
+        if count == 0 and m.refused == 0:
+            m.at_once = 1 if m.base_ns - m.measurement_ns < AT_ONCE_NS else 0
+        m.refused = m.refused + 1 if count == 0 else 0
     if count == 0:
-        m.refused += 1
         return False
-    m.freedom = 2 * count
     for iteration in range(MAX_STEPS):
         nis = absorb(m, pairs)
-        if iteration == 0:
+        if newest and iteration == 0:
             m.nis = nis
+            m.applied += 1
+            m.consistency += MEMORY * (nis / m.freedom - m.consistency)
+            if m.applied >= FIT_UPDATES and m.consistency < FIT_CONSISTENCY:
+                m.restarted = 0
         bent = 0.0
         for i in range(ERRORS):
             step[i], found[i] = found[i], found[i] - step[i]
@@ -147,9 +209,6 @@ def fuse(m: Any, slot: int, g: Any) -> bool:
         if kind != BEARINGS or bent < STRAIGHT**2:
             break
         linearize(m, slot, m.trial, g)
-    m.refused = 0
-    m.applied += 1
-    m.consistency += MEMORY * (m.nis / m.freedom - m.consistency)
     reset(P, step[3:])
     for i in range(NOMINAL):
         most = g.gyroscope_bias_limit if i < 13 else g.accelerometer_bias_limit

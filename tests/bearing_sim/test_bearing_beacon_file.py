@@ -79,8 +79,8 @@ def test_a_file_that_is_none_is_refused_with_line_and_column(
 
 
 def test_geometry_is_refused_with_the_name_of_the_file(tmp_path: Path) -> None:
-    path = written(tmp_path, GOOD.replace("4,1,-1,0.1", "4,1,-1,0.4"))
-    with pytest.raises(DegenerateGeometryError, match=r"beacons\.csv: the beacons leave their"):
+    path = written(tmp_path, "id,x,y,z\n" + "".join(f"{k},{k},{k},0.1\n" for k in range(4)))
+    with pytest.raises(DegenerateGeometryError, match=r"beacons\.csv: all 4 beacons stand on one"):
         load_beacons(path)
 
 

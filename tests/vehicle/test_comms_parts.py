@@ -12,6 +12,7 @@ import pytest
 
 from bearing_sim.beacons import PAPER_BEACONS
 from control.behaviors.table import BehaviorName
+from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError, UnknownParameterError
 from quadrotor.records import POSE_SAMPLE, TICK, Record
 from vehicle import comms_clock, mailbox
@@ -381,11 +382,11 @@ class Receiver:
         sample["quaternion_wb"] = (0.0, 1.0, 0.0, 0.0)
         self.inbound.take("tracker_pose", topics.encode_poses(sample)[0])
 
-    def bearings(self, position_w: np.ndarray, ids: list[int]) -> None:
+    def bearings(self, position_w: np.ndarray, ids: list[int], age_ns: int = 0) -> None:
         places = dict(zip(PAPER_BEACONS.ids.tolist(), PAPER_BEACONS.positions_w, strict=True))
         lines = np.array([places.get(i, np.zeros(3)) - position_w for i in ids])
         lines /= np.linalg.norm(lines, axis=1)[:, None]
-        payload = topics.encode_bearings(self.clock.now_ns(), ids, lines, 0.02)
+        payload = topics.encode_bearings(self.clock.now_ns() - age_ns, ids, lines, 0.02)
         self.inbound.take("bearings", payload)
 
 
@@ -501,6 +502,15 @@ def test_an_unknown_beacon_is_left_out(receiver: Receiver) -> None:
 
 
 @pytest.mark.parametrize("ids", [[1, 2], [8, 9]])
+@pytest.mark.parametrize(("age_ns", "used"), [(LATEST_NS, 1), (LATEST_NS + MS, 0), (-201 * MS, 0)])
+def test_bearings_may_be_as_late_as_a_filter_can_use_them(
+    receiver: Receiver, age_ns: int, used: int
+) -> None:
+    receiver.bearings(np.array([0.3, -0.2, 1.4]), [1, 2, 3, 4], age_ns)
+    assert len(receiver.flight.received()) == used
+    assert len(receiver.said) == 1 - used
+
+
 def test_too_few_bearings_are_said_and_still_reach_flight(
     receiver: Receiver, ids: list[int]
 ) -> None:

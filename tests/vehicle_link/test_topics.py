@@ -119,6 +119,9 @@ def test_estimator_battery_and_pressure_carry_the_numbers_of_the_tick() -> None:
     for name, number in zip(("used", "refused", "ignored"), (7, 5, 3), strict=True):
         ticks["estimate"][f"measurements_{name}"] = number
     ticks["estimate"]["agreement"] = 2
+    ticks["estimate"]["nis"], ticks["estimate"]["nis_freedom"] = 7.5, 8
+    for k, name in enumerate(("position", "velocity", "attitude")):
+        ticks["estimate"][f"{name}_variance_w"] = (k + 1.0, k + 2.0, k + 3.0)
     estimate, status = ticks["estimate"][0], ticks["status"][0]
     message = decode(encode_estimators(ticks, "mine")[0], "quadlab_msgs/EstimatorStatus")
     assert message.estimator == "mine"
@@ -129,6 +132,10 @@ def test_estimator_battery_and_pressure_carry_the_numbers_of_the_tick() -> None:
     assert message.measurements_refused == estimate["measurements_refused"] == 5
     assert message.measurements_ignored == estimate["measurements_ignored"] == 3
     assert message.agreement == estimate["agreement"] == 2
+    assert (message.nis, message.nis_freedom) == (7.5, 8)
+    assert message.position_variance.x == 1.0
+    assert message.velocity_variance.y == 3.0
+    assert message.attitude_variance.z == 5.0
     assert message.gyroscope_bias.y == estimate["gyroscope_bias_b"][1]
     assert message.accelerometer_bias.z == estimate["accelerometer_bias_b"][2]
     assert message.position_innovation.x == estimate["position_innovation_w"][0]

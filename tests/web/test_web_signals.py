@@ -72,6 +72,19 @@ def test_a_plain_signal_is_the_number_of_its_field() -> None:
     assert (signal.unit, signal.group, signal.label) == ("m/s²", "linear acceleration", "z")
 
 
+def test_consistency_is_told_a_number_and_deviations_as_lengths() -> None:
+    told = new(
+        "quadlab_msgs/EstimatorStatus", nis=12.0, nis_freedom=8,
+        position_variance=(4e-4, 4e-4, 1e-4), attitude_variance=(math.radians(0.5) ** 2, 0.0, 0.0),
+    )  # fmt: skip
+    now = values(live_with("estimator", told))
+    assert now["nis"] == 1.5
+    assert now["deviation.position"] == pytest.approx(30.0)
+    assert now["deviation.attitude"] == pytest.approx(0.5)
+    told.nis_freedom = 0  # the newest was refused, or there is no covariance
+    assert math.isnan(values(live_with("estimator", told))["nis"])
+
+
 def test_units_are_inherited_by_what_is_nested() -> None:
     assert SIGNALS[INDEX["tracker_pose.pose.position.x"]].unit == "m"
     assert SIGNALS[INDEX["state.twist.twist.linear.x"]].unit == "m/s"

@@ -26,7 +26,8 @@ _UNITS: dict[str, dict[str, str]] = {
     "quadlab_msgs/msg/EstimatorStatus": {
         "mass": "kg", "mass_variance": "kg²", "accelerometer_bias": "m/s²",
         "gyroscope_bias": "rad/s", "measurement_age": "s",
-        "position_innovation": "m", "attitude_innovation": "rad",
+        "position_innovation": "m", "attitude_innovation": "rad", "position_variance": "m²",
+        "velocity_variance": "m²/s²", "attitude_variance": "rad²",
     },
     "quadlab_msgs/msg/EstimatorComparison": {"duration": "s", "sigma": "rad"},
     "quadlab_msgs/msg/EstimatorResult": {

@@ -64,7 +64,7 @@ def encode_status(
 
 _ESTIMATE_NUMBERS = (
     "mass", "mass_variance", "measurement_age", "measurements_used", "measurements_refused",
-    "measurements_ignored", "agreement",
+    "measurements_ignored", "agreement", "nis", "nis_freedom",
 )  # fmt: skip
 
 
@@ -85,6 +85,8 @@ def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
     out["gyroscope_bias"] = source["gyroscope_bias_b"]
     out["position_innovation"] = source["position_innovation_w"]
     out["attitude_innovation"] = source["attitude_innovation_b"]
+    for field in ("position_variance", "velocity_variance", "attitude_variance"):
+        out[field] = source[f"{field}_w"]
     return estimators.encode(out)
 
 

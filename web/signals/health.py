@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from quadrotor.constants import MOTORS
-from web.signals.signal import Source, norm, one, vector, xyz
+from web.signals.signal import Source, norm, one, rms, vector, xyz
 
 
 def _actuators(m: Any) -> Sequence[float]:
@@ -31,6 +31,10 @@ def _estimator(m: Any) -> Sequence[float]:
         m.measurements_used,
         m.measurements_refused,
         m.measurements_ignored,
+        m.nis / m.nis_freedom if m.nis_freedom else math.nan,
+        1e3 * rms(*vector(m.position_variance)),
+        1e3 * rms(*vector(m.velocity_variance)),
+        math.degrees(rms(*vector(m.attitude_variance))),
     )
 
 
@@ -80,6 +84,10 @@ HEALTH = (
             one("measurements.used", "measurements used", "", "estimator", "estimator"),
             one("measurements.refused", "measurements refused", "", "estimator", "estimator"),
             one("measurements.ignored", "measurements ignored", "", "estimator", "estimator"),
+            one("nis", "NIS a number, expected 1", "", "innovation", "estimator"),
+            one("deviation.position", "position", "mm", "rms deviation", "estimator"),
+            one("deviation.velocity", "velocity", "mm/s", "rms deviation", "estimator"),
+            one("deviation.attitude", "attitude", "°", "rms deviation", "estimator"),
         ),
         _estimator,
         covers=(

@@ -1,0 +1,146 @@
+"""The error-state filter in the whole stack: starts, a tracker that jumps, what is told of both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from bearing_sim.beacons import parse_layout
+from estimation.outcome import LATEST_NS, Agreement
+from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadrotor.parameters import ParameterValue
+from vehicle import mailbox
+from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+
+HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"
+"""Beacons of five heights."""
+
+
+class Log:
+    def __init__(self) -> None:
+        self.events: list[mailbox.Event] = []
+
+    def event(self, event: mailbox.Event) -> None:
+        self.events.append(event)
+
+    def __getattr__(self, _: str) -> Callable[..., None]:
+        return lambda *_: None
+
+
+class Lab(SimulatedFlight):
+    """A vehicle whose tracker can be moved and whose bearings can be held back."""
+
+    def __init__(self, **settings: ParameterValue) -> None:
+        parameters = FlightParameters().model_copy(deep=True)
+        parameters.seed(5)
+        layout = str(settings.pop("layout", "paper"))
+        parameters.bearings.layout = parameters.beacons.layout = layout
+        parameters.bearings.lost = str(settings.pop("lost", ""))
+        self.kept, self.robot = Log(), SimulatedVehicle(parameters.simulator)
+        super().__init__(parameters, self.robot, self.kept)  # type: ignore[arg-type]
+        self.moved, self.older_ns = np.zeros(3), 0
+        self._take, self.stack.measure = self.stack.measure, self._measure  # type: ignore[method-assign]
+        self.change({f"estimation.{name}": value for name, value in settings.items()})
+
+    def _measure(self, measurement: mailbox.Measurement) -> None:
+        if isinstance(measurement, mailbox.Pose):
+            x, y, z = (np.array(measurement.position_w) + self.moved).tolist()
+            measurement = replace(measurement, position_w=(x, y, z))
+        elif isinstance(measurement, mailbox.Bearings):
+            measurement = replace(measurement, stamp_ns=measurement.stamp_ns - self.older_ns)
+        self._take(measurement)
+
+    def ready(self) -> Lab:
+        self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
+        self.wait(0.3)
+        return self
+
+    def hovering(self) -> Lab:
+        self.ready().arm()
+        self.wait(0.5)
+        self.start("take_off", height=1.0)
+        self.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=20)
+        self.wait(1.0)
+        return self
+
+    def events_with(self, *words: str) -> list[str]:
+        """Events with all these words."""
+        self.advance()
+        texts = (event.text for event in self.kept.events)
+        return [text for text in texts if all(word in text for word in words)]
+
+    def off(self) -> float:
+        true_w = self.robot.truth["position_w"][0]
+        return float(np.linalg.norm(self.stack.state["position_w"][0] - true_w))
+
+
+# ---------------------------------------------------------------------- starts
+@pytest.mark.parametrize(("layout", "lost"), [("paper", "4"), (HOUSE, "")])
+def test_beside_a_known_pose_it_starts_on_bearings_that_give_none(layout: str, lost: str) -> None:
+    """Three beacons, or some in no plane; then it is handed over to."""
+    lab = Lab(layout=layout, lost=lost, shadow="error_state", shadow_source="bearings").hovering()
+    [started] = lab.events_with("error_state on bearings started at the pose of")
+    assert "complementary on poses" in started
+    lab.change({"estimation.estimator": "error_state", "estimation.source": "bearings"})
+    lab.wait(4.0)
+    assert lab.stack.store.get("estimation.source") == "bearings"
+    assert lab.off() < 0.15
+
+
+def test_without_a_known_pose_three_beacons_are_refused_with_the_reason() -> None:
+    lab = Lab(lost="4", estimator="error_state", source="bearings").ready()
+    lab.wait(1.0)
+    assert not lab.stack.estimator.initialized
+    assert lab.events_with("error_state cannot start on 3 bearings", "up to four poses")
+
+
+def test_beacons_in_no_plane_are_refused_by_the_estimators_that_need_one() -> None:
+    lab = Lab(layout=HOUSE, shadow="complementary", shadow_source="bearings").ready()
+    lab.wait(1.0)
+    assert lab.events_with("complementary", "leave their common plane")
+    assert not lab.events_with("started at the pose of")
+    shadow = lab.stack.navigation.shadow
+    assert shadow is not None
+    assert not shadow.initialized
+    assert len(parse_layout(HOUSE)) == 5
+
+
+# ---------------------------------------------------------------------- the tracker jumps
+def test_a_small_jump_of_the_tracker_is_an_event_and_a_flag() -> None:
+    lab = Lab(estimator="error_state").hovering()
+    lab.moved = np.array([0.3, 0.0, 0.0])
+    lab.wait(0.4)
+    assert lab.stack.estimate["agreement"][0] == Agreement.JUMPED
+    assert not lab.stack.estimator.converged
+    assert not lab.events_with("started anew")
+    lab.wait(2.0)
+    assert len(lab.events_with("error_state started anew", "jumped")) == 1
+    assert lab.stack.estimate["agreement"][0] == Agreement.USED
+    assert lab.stack.estimator.converged
+
+
+def test_the_supervisor_sees_a_large_jump_before_the_filter_follows_it() -> None:
+    lab = Lab(estimator="error_state").hovering()
+    lab.moved = np.array([1.0, 0.0, 0.0])
+    lab.wait(0.45)
+    assert lab.events_with("diverged", "1.0")
+    assert lab.stack.behaviors.name.name == "EMERGENCY_LANDING" or lab.events_with("descend")
+
+
+# ---------------------------------------------------------------------- what is not used
+def test_bearings_too_late_to_be_used_are_told_and_counted() -> None:
+    lab = Lab(estimator="error_state", source="both").hovering()
+    lab.older_ns = 310_000_000
+    ignored = int(lab.stack.estimate["measurements_ignored"][0])
+    lab.wait(2.0)
+    assert lab.stack.estimate["measurements_ignored"][0] == ignored
+    lab.older_ns = LATEST_NS + 50_000_000
+    lab.wait(2.0)
+    assert lab.stack.estimate["measurements_ignored"][0] >= ignored + 55
+    assert (
+        len(lab.events_with("error_state on both did not use", "older than it can go back to")) == 1
+    )
+    assert lab.off() < 0.02
