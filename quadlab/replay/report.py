@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from quadlab.replay.consistency import Consistency, of_errors
 from quadlab.replay.errors import Array, Errors, Stamps, Truth, errors
 from quadlab.replay.log import Recording
 from quadlab.replay.run import Replayed
@@ -40,8 +41,8 @@ def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
     inside = _inside(recording.state_ns, window)
     found = errors(truth, recording.state_ns[inside], recording.state[inside])
     values: dict[str, Value] = {
-        **found.metrics(), "measurements": None, "rejected_share": None, "nis": None,
-        "processor_s_per_s": None,
+        **found.metrics(), "measurements": None, "rejected_share": None,
+        **_consistency("nis", None), **_consistency("nees", None), "processor_s_per_s": None,
     }  # fmt: skip
     return Row(RECORDED, "", values, found, np.zeros(0, np.int64), np.zeros(0))
 
@@ -56,9 +57,11 @@ def run_row(
     inside &= stamps > started_ns if started_ns is not None else np.zeros(len(stamps), bool)
     found = errors(truth, stamps[inside], replayed.states[inside])
     count, rejected, nis = replayed.within(window.start_ns, window.end_ns)
+    nees = of_errors(truth, replayed.posteriors_within(window.start_ns, window.end_ns))
     duration = 1e-9 * float(stamps[-1] - stamps[0])
     values: dict[str, Value] = {
-        **found.metrics(), "measurements": count, "rejected_share": rejected, "nis": nis,
+        **found.metrics(), "measurements": count, "rejected_share": rejected,
+        **_consistency("nis", nis), **_consistency("nees", nees),
         "processor_s_per_s": replayed.processor / duration if duration > 0.0 else None,
     }  # fmt: skip
     note = ""
@@ -76,7 +79,7 @@ def print_table(rows: list[Row]) -> None:
     """Aligned; lengths in mm, angles in degrees."""
     head = (
         "run", "on", "position mm", "max", "velocity mm/s", "max", "attitude deg", "max",
-        "measured", "rejected", "NIS", "ms per s",
+        "measured", "rejected", "NIS", "expected", "NEES", "expected", "inside", "ms per s",
     )  # fmt: skip
     lines = [head, *(_cells(row) for row in rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
@@ -138,8 +141,25 @@ def _cells(row: Row) -> tuple[str, ...]:
         _text(v["measurements"], 1.0, 0),
         "-" if v["rejected_share"] is None else f"{float(v['rejected_share']):.1%}",
         _text(v["nis"], 1.0, 2),
+        _range(v["nis_low"], v["nis_high"]),
+        _text(v["nees"], 1.0, 2),
+        _range(v["nees_low"], v["nees_high"]),
+        "-" if v["nees_inside_share"] is None else f"{float(v['nees_inside_share']):.0%}",
         _text(v["processor_s_per_s"], 1e3, 0),
     )
+
+
+def _consistency(name: str, found: Consistency | None) -> dict[str, Value]:
+    values: dict[str, Value] = {
+        name: found and found.mean,
+        f"{name}_low": found and found.low,
+        f"{name}_high": found and found.high,
+    }
+    return values if name == "nis" else {**values, f"{name}_inside_share": found and found.inside}
+
+
+def _range(low: Value, high: Value) -> str:
+    return "-" if low is None or high is None else f"{float(low):.2f}–{float(high):.2f}"
 
 
 def _text(value: Value, unit: float, digits: int) -> str:

@@ -10,11 +10,13 @@ import numpy as np
 
 from bearing_sim.beacons import parse_layout
 from estimation import registry
+from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator
+from quadlab.replay.consistency import ALL, Consistency, Posterior, of_innovations
 from quadlab.replay.errors import Array, Stamps
 from quadlab.replay.log import Arrival, Change, Recording
 from quadlab.replay.words import BELIEVED_LAYOUT, Run
-from quadrotor.errors import MeasurementError, ParameterError
+from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import (
     BEARINGS_SAMPLE,
@@ -28,6 +30,8 @@ from quadrotor.records import (
 from vehicle import mailbox
 from vehicle.stack import LONGEST_GAP, NOMINAL_STEP
 
+STATE_AGE_NS = 50_000_000
+"""A recorded state older than this is no start."""
 _BYTES = f"V{STATE.itemsize}"
 
 
@@ -42,20 +46,21 @@ class Replayed:
     taken_ns: list[int] = field(default_factory=list)
     rejected: list[bool] = field(default_factory=list)
     nis: list[float] = field(default_factory=list)  # a number measured; NaN: none
+    freedom: list[int] = field(default_factory=list)  # numbers measured
     deviations: list[tuple[float, float, float]] = field(default_factory=list)  # m, m/s, rad
+    posteriors: list[Posterior] = field(default_factory=list)  # of measurements used
 
-    def within(self, start_ns: int, end_ns: int) -> tuple[int, float | None, float | None]:
-        """Measurements given, share rejected of them and mean NIS (expected 1) of a window."""
+    def within(self, start_ns: int, end_ns: int) -> tuple[int, float | None, Consistency | None]:
+        """Measurements given, share rejected of them and NIS of a window."""
         taken = np.array(self.taken_ns, np.int64)
         inside = (taken >= start_ns) & (taken <= end_ns)
         count = int(inside.sum())
-        nis = np.array(self.nis)[inside]
-        nis = nis[np.isfinite(nis)]
-        return (
-            count,
-            float(np.mean(np.array(self.rejected)[inside])) if count else None,
-            float(nis.mean()) if len(nis) else None,
-        )
+        nis = of_innovations(np.array(self.nis)[inside], np.array(self.freedom, int)[inside])
+        return count, float(np.mean(np.array(self.rejected)[inside])) if count else None, nis
+
+    def posteriors_within(self, start_ns: int, end_ns: int) -> list[Posterior]:
+        """Those of a window."""
+        return [one for one in self.posteriors if start_ns <= one.stamp_ns <= end_ns]
 
     def position_deviations(self) -> tuple[Stamps, Array]:
         """Stamps and standard deviation of position (m) where the estimator gave one."""
@@ -162,9 +167,22 @@ class _Vehicle:
                 if frame is None:
                     return
                 estimator.correct_bearings(frame, self._estimate)
+        except UndeterminedStartError as error:
+            self._out.complaint, raised = str(error), True
+            self._start_as_flown(now_ns)
         except MeasurementError as error:
             self._out.complaint, raised = str(error), True
         self._note(now_ns, raised, _number(estimator, "applied") > applied)
+
+    def _start_as_flown(self, now_ns: int) -> None:
+        """At the pose that was flown on, as the vehicle starts it beside what it flies on."""
+        stamps = self._recording.state_ns
+        k = int(np.searchsorted(stamps, now_ns, side="right")) - 1
+        if k < 0 or now_ns - stamps[k] > STATE_AGE_NS:
+            return
+        pose, flown = np.zeros(1, POSE_SAMPLE), self._recording.state[k]
+        pose[0] = now_ns, flown["position_w"], flown["quaternion_wb"]
+        self._estimator.initialize(pose)
 
     def _note(self, now_ns: int, raised: bool, applied: bool) -> None:
         out, estimator = self._out, self._estimator
@@ -173,7 +191,11 @@ class _Vehicle:
         deviations = estimator.deviations if estimator.initialized else None
         out.taken_ns.append(now_ns)
         out.rejected.append(raised or refused > self._refused)
-        out.nis.append(_number(estimator, "nis") / freedom if applied and freedom > 0 else math.nan)
+        used = applied and freedom > 0
+        out.nis.append(_number(estimator, "nis") / freedom if used else math.nan)
+        out.freedom.append(int(freedom) if used else 0)
+        if used and isinstance(estimator, ErrorStateEstimator):
+            out.posteriors.append(_posterior(estimator))
         out.deviations.append(
             (deviations.position, deviations.velocity, deviations.attitude)
             if deviations is not None
@@ -204,6 +226,12 @@ class _Vehicle:
         frame["beacon_w"][0, : len(seen)] = [place for place, _ in seen]
         frame["bearing_b"][0, : len(seen)] = [bearing for _, bearing in seen]
         return frame
+
+
+def _posterior(estimator: ErrorStateEstimator) -> Posterior:
+    """After its newest event."""
+    stamp_ns, x = estimator.memory["base_ns"][0], estimator.memory["base"][0].copy()
+    return Posterior(int(stamp_ns), x[:3], x[6:10], x[3:6], estimator.covariance[:ALL, :ALL])
 
 
 def _number(estimator: Estimator, name: str) -> float:

@@ -210,9 +210,43 @@ def test_runs_tell_good_gains_from_bad_and_noise_from_little_noise(
     assert [rows[name]["on"] for name in words] == [
         "recorded bearings", "emulated bearings", *["recorded bearings"] * 2, "recorded poses",
     ]  # fmt: skip
-    assert 0.7 < rows["error_state"]["nis"] < 1.3
-    assert rows["complementary estimation.preset=paper"]["nis"] is None
+    found, fixed = rows["error_state"], rows["complementary estimation.preset=paper"]
+    assert found["nis_low"] < found["nis"] < found["nis_high"]
+    assert found["nis_high"] - found["nis_low"] < 0.5
+    assert found["nees_low"] == pytest.approx(0.300, abs=1e-3)  # chi-square of nine, a number
+    assert found["nees_high"] == pytest.approx(2.114, abs=1e-3)
+    assert found["nees_inside_share"] > 0.8
+    assert 0.3 < found["nees"] < 2.0
+    assert all(fixed[name] is None for name in fixed if name.startswith(("nis", "nees")))
     assert all(rows[name]["rejected_share"] == 0.0 for name in words)
+
+
+def test_a_filter_that_believes_less_noise_than_there_is_shows_as_too_sure_of_itself(
+    capsys: pytest.CaptureFixture[str], log: Path
+) -> None:
+    honest = "error_state estimation.source=poses"
+    sure = f"{honest} estimation.error_state.pose_position_sigma=0.0002"
+    rows, _ = table(capsys, log, "--run", sure, "--run", honest)
+    assert rows[sure]["nis"] > 2.0 * rows[sure]["nis_high"]
+    assert rows[sure]["nees"] > rows[sure]["nees_high"]
+    assert rows[sure]["nees_inside_share"] < 0.5
+    assert rows[honest]["nees_inside_share"] > 0.6
+
+
+def test_of_the_trackers_poses_as_truth_the_pose_alone_is_judged(
+    capsys: pytest.CaptureFixture[str], log: Path
+) -> None:
+    rows, _ = table(capsys, log, "--estimator", "error_state", "--truth", "tracker")
+    assert rows["error_state"]["nees_low"] == pytest.approx(0.206, abs=1e-3)  # of six
+
+
+def test_three_beacons_are_replayed_from_the_pose_that_was_flown_on(
+    capsys: pytest.CaptureFixture[str], log: Path
+) -> None:
+    lost = "error_state bearings.lost=4"
+    rows, _ = table(capsys, log, "--run", lost)
+    assert rows[lost]["position_rms_m"] < 0.1
+    assert rows[lost]["nees_inside_share"] > 0.5
 
 
 def test_a_mistaken_map_of_the_beacons_shows(capsys: pytest.CaptureFixture[str], log: Path) -> None:

@@ -501,7 +501,6 @@ def test_an_unknown_beacon_is_left_out(receiver: Receiver) -> None:
     assert len(receiver.poses) == 1
 
 
-@pytest.mark.parametrize("ids", [[1, 2], [8, 9]])
 @pytest.mark.parametrize(("age_ns", "used"), [(LATEST_NS, 1), (LATEST_NS + MS, 0), (-201 * MS, 0)])
 def test_bearings_may_be_as_late_as_a_filter_can_use_them(
     receiver: Receiver, age_ns: int, used: int
@@ -511,6 +510,7 @@ def test_bearings_may_be_as_late_as_a_filter_can_use_them(
     assert len(receiver.said) == 1 - used
 
 
+@pytest.mark.parametrize("ids", [[1, 2], [8, 9]])
 def test_too_few_bearings_are_said_and_still_reach_flight(
     receiver: Receiver, ids: list[int]
 ) -> None:

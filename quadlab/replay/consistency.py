@@ -1,0 +1,101 @@
+"""Whether an estimator's errors and innovations are as large as its own covariance says.
+
+NIS is the square of a measurement's innovation, NEES that of the estimate's error against the
+truth, each normalised by the covariance the estimator states; both are divided by how many numbers
+they hold, so that 1 is expected. Innovations of a sound filter are independent of each other: a
+mean of them has bounds by their number. Errors are not, they last: NEES has the bounds of one
+instant, and the share of instants within them, of which 95 % are expected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from quadlab.replay.errors import Array, Stamps, Truth
+
+BOUNDS = (0.025, 0.975)
+POSE, ALL = 6, 9
+"""Errors of position and attitude; with those of the velocity."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """An estimate right after a measurement, with the covariance the estimator states of it."""
+
+    stamp_ns: int
+    position_w: Array  # (3,) m
+    quaternion_wb: Array  # (4,)
+    velocity_w: Array  # (3,) m/s
+    covariance: Array  # (9, 9) of position, attitude (rad), velocity; true - estimated, world axes
+
+
+@dataclass(frozen=True)
+class Consistency:
+    """A mean a number, expected 1, with its bounds of 95 %; `inside` is the share within them."""
+
+    mean: float
+    low: float
+    high: float
+    inside: float | None = None
+
+
+def of_innovations(nis: Array, freedom: Array) -> Consistency | None:
+    """Of measurements (N,): `nis` a number, and how many numbers each gave. None of none."""
+    known = np.isfinite(nis)
+    total = int(freedom[known].sum())
+    if total == 0:
+        return None
+    low, high = _bounds(total)
+    return Consistency(float((nis * freedom)[known].sum()) / total, low, high)
+
+
+def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
+    """Of estimates where the truth covers them; without true velocities, of the pose alone."""
+    stamps: Stamps = np.array([one.stamp_ns for one in posteriors], np.int64)
+    covered = truth.covers(stamps) if len(stamps) else np.zeros(0, bool)
+    chosen = [one for one, known in zip(posteriors, covered, strict=True) if known]
+    if not chosen:
+        return None
+    position, velocity, quaternion = truth.at(stamps[covered])
+    count = ALL if np.isfinite(velocity).all() else POSE
+    error = np.zeros((len(chosen), ALL))
+    error[:, :3] = position - np.array([one.position_w for one in chosen])
+    error[:, 3:6] = turns(quaternion, np.array([one.quaternion_wb for one in chosen]))
+    error[:, 6:] = velocity - np.array([one.velocity_w for one in chosen])
+    covariance = np.array([one.covariance for one in chosen])[:, :count, :count]
+    error = error[:, :count]
+    solved = np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
+    nees = (error * solved).sum(axis=1) / count
+    low, high = _bounds(count)
+    inside = float(((nees >= low) & (nees <= high)).mean())
+    return Consistency(float(nees.mean()), low, high, inside)
+
+
+def turns(true_wb: Array, estimated_wb: Array) -> Array:
+    """Rotation vectors (N, 3), world axes, that turn the estimated attitudes into the true ones."""
+    w, x, y, z = true_wb.T
+    a, b, c, d = estimated_wb.T  # its conjugate is multiplied from the right
+    scalar = w * a + x * b + y * c + z * d
+    vector = np.stack(
+        [
+            x * a - w * b - y * d + z * c,
+            y * a - w * c - z * b + x * d,
+            z * a - w * d - x * c + y * b,
+        ],
+        axis=1,
+    )
+    sine = np.linalg.norm(vector, axis=1)
+    angle = 2.0 * np.arctan2(sine, np.abs(scalar)) * np.where(scalar < 0.0, -1.0, 1.0)
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    found: Array = vector * scale[:, None]
+    return found
+
+
+def _bounds(degrees: int) -> tuple[float, float]:
+    """Of a chi-square over its degrees of freedom."""
+    from scipy.stats import chi2
+
+    low, high = chi2.ppf(BOUNDS, degrees) / degrees
+    return float(low), float(high)
