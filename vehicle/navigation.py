@@ -239,8 +239,10 @@ class Navigation:
             for other in self._beside:
                 self._correct_beside(other, measurement, now_ns, state)
         self._queue.clear()
-        for each in self._seats.all():
-            for line in each.news(now_ns):
+        # Of the one in use, `agreement` tells that it was moved.
+        news = [each.unused(now_ns) for each in self._seats.all()]
+        for line in (*news, *(each.restarts(now_ns) for each in self._beside)):
+            if line is not None:
                 self._say(line, mailbox.WARN)
 
     def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:

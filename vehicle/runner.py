@@ -65,14 +65,16 @@ class Runner:
         pose[0] = stamp_ns, state["position_w"][0], state["quaternion_wb"][0]
         self.estimator.initialize(pose)
 
-    def news(self, now_ns: int) -> list[str]:
-        """What a person should know of the estimator; of a plugin what it tells by `notices`."""
-        lines = []
-        notices: list[str] = getattr(self.estimator, "notices", [])
-        if notices and now_ns - self._told_ns > NEWS_NS:
-            self._told_ns = now_ns
-            often = f" ({len(notices)} times)" if len(notices) > 1 else ""
-            lines.append(notices[-1] + often)
-            notices.clear()
-        unused = self._unused.look(str(self), self.estimator, now_ns)
-        return lines if unused is None else [*lines, unused]
+    def unused(self, now_ns: int) -> str | None:
+        """What it does not use for its time, when that is news."""
+        return self._unused.look(str(self), self.estimator, now_ns)
+
+    def restarts(self, now_ns: int) -> str | None:
+        """That it lost itself and started anew, for one that is not flown on."""
+        lines: list[str] = getattr(self.estimator, "restarts", [])
+        if not lines or now_ns - self._told_ns < NEWS_NS:
+            return None
+        self._told_ns = now_ns
+        line = lines[-1] + (f" ({len(lines)} times)" if len(lines) > 1 else "")
+        lines.clear()
+        return line

@@ -29,8 +29,6 @@ LOST_AFTER_NS = 500_000_000
 """LOST_REFUSALS measurements in a row, for so long, mean that the filter is wrong."""
 START = np.repeat([0.05, math.radians(3.0), 0.5, 0.01, 0.1], 3)
 """Deviations at a start: m, rad, m/s (taken to be at rest), rad/s, m/s^2."""
-TOLD_EVERY_NS = 1_000_000_000
-"""Between two lines about restarts that failed."""
 DETERMINED = 4
 """Bearings to beacons in one plane that leave one pose."""
 HOW_TO_START = "show it a fourth beacon in their plane, or run it beside an estimator on poses"
@@ -44,19 +42,18 @@ class ErrorStateEstimator:
     """Tightly coupled: each bearing, or pose, corrects state and biases by their covariance.
 
     Attributes:
-        notices: what a person should know of it, for instance a restart; whoever tells them
-            clears the list.
+        restarts: a line for each time it was lost and started anew; who tells them clears them.
     """
 
     name = "error_state"
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
-        self.notices: list[str] = []
+        self.restarts: list[str] = []
         self._memory = new_memory()
         self._initialized = False
         self._waiting: list[tuple[int, Record]] = []
         self._due_ns = 1 << 62
-        self._told_ns = -(1 << 62)
+        self._failed: MeasurementError | None = None
         self._remember_views()
         self.configure(parameters or EstimationParameters())
 
@@ -160,7 +157,7 @@ class ErrorStateEstimator:
         self._initialized = False
         self._waiting.clear()
         self._due_ns = 1 << 62
-        self.notices.clear()
+        self.restarts.clear()
 
     def initialize(self, pose: Record, deviations: Array = START) -> None:
         """Start anew at a POSE_SAMPLE (1,), at rest, with the biases so far.
@@ -254,6 +251,9 @@ class ErrorStateEstimator:
             self._due_ns = min(due_ns for due_ns, _ in self._waiting)
         else:
             self._settle(measurement)
+        if self._failed is not None:
+            failed, self._failed = self._failed, None
+            raise failed
 
     def _apply_waiting(self, now_ns: int) -> None:
         """Measurements that were ahead of the IMU and no longer are."""
@@ -265,10 +265,8 @@ class ErrorStateEstimator:
             take(self._memory[0], one[0])
             try:
                 self._settle(one)
-            except MeasurementError as error:  # a prediction has no way to refuse
-                if now_ns - self._told_ns > TOLD_EVERY_NS:
-                    self._told_ns = now_ns
-                    self.notices.append(str(error))
+            except MeasurementError as error:  # raised by the next correction, not by a prediction
+                self._failed = error
 
     def _settle(self, measurement: Record) -> None:
         """Apply what was taken; when the filter is lost, start anew from it.
@@ -282,18 +280,17 @@ class ErrorStateEstimator:
         lost_ns = int(m["stamp_ns"] - m["measurement_ns"])
         if lost_ns <= LOST_AFTER_NS:
             return
-        refused, before = int(m["refused"]), m["now"][:3].copy()
-        at_once = bool(m["at_once"])
+        refused, before, innovation = int(m["refused"]), m["now"][:3].copy(), m["innovation"].copy()
         if measurement.dtype == POSE_SAMPLE:
             self.initialize(measurement)
         else:
             self._start_from(measurement)
         m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
+        m["innovation"] = innovation
         m["outcomes"][Outcome.OUTLIER] -= 1  # counted as used now
-        self.notices.append(
+        self.restarts.append(
             f"error_state started anew, {np.linalg.norm(m['now'][:3] - before):.2f} m from where "
-            f"it was: {refused} measurements in {1e-9 * lost_ns:.1f} s did not agree with it, "
-            + ("which jumped" if at_once else "from which it drifted")
+            f"it was: {refused} measurements in {1e-9 * lost_ns:.1f} s did not agree with it"
         )
 
     def _anchor(self) -> None:

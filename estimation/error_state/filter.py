@@ -23,7 +23,7 @@ from quadrotor.vectors import add, axes_of, scale, to_body, vector
 
 _MASK = SAMPLES - 1
 _APPLIED, _TOO_OLD, _NOT_NEWER, _AHEAD, _INVALID, _OUTLIER = (int(o) for o in Outcome)
-_USED, _REFUSED, _JUMPED, _DRIFTED = (int(a) for a in Agreement)
+_USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)
 
 
 @compiled(inner=True)
@@ -123,10 +123,12 @@ def report(memory: Record, estimate: Record) -> None:
             out.measurement_age = max(0.0, 1e-9 * (m.stamp_ns - m.measurement_ns))
         out.measurements_used, out.measurements_refused = n[_APPLIED], n[_OUTLIER]
         out.measurements_ignored = n[_TOO_OLD] + n[_NOT_NEWER] + n[_AHEAD] + n[_INVALID]
-        if m.refused >= LOST_REFUSALS or m.restarted:
+        if m.refused >= LOST_REFUSALS:
             out.agreement = _JUMPED if m.at_once else _DRIFTED
+        elif m.refused:
+            out.agreement = _REFUSED
         else:
-            out.agreement = _REFUSED if m.refused else _USED
+            out.agreement = _MOVED if m.restarted else _USED
 
 
 @compiled

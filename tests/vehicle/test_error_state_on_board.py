@@ -9,10 +9,12 @@ import pytest
 from msgspec.structs import replace
 
 from bearing_sim.beacons import parse_layout
+from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS, Agreement
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
+from vehicle.modes import Flag
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"
@@ -115,19 +117,29 @@ def test_a_small_jump_of_the_tracker_is_an_event_and_a_flag() -> None:
     lab.wait(0.4)
     assert lab.stack.estimate["agreement"][0] == Agreement.JUMPED
     assert not lab.stack.estimator.converged
-    assert not lab.events_with("started anew")
+    assert Flag.TRACKER_JUMPED in Flag(int(lab.stack.status["flags"][0]))
+    assert lab.events_with("the tracker jumped", "0.30 m")
+    assert not lab.events_with("was moved")
     lab.wait(2.0)
-    assert len(lab.events_with("error_state started anew", "jumped")) == 1
+    assert len(lab.events_with("the estimate was moved by 0.3")) == 1
     assert lab.stack.estimate["agreement"][0] == Agreement.USED
     assert lab.stack.estimator.converged
+
+
+def test_a_shadow_that_starts_anew_says_so() -> None:
+    lab = Lab(shadow="error_state").hovering()
+    lab.moved = np.array([0.3, 0.0, 0.0])
+    lab.wait(2.0)
+    assert len(lab.events_with("error_state started anew, 0.3")) == 1
 
 
 def test_the_supervisor_sees_a_large_jump_before_the_filter_follows_it() -> None:
     lab = Lab(estimator="error_state").hovering()
     lab.moved = np.array([1.0, 0.0, 0.0])
     lab.wait(0.45)
-    assert lab.events_with("diverged", "1.0")
-    assert lab.stack.behaviors.name.name == "EMERGENCY_LANDING" or lab.events_with("descend")
+    assert lab.events_with("from their prediction for 0.3 s")
+    assert lab.stack.behaviors.name is BehaviorName.EMERGENCY_LANDING
+    assert not lab.events_with("was moved")
 
 
 # ---------------------------------------------------------------------- what is not used
