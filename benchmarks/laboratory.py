@@ -42,10 +42,13 @@ LIMITS = {
 
 @contextmanager
 def started(port: int, link_port: int, *words: str) -> Iterator[tuple[int, list[str]]]:
-    """The process of a `quadlab up` with a data folder of its own, and its lines as they come."""
+    """The process of a `quadlab up` with a data folder of its own, and its lines as they come.
+
+    In real time: what is measured is not to be waited for.
+    """
     with tempfile.TemporaryDirectory(prefix="quadlab-benchmark-") as data:
         up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", data,
+            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--real-time", "--data", data,
              "--port", str(port), "--link-port", str(link_port), *words],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
         )  # fmt: skip

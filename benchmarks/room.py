@@ -44,8 +44,8 @@ class Room:
 
     def __init__(self, folder: str, port: int, link_port: int) -> None:
         self.up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", folder, "--port",
-             str(port), "--link-port", str(link_port),
+            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--real-time", "--data", folder,
+             "--port", str(port), "--link-port", str(link_port),
              "--set", f"simulator.battery_capacity={CHARGE}"],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
         )  # fmt: skip

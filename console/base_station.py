@@ -48,6 +48,7 @@ from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics
 from vehicle_link.instance import new_instance
+from vehicle_link.lockstep import Part
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
@@ -92,6 +93,7 @@ class BaseStation:
         self._pace, is_alone = pace_of(vehicles), vehicles == 1
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
+        self._part = Part(vehicle)
         self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
         clock = self._node.client("time_sync", time_sync.TIME_SYNC)
         self.answers = partial(time_sync.answers, clock)
@@ -177,7 +179,7 @@ class BaseStation:
         introduction = Introduction(self._node, vehicle, self.link)
         self._telemetry = TelemetryIn(
             vehicle, self.link, self._outbox, self._recorder, self._comparison,
-            self.checks.observed, self.experiments,
+            self.checks.observed, self.experiments, self._part.vehicle_heard,
         )  # fmt: skip
         self._heard = self._subscriptions(host)
         self.checks.start()
@@ -225,7 +227,7 @@ class BaseStation:
     def _subscriptions(self, host: str) -> Subscriptions:
         acts: dict[str, Callable[[Received], None]] = {
             "telemetry": self._telemetry.received,
-            "vehicle_heartbeat": lambda received: self.link.beat(received.payload),
+            "vehicle_heartbeat": self._on_beat,
             "stick": self._on_stick,
             "status": self._on_status,
             "truth": self._on_truth,
@@ -247,6 +249,10 @@ class BaseStation:
         self.experiments.feed.status(status)
         self._comparison.status(bool(status.armed), str(status.mode))
         self._calibrations.status(str(status.mode).lower())
+
+    def _on_beat(self, received: Received) -> None:
+        self.link.beat(received.payload)
+        self._part.vehicle_heard(received.source_ns)
 
     def _on_stick(self, received: Received) -> None:
         self.checks.observed.message("stick", received.payload)
@@ -278,6 +284,9 @@ class BaseStation:
         pose = (stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
         self._comparison.truth(*pose)
         self._tracker.truth(*pose)
+        self._part.truth(stamp_ns)
+        if self._part.in_lockstep and self.link.standing.beats:
+            self._outbox.heartbeat(0)  # what came before it has come, too, when comms hears it
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any
 
 from console.outages import Outages
 from console.standing import Standing
 from console.telemetry_window import TelemetryWindow
+from vehicle_link.clock import monotonic, monotonic_ns, time_ns
 from vehicle_link.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.messages import header, new
 from vehicle_link.radio import Radio
@@ -35,7 +35,7 @@ class LinkMonitor:
         self,
         vehicle: str = "quad1",
         instance: int = 0,
-        steady_ns: Callable[[], int] = time.monotonic_ns,
+        steady_ns: Callable[[], int] = monotonic_ns,
     ) -> None:
         self.standing = Standing(vehicle, instance)
         self.radio: Radio | None = None
@@ -53,23 +53,23 @@ class LinkMonitor:
 
     def carried(self) -> None:
         """Something came from the vehicle over its Zenoh session."""
-        self._carried = time.monotonic()
+        self._carried = monotonic()
 
     def silent(self) -> float:
         """s since the last thing that did; inf before the first."""
-        return math.inf if self._carried is None else time.monotonic() - self._carried
+        return math.inf if self._carried is None else monotonic() - self._carried
 
     def came_beside(self) -> None:
         """Something came from the vehicle beside its Zenoh session."""
-        self._by_lane = time.monotonic()
+        self._by_lane = monotonic()
 
     def beside(self) -> float:
         """s since the last thing that did; inf before the first."""
-        return math.inf if self._by_lane is None else time.monotonic() - self._by_lane
+        return math.inf if self._by_lane is None else monotonic() - self._by_lane
 
     def beat(self, payload: bytes) -> None:
         """The vehicle's heartbeat came, by whichever way. Raises LinkError."""
-        self.standing.heartbeat(decode_heartbeat(payload), time.monotonic_ns())
+        self.standing.heartbeat(decode_heartbeat(payload), monotonic_ns())
         self.alive()
 
     def alive(self) -> None:
@@ -106,13 +106,13 @@ class LinkMonitor:
 
     def problem(self) -> str:
         """Why the vehicle is not commanded although the link stands."""
-        return self.standing.problem(time.monotonic_ns())
+        return self.standing.problem(monotonic_ns())
 
     def refusal(self, command: str) -> str:
         """Why this command is not sent to the vehicle; "" when it is."""
         if command != "emergency" and self.state() is LinkState.LOST:
             return "the link to the vehicle is lost; nothing was sent"
-        return self.standing.refusal(command, time.monotonic_ns())
+        return self.standing.refusal(command, monotonic_ns())
 
     def state(self) -> LinkState:
         return self._heartbeats.state(self._steady_ns())
@@ -123,7 +123,7 @@ class LinkMonitor:
 
     def vehicle_ns(self) -> int:
         """The vehicle's clock now; the station's own until it is known."""
-        return self._clock.to_server(time.time_ns())
+        return self._clock.to_server(time_ns())
 
     def message(self, station_ns: int) -> Any:
         """quadlab_msgs/LinkStatus."""

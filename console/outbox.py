@@ -15,6 +15,7 @@ from console.sticks import StickOrder
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import POSE_SAMPLE
 from vehicle_link import topics
+from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
 from vehicle_link.node import Node
 from vehicle_link.topics import TOPICS
@@ -78,7 +79,7 @@ class Outbox:
         self._publishers[name].put(payload, source_ns)
         if name in RECORDED:
             topic, type_name = f"/{self._vehicle}/{name}", TOPICS[name].type_name
-            self._record(topic, type_name, payload, time.time_ns(), source_ns)
+            self._record(topic, type_name, payload, time_ns(), source_ns)
 
     @property
     def heard(self) -> frozenset[str]:

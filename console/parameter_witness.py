@@ -11,7 +11,6 @@ import ast
 import logging
 import queue
 import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,7 @@ from typing import Any
 from console.parameter_history import ParameterChange, ParameterHistory
 from quadrotor.errors import MeasurementError, StorageError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.clock import time_ns
 from vehicle_link.parameter_authority import VEHICLE, authority_of
 
 log = logging.getLogger(__name__)
@@ -104,9 +104,9 @@ class ParameterWitness:
                 return
             if not armed:
                 self._flight = ""
-                self._put(_End(time.time_ns()))
+                self._put(_End(time_ns()))
             elif not (was is None and self._is_open):  # the station died in flight and came back
-                self._put(_Begin(self._flight, time.time_ns()))
+                self._put(_Begin(self._flight, time_ns()))
 
     def look(self, values: Mapping[str, ParameterValue], revision: int) -> None:
         """The vehicle's values as read at `revision`; to be told once a second.
@@ -143,7 +143,7 @@ class ParameterWitness:
         self._thread.join(CLOSE_PATIENCE)
 
     def _adopt(self, values: Mapping[str, ParameterValue], revision: int, why: str) -> None:
-        now_ns = time.time_ns()
+        now_ns = time_ns()
         unknown = {name: value for name, value in values.items() if name not in self._known}
         if unknown:
             self._put(unknown)

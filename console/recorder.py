@@ -20,6 +20,7 @@ from console.disk_chores import DiskChores
 from console.run import AGAIN_SPARE, RecorderStatus, Run, RunEnd
 from console.run_file import RunFile
 from quadrotor.errors import QuadlabError, StorageError
+from vehicle_link.clock import monotonic
 
 log = logging.getLogger(__name__)
 
@@ -121,7 +122,7 @@ class Recorder:
             self._is_owed = False
             self._idle.clear()
             self._bytes = 0
-            self._since = time.monotonic()
+            self._since = monotonic()
             self._queue.append(run)
             self._wanted = run
         self._wake.set()
@@ -170,7 +171,7 @@ class Recorder:
         return RecorderStatus(
             recording=run is not None,
             run_id=run.run_id if run else "",
-            duration=time.monotonic() - self._since if run else 0.0,
+            duration=monotonic() - self._since if run else 0.0,
             bytes=self._bytes,
             free_bytes=self._free,
             dropped=self._dropped[run.run_id] if run else 0,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from console.run import AGAIN_SPARE, Run, RunEnd
 from quadrotor.errors import StorageError
+from vehicle_link.clock import monotonic
 from vehicle_link.log import LogWriter
 
 CHUNK_AGE_NS = 20_000_000
@@ -25,7 +26,7 @@ class RunFile:
         self.writer = LogWriter(
             run.path, run.metadata, run.attachments(), chunk_age_ns=CHUNK_AGE_NS
         )
-        self.synced = self._since = time.monotonic()
+        self.synced, self._since = time.monotonic(), monotonic()
         self.sync_problem: StorageError | None = None
 
     def sync(self) -> None:
@@ -56,7 +57,7 @@ class RunFile:
         """How it ended."""
         return RunEnd(
             run=self.run,
-            duration=time.monotonic() - self._since,
+            duration=monotonic() - self._since,
             bytes=self.writer.size,
             messages=self.writer.message_count,
             dropped=dropped,

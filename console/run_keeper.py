@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import threading
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -19,6 +18,7 @@ from console.recording import Decision, RecordingPolicy
 from console.run import Run, RunEnd
 from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import StorageError
+from vehicle_link.clock import monotonic, time_ns
 from vehicle_link.log.provenance import provenance
 
 ASKED_KEEP = 5.0
@@ -65,15 +65,15 @@ class RunKeeper:
     def asked(self, command: str, requester: str) -> None:
         """Somebody asked for this command; whoever arms is the run's operator."""
         if command == "arm":
-            self._asked = (requester, time.monotonic())
+            self._asked = (requester, monotonic())
 
     def status(self, armed: bool) -> None:
         """Each status of the vehicle. A run that cannot start is an alarm of the recorder."""
         with self._lock:
-            decision = self._policy.status(armed, time.monotonic())
+            decision = self._policy.status(armed, monotonic())
         if decision is Decision.START and not self.recorder.run_id:
             requester, at = self._asked
-            named = requester and time.monotonic() - at < ASKED_KEEP
+            named = requester and monotonic() - at < ASKED_KEEP
             with suppress(StorageError):  # shown and said as an alarm until a run starts
                 self.start(requester if named else self._operator)
 
@@ -81,7 +81,7 @@ class RunKeeper:
         """Some times a second."""
         after = self._store.parameters.recorder.after_disarm
         with self._lock:
-            decision = self._policy.tick(time.monotonic(), after)
+            decision = self._policy.tick(monotonic(), after)
             if decision is Decision.STOP and self._held and self._held == self.recorder.run_id:
                 decision = Decision.NOTHING
         if decision is Decision.STOP:
@@ -132,7 +132,7 @@ class RunKeeper:
                 "seed": str(self._store.parameters.tracker.seed),
                 **self._provenance,
             },
-            start_ns=time.time_ns(),
+            start_ns=time_ns(),
             attachments=self._attachments,
             keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
         )

@@ -17,6 +17,7 @@ from console.catalogue_marks import LONGEST, OLDEST, Mark, find_mark, keep_mark
 from console.outbox import Outbox
 from console.run import RecorderStatus
 from quadrotor.errors import QuadlabError, RefusedError
+from vehicle_link.clock import time_ns
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import encode, header, new
 from vehicle_link.node import Node
@@ -97,7 +98,7 @@ class MarkService:
             text=mark.text,
             requester=request.requester,
         )
-        payload, now_ns = encode(message), time.time_ns()
+        payload, now_ns = encode(message), time_ns()
         if is_logged:  # of a run that has ended only the pages hear
             kind = TOPICS["marks"].type_name
             self._recorder.put(f"/{self._vehicle}/marks", kind, payload, now_ns, mark.stamp_ns)

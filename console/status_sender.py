@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +10,7 @@ from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
 from console.recorder import Recorder
 from console.tracker_feed import TrackerFeed
+from vehicle_link.clock import real_time_factor, time_ns
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import header, new
 
@@ -42,7 +42,7 @@ class StatusSender:
 
     def send(self) -> None:
         """Both, and an event when the link's state is another than the last time."""
-        now_ns, stamp_ns = time.time_ns(), self._link.vehicle_ns()
+        now_ns, stamp_ns = time_ns(), self._link.vehicle_ns()
         state = self._link.state()
         if state is not self._said:
             self._said = state
@@ -60,6 +60,7 @@ class StatusSender:
             recording_bytes=recorder.bytes,
             free_bytes=recorder.free_bytes,
             tracker_rate=self._tracker.rate,
+            real_time_factor=real_time_factor(),
             alarms=self._alarms.lines(recorder.alarms),
         )
         self._outbox.message("station_status", status, stamp_ns)

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 from typing import Protocol
 
 from console.outbox import Outbox
 from console.sticks import StickOrder, StickWatchdog
 from vehicle_link import topics
+from vehicle_link.clock import monotonic
 from vehicle_link.messages import Message, decode, encode, header, new
 from vehicle_link.node import Received
 
@@ -91,7 +91,7 @@ class StickDesk:
             self._answer(sticks, False, "another has control" if sticks.enabled else "")
             return
         with self._changed:
-            order = self._watchdog.feed(sticks.axes, sticks.enabled, time.monotonic(), timeout)
+            order = self._watchdog.feed(sticks.axes, sticks.enabled, monotonic(), timeout)
             dropped, self._last = self._watchdog.dropped, sticks
             self._changed.notify()
         passes = self._pilots.passes(order)
@@ -108,7 +108,7 @@ class StickDesk:
         """Who lost control lets go: else a drop of these sticks would stay for ever."""
         with self._changed:
             if self._last.requester == sticks.requester:
-                self._watchdog.feed(sticks.axes, False, time.monotonic(), timeout)
+                self._watchdog.feed(sticks.axes, False, monotonic(), timeout)
                 self._changed.notify()
 
     def _watch(self) -> None:
@@ -122,7 +122,7 @@ class StickDesk:
         with self._changed:
             if self._closing:
                 return
-            now, timeout = time.monotonic() + EARLY, self._timeout()
+            now, timeout = monotonic() + EARLY, self._timeout()
             order = self._watchdog.tick(now, timeout)
             last, is_drop = self._last, self._watchdog.dropped
             if order is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 
 from console.checks.observed import Observed
 from console.comparison.feed import ComparisonFeed
@@ -11,12 +11,13 @@ from console.experiment_running.runner import ExperimentRunner
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
 from console.recorder import Recorder
+from vehicle_link.clock import time_ns
 from vehicle_link.node import Received
 from vehicle_link.telemetry import unpack
 
 
 class TelemetryIn:
-    """Of one thread. Args: the station's parts that hear of it."""
+    """Of one thread. Args: the station's parts that hear of it; `heard` of its newest stamp."""
 
     def __init__(
         self,
@@ -27,17 +28,18 @@ class TelemetryIn:
         comparison: ComparisonFeed,
         observed: Observed,
         experiments: ExperimentRunner,
+        heard: Callable[[int], None],
     ) -> None:
         self._vehicle = vehicle
         self._link, self._outbox, self._recorder = link, outbox, recorder
         self._comparison, self._observed = comparison, observed
-        self._experiments = experiments
+        self._experiments, self._newest = experiments, heard
 
     def received(self, received: Received) -> None:
         """Raises LinkError for what is no telemetry."""
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
-        shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time.time_ns())
+        shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())
         self._comparison.telemetry(received.payload)
         self._experiments.readings.telemetry(sequence, ticks)
         if shown:
@@ -53,3 +55,4 @@ class TelemetryIn:
         if shown:
             for name in self._outbox.heard & payloads.keys():
                 self._outbox.put(name, payloads[name][-1], stamp_ns)
+        self._newest(stamp_ns)

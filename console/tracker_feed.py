@@ -8,7 +8,6 @@ instants of their own on that clock, seen from the tracker's poses.
 from __future__ import annotations
 
 import threading
-import time
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
@@ -22,8 +21,11 @@ from bearing_sim import (
     TrackerParameters,
 )
 from bearing_sim.quaternions import Array
+from vehicle_link.clock import monotonic
 
 RATE_WINDOW = 1.0
+SHORTEST_WAIT = 0.0005
+"""s; simulated time may stand still just before something is due."""
 
 
 class TrackerFeed:
@@ -41,7 +43,7 @@ class TrackerFeed:
         bearings: BearingParameters,
         publish_pose: Callable[[PoseMeasurement], None],
         publish_bearings: Callable[[BearingMeasurement], None],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
         self._tracker = SimulatedTracker(tracker)
         self._emulator = BearingEmulator(bearings)
@@ -112,5 +114,7 @@ class TrackerFeed:
                 now_ns = round(self._clock() * 1e9) + self._ahead_ns
                 self._release(now_ns)
                 following = self._next_ns()
-                wait = None if following is None else max(0.0, (following - now_ns) * 1e-9)
+                wait = (
+                    None if following is None else max(SHORTEST_WAIT, (following - now_ns) * 1e-9)
+                )
                 self._changed.wait(wait)

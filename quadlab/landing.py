@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from quadrotor.errors import LinkError
+from vehicle_link import clock
 
 LANDING_PATIENCE = 40.0
 HEARING = 1.5
@@ -89,7 +90,8 @@ def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopReq
         beginning = [threading.Thread(target=landing.begin, daemon=True) for landing in due]
         for thread in beginning:
             thread.start()
-        for _ in range(int(LANDING_PATIENCE / 0.1)):
+        until = clock.monotonic() + LANDING_PATIENCE
+        while clock.monotonic() < until:
             if stop.at_once or all(landing.on_ground.is_set() for landing in due):
                 return
             time.sleep(0.1)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import secrets
 import signal
 import socket
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -31,6 +33,8 @@ from quadlab.settings import parse_settings
 from quadlab.simulated_fleet import SimulatedFleet
 from quadlab.supervise import Child
 from quadrotor.errors import UsageError
+from vehicle_link import clock
+from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
 
 if TYPE_CHECKING:
@@ -59,6 +63,9 @@ class Up(PageOptions):
     two or three 100, of more 60)"""
     name: str = THE_VEHICLE
     """namespace of the vehicle's topics"""
+    real_time: bool = False
+    """for timing tests: let the simulation go on by the computer's time, even when flight stack or
+    station are late (default: it waits for them, and slows on a busy machine)"""
     set: Settings = ()
     """start with this vehicle parameter, or simulator.NAME=VALUE"""
 
@@ -73,7 +80,11 @@ class Up(PageOptions):
         self.check_page(folder)
         if self.host != PageOptions.host:
             _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
-        with owned(folder), tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder:
+        with (
+            owned(folder),
+            tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
+            contextlib.nullcontext() if self.real_time else _lockstep(fleet, Path(run_folder)),
+        ):
             groups = self._children(fleet, folder, Path(run_folder), vehicle_words, simulator_words)
             return self._watch(groups, fleet)
 
@@ -177,6 +188,20 @@ class Up(PageOptions):
                 for group in reversed(groups):
                     _stop(group)
         return 0
+
+
+@contextlib.contextmanager
+def _lockstep(fleet: SimulatedFleet, folder: Path) -> Iterator[None]:
+    """One clock for this process and all children."""
+    page = Page(fleet.names, folder)
+    os.environ[clock.VARIABLE] = str(page.path)
+    try:
+        clock.follow(page.path)
+        yield
+    finally:
+        clock.follow(None)
+        del os.environ[clock.VARIABLE]
+        page.close()
 
 
 def _child_name(fleet: SimulatedFleet, name: str) -> str:

@@ -11,7 +11,6 @@ import json
 import os
 import sys
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -41,8 +40,10 @@ from vehicle.self_checks import SelfChecks
 from vehicle.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates, readable_keys
+from vehicle_link.clock import monotonic_ns
 from vehicle_link.end_signal import Ending, EndSignal
 from vehicle_link.heartbeat import HEARTBEAT_RATE, SELDOM
+from vehicle_link.lockstep import Part
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 from vehicle_link.whoami import serve_whoami
@@ -103,6 +104,7 @@ class Comms:
             self._say,
             lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
             self._log_received,
+            Part(config.name).station_heard,
         )
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
@@ -133,7 +135,7 @@ class Comms:
 
     def drain(self) -> None:
         """Take everything flight has sent and pass it on."""
-        read_ns = time.monotonic_ns()
+        read_ns = monotonic_ns()
         ticks = self._rings.ticks.read()
         if (too_many := len(self._rings.ticks) - TICKS_KEPT) > 0:  # the disk is slow
             self._rings.ticks.free_ahead(too_many)

@@ -8,8 +8,9 @@ clock by the smallest delay seen, some 0.1 ms.
 
 from __future__ import annotations
 
-import time
 from collections import deque
+
+from vehicle_link import clock
 
 WINDOW_NS = 5_000_000_000
 """Readings older than this are forgotten: 50 ppm of drift make 0.25 ms in it."""
@@ -20,7 +21,7 @@ class VehicleClock:
 
     def __init__(self) -> None:
         # Until the first tick the host's epoch, which is where the vehicle's clock starts.
-        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._offset_ns = clock.time_ns() - clock.monotonic_ns()
         self._readings: deque[tuple[int, int]] = deque()  # (read, offset), offsets falling
         self.started = False
 
@@ -37,7 +38,7 @@ class VehicleClock:
 
     def now_ns(self) -> int:
         """Nanoseconds of the vehicle's clock."""
-        return time.monotonic_ns() + self._offset_ns
+        return clock.monotonic_ns() + self._offset_ns
 
     def at_ns(self, monotonic_ns: int) -> int:
         """The vehicle's clock at a monotonic time."""

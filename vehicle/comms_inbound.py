@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections.abc import Callable
 
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
@@ -26,6 +25,7 @@ from vehicle.comms_clock import VehicleClock
 from vehicle.comms_commands import FlightMailbox
 from vehicle.first_heard import FirstHeard
 from vehicle_link import topics
+from vehicle_link.clock import monotonic_ns
 from vehicle_link.instance import spoken
 
 OLDEST_NS = 200_000_000
@@ -62,6 +62,7 @@ class Inbound:
     Args:
         bearing_pose: takes (payload, stamp in ns) of a one-frame pose.
         log: takes (topic, payload, stamp in ns) of everything that was not ignored.
+        heard: told of the stamp of each heartbeat of the station that has the vehicle.
 
     Attributes:
         newest_state: STATE of the newest tick, shape (1,), which starts the search for a
@@ -75,12 +76,13 @@ class Inbound:
         say: Say,
         bearing_pose: Callable[[bytes, int], None],
         log: Callable[[str, bytes, int], None],
+        heard: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self._flight = flight
         self._clock = clock
         self._complain = SaidSometimes(say, clock)
         self._bearing_pose = bearing_pose
-        self._log = log
+        self._log, self._heard = log, heard
         self._solver: BearingPose | None = None
         self._layout, self._beacons = "paper", PAPER_BEACONS
         self._preparing: threading.Thread | None = None
@@ -126,12 +128,12 @@ class Inbound:
     def station_silence(self) -> float:
         """Seconds since the station's last heartbeat; inf before the first."""
         heard_ns = self._heard_ns
-        return math.inf if heard_ns is None else (time.monotonic_ns() - heard_ns) * 1e-9
+        return math.inf if heard_ns is None else (monotonic_ns() - heard_ns) * 1e-9
 
     @property
     def holder(self) -> int:
         """Instance of the station that has the vehicle; 0 when none is heard."""
-        return self._station.current(time.monotonic_ns()) or 0
+        return self._station.current(monotonic_ns()) or 0
 
     def take(self, topic: str, payload: bytes, source: bytes = b"") -> None:
         """One message of a topic of `handlers`; unusable ones are reported.
@@ -140,7 +142,7 @@ class Inbound:
             source: the publisher's GID; empty when it is known to be the holder's.
         """
         source_of = self._sources.get(topic)
-        if source and source_of and not source_of.heard(source, time.monotonic_ns()):
+        if source and source_of and not source_of.heard(source, monotonic_ns()):
             self._complain(
                 topic, "a second sender is ignored; stop one of the two (station, ROS 2 node)"
             )
@@ -173,8 +175,9 @@ class Inbound:
             self._log("external_reference", payload, stamp_ns)
 
     def _heartbeat(self, payload: bytes) -> None:
-        instance = topics.decode_heartbeat(payload).instance
-        now_ns = time.monotonic_ns()
+        beat = topics.decode_heartbeat(payload)
+        instance = beat.instance
+        now_ns = monotonic_ns()
         before = self._station.current(now_ns)
         if not self._station.heard(instance, now_ns):
             self._complain(
@@ -188,6 +191,7 @@ class Inbound:
         self._heard_ns = now_ns
         # The station's own stamp may precede its time synchronisation: what counts is when.
         self._send(mailbox.Heartbeat(self._clock.now_ns()))
+        self._heard(beat.stamp_ns)
 
     def _bearings(self, payload: bytes) -> None:
         seen = topics.decode_bearings(payload)

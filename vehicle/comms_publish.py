@@ -7,6 +7,7 @@ radio gets at most five messages a second of each topic, as a probe; the log sti
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -112,9 +113,12 @@ class Publisher:
         return self._tick_rate
 
     def heartbeat(self) -> None:
-        """Call often; sends at its rate, with or without ticks."""
+        """Call often; sends at its rate, with or without ticks.
+
+        By the computer's time: simulated time may stand still until one has been heard.
+        """
         now_ns = self._clock.now_ns()
-        if self._radio is not None and self._due("vehicle_heartbeat", now_ns):
+        if self._radio is not None and self._due("vehicle_heartbeat", time.monotonic_ns()):
             self._heartbeat += 1
             payload = topics.encode_heartbeat(self._heartbeat, now_ns, self.instance, self.holder)
             self._radio.put("vehicle_heartbeat", payload, now_ns)

@@ -24,6 +24,7 @@ from vehicle.pacing import MemoryPacer, Pacer, PortPacer
 from vehicle.process_config import FlightConfig, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
 from vehicle.terminal import say, speak_for
+from vehicle_link.lockstep import Part
 from vehicle_link.serial.capacity import sample_period_us
 from vehicle_link.serial.port import PortError, PortProblem, SerialPort
 
@@ -60,7 +61,8 @@ def fly(config: FlightConfig) -> None:
         say(f"not compiled before the flight: {refusal}")
     robot = None if ports else _in_process(config.rate, stack)
     granted = become_real_time()
-    if granted.refusal:
+    part = Part(config.name)
+    if granted.refusal and not part.in_lockstep:  # there nothing is late: time waits
         say(granted.refusal)
     freeze_garbage()
     # From here on without delay: the first samples' arrival sets the vehicle's clock.
@@ -69,7 +71,10 @@ def fly(config: FlightConfig) -> None:
         while port.read():  # samples from before are old
             pass
     mcu, pacer = _connect(ports, robot, config)
-    loop = FlightLoop(stack, mcu, rings, pacer, real_time=granted.scheduled, later=later)
+    loop = FlightLoop(
+        stack, mcu, rings, pacer, real_time=granted.scheduled or part.in_lockstep, later=later,
+        part=part if part.in_lockstep else None,
+    )  # fmt: skip
 
     def stop(signal_number: int, frame: object) -> None:
         loop.stopping = True

@@ -6,7 +6,6 @@ that never make this thread wait.
 
 from __future__ import annotations
 
-import time
 import traceback
 from typing import TYPE_CHECKING, Protocol
 
@@ -20,6 +19,8 @@ from vehicle.orders import Ordered, Ordering, Orders
 from vehicle.pacing import Pacer
 from vehicle.process_config import Rings
 from vehicle.terminal import say
+from vehicle_link.clock import monotonic, monotonic_ns
+from vehicle_link.lockstep import Part
 from vehicle_link.serial.port import BAUD_RATE
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ class Mcu(Ordered, Protocol):
     """What the loop needs of vehicle.microcontroller.Microcontroller."""
 
     failures: list[str]
+    newest_ms: list[int]
     refused: int
     late: int
 
@@ -68,6 +70,7 @@ class FlightLoop:
     Args:
         pacer: lets it wait for the next sample.
         later: what is compiled beside and loaded on the ground.
+        part: told of the samples that were dealt with, where simulated time waits for that.
 
     Attributes:
         lateness: of the ticks; counts: since the start.
@@ -75,12 +78,13 @@ class FlightLoop:
 
     def __init__(
         self, stack: Stack, mcu: Mcu, rings: Rings, pacer: Pacer, *, real_time: bool,
-        later: Later | None = None,
+        later: Later | None = None, part: Part | None = None,
     ) -> None:  # fmt: skip
         self.stopping = False
         self._later = later
         self._stack = stack
         self._mcu = mcu
+        self._part = part
         self._rings = rings
         self._real_time = real_time
         self._pacer = pacer
@@ -89,7 +93,7 @@ class FlightLoop:
         self.lateness = Lateness()
         self.counts = LoopCounts(self.lateness.histogram)
         self._orders = Orders(stack, mcu)
-        self._heard_ns = time.monotonic_ns()
+        self._heard_ns = monotonic_ns()
         self._silent = False
         self._unusable = [0, 0, 0]  # of what came until the newest sample
         self._tell(NOTHING_YET)
@@ -102,7 +106,7 @@ class FlightLoop:
     def once(self) -> None:
         """Wait for bytes, or until a sample is overdue; tick on every sample they complete."""
         self._pacer.wait()
-        now_ns = time.monotonic_ns()
+        now_ns = monotonic_ns()
         samples = self._mcu.receive()
         for sample in samples:
             now_ns = self._tick(sample, now_ns)
@@ -114,11 +118,14 @@ class FlightLoop:
         if self._silent:
             self._drain_inbox()
         self._orders.send(None)  # a command between ticks may want another motor state
-        self._orders.keep(time.monotonic())
+        self._orders.keep(monotonic())
         if self._mcu.failures:
             for line in self._mcu.failures:
                 self._report(line)
             self._mcu.failures.clear()
+        if self._part is not None:
+            for line, milliseconds in enumerate(self._mcu.newest_ms):
+                self._part.answered(line, milliseconds)
 
     def _tick(self, sample: RawSample, began_ns: int) -> int:
         """The tick that began when the loop woke for its sample. Returns when it ended."""
@@ -131,7 +138,7 @@ class FlightLoop:
         statistics = self.lateness.add(began_ns, sample.stamp_ns)
         if statistics is not None:
             self._tell(statistics)
-        ended_ns = time.monotonic_ns()
+        ended_ns = monotonic_ns()
         if ended_ns - began_ns > self._period_ns:
             self.counts.overruns += 1
         return ended_ns
@@ -190,7 +197,7 @@ class FlightLoop:
             messages.clear()
 
     def _watch_silence(self, heard: bool) -> None:
-        now_ns = time.monotonic_ns()
+        now_ns = monotonic_ns()
         if heard:
             if self._silent:
                 self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")

@@ -76,6 +76,7 @@ class Microcontroller:
         flight_control_mode: what the microcontroller has confirmed last.
         refused: D frames with impossible values or times; late: samples dropped as older than the
             newest.
+        newest_ms: of the D frame read last from each port, the microcontroller's time; -1 before.
     """
 
     def __init__(
@@ -90,6 +91,7 @@ class Microcontroller:
         self.refused = 0
         self.late = 0
         self.flight_control_mode = FlightControlMode.NEAR_HOVERING  # as at power-up
+        self.newest_ms = [-1] * len(ports)
         self._ports = MicrocontrollerPorts(ports, self.failures)
         self._clock = MicrocontrollerClock(epoch_ns)
         self._newest_ns = -1
@@ -156,7 +158,9 @@ class Microcontroller:
             values = decode_data(frame)
             if values is None:
                 self._take_reply(frame)
-            elif self._mirrored:
+                continue
+            self.newest_ms[self._ports.reading] = values[0] & 0xFFFF
+            if self._mirrored:
                 sample = self._sample(values, settled)
                 if sample is not None:
                     samples.append(sample)

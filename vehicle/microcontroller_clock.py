@@ -13,9 +13,9 @@ that it was set is told, once each time.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
+from vehicle_link import clock
 from vehicle_link.serial.ids import TIME_PERIOD_MS
 from vehicle_link.serial.port import BAUD_RATE
 
@@ -56,8 +56,8 @@ class MicrocontrollerClock:
     def __init__(
         self,
         epoch_ns: int | None = None,
-        host_ns: Callable[[], int] = time.time_ns,
-        steady_ns: Callable[[], int] = time.monotonic_ns,
+        host_ns: Callable[[], int] = clock.time_ns,
+        steady_ns: Callable[[], int] = clock.monotonic_ns,
     ) -> None:
         self._host_ns = host_ns
         self._steady_ns = steady_ns if epoch_ns is None else None

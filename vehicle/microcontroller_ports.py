@@ -20,14 +20,16 @@ class MicrocontrollerPorts:
 
     Attributes:
         lost: how many are gone.
+        reading: index of the port that `read` is at.
     """
 
     def __init__(self, ports: Sequence[Port], failures: list[str]) -> None:
         if not 1 <= len(ports) <= 2:
             raise LinkError(f"{len(ports)} serial ports given; a microcontroller has one or two")
-        self.lost = 0
+        self.lost = self.reading = 0
         self._failures = failures
         self._ports = [(port, FrameDecoder()) for port in ports]
+        self._index = {id(port): index for index, port in enumerate(ports)}
         self._damaged_before = 0  # on ports that are gone
         self._turn = 0
 
@@ -52,6 +54,7 @@ class MicrocontrollerPorts:
                 self._lose(port, error)
                 continue
             if data:
+                self.reading = self._index[id(port)]
                 yield from decoder.feed(data)
 
     def write(self, frame: bytes, in_turn: bool = False) -> None:

@@ -12,6 +12,8 @@ import time
 from collections.abc import Sequence
 from typing import Protocol
 
+from vehicle_link import clock
+
 POLL_MS = 50
 DRIFT = 10_000
 """Part by which the microcontroller's clock may differ from the host's: 100 ppm."""
@@ -92,7 +94,7 @@ class PortPacer:
             self._listen()
         timeout_ms, overdue_ns = POLL_MS, self.deadlines.overdue_ns
         if overdue_ns is not None:
-            left_ns = overdue_ns - time.monotonic_ns()
+            left_ns = overdue_ns - clock.monotonic_ns()
             timeout_ms = max(0, min(timeout_ms, -(-left_ns // 1_000_000)))
         self._poll.poll(timeout_ms)
 

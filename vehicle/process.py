@@ -31,6 +31,7 @@ from vehicle.process_config import (
     create_rings,
 )
 from vehicle.terminal import say, speak_for
+from vehicle_link import clock
 from vehicle_link.instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -142,7 +143,7 @@ def run_vehicle(
     """
     speak_for(name)
     rings = create_rings()
-    started_ns = time.time_ns()
+    started_ns = clock.time_ns()
     folder = data.resolve()
     values, refused, notices = _with_calibrations(folder, dict(settings or {}))
     parent = os.getpid()

@@ -23,6 +23,7 @@ import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from quadrotor.errors import LinkError, QuadlabError
+from vehicle_link import clock
 from vehicle_link.client import ServiceClient, encoding_of, peer_of, wait_for_match
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.misrouted import Topics
@@ -58,7 +59,7 @@ class Received:
     payload: bytes
     sequence: int  # of its publisher, from 1
     source_ns: int  # as the publisher stamped it
-    received_ns: int  # time.time_ns here
+    received_ns: int  # clock.time_ns here
     gid: bytes = b""  # of its publisher
 
 
@@ -82,12 +83,12 @@ class Publisher:
         """Send CDR bytes.
 
         Args:
-            source_ns: source time in ns; now (time.time_ns) when not given.
+            source_ns: source time in ns; now (clock.time_ns) when not given.
 
         Raises:
             LinkError: the session is closed.
         """
-        stamp = time.time_ns() if source_ns is None else source_ns
+        stamp = clock.time_ns() if source_ns is None else source_ns
         sequence = next(self._sequence)
         if self.beside is not None:
             is_sent = self.beside(Received(payload, sequence, stamp, stamp, self._gid))
@@ -193,7 +194,7 @@ class Node:
         key, _ = self._announce("MS", topic, type_name, qos)
 
         def deliver(sample: zenoh.Sample) -> None:
-            received_ns = time.time_ns()
+            received_ns = clock.time_ns()
             try:
                 data = sample.attachment
                 sequence, source_ns, gid = parse_attachment(data.to_bytes() if data else b"")
@@ -238,7 +239,7 @@ class Node:
                     sequence, _, gid = parse_attachment(data.to_bytes() if data else b"")
                     payload = query.payload.to_bytes() if query.payload else b""
                     response = encode(handler(decode(payload, f"{srv_type}_Request")))
-                    stamped = attachment(sequence, time.time_ns(), gid)
+                    stamped = attachment(sequence, clock.time_ns(), gid)
                     query.reply(key, response, attachment=stamped)
                 except QuadlabError as error:
                     query.reply_err(str(error).encode(), encoding=encoding_of(error))

@@ -7,12 +7,12 @@ So the exchange with the smallest round trip of the last few says the offset bes
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError
+from vehicle_link.clock import time_ns
 from vehicle_link.messages import Message, new
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ class ClockOffset:
         return abs(exchange.offset_ns - best.offset_ns) <= allowed
 
 
-def serve_time_sync(node: Node, clock: Callable[[], int] = time.time_ns) -> None:
+def serve_time_sync(node: Node, clock: Callable[[], int] = time_ns) -> None:
     """Serve `time_sync`; `clock` gives this end's time in ns. Answered on the network thread."""
 
     def answer(_request: Message) -> Message:
@@ -112,7 +112,7 @@ def serve_time_sync(node: Node, clock: Callable[[], int] = time.time_ns) -> None
 
 
 def exchange(
-    client: ServiceClient, clock: Callable[[], int] = time.time_ns, timeout: float = 1.0
+    client: ServiceClient, clock: Callable[[], int] = time_ns, timeout: float = 1.0
 ) -> Exchange:
     """One exchange with a server of TimeSync. Raises LinkError."""
     sent = clock()

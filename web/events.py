@@ -18,6 +18,7 @@ import msgspec
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
+from vehicle_link.clock import wall_time
 from web.access.roles import Session
 from web.live import CHARTED, STALE, Live
 
@@ -79,7 +80,7 @@ class EventHub:
 
     def say(self, level: str, text: str) -> None:
         """A line of our own in everyone's event list."""
-        self.publish(event(level, text, "web", time.time()))
+        self.publish(event(level, text, "web", wall_time()))
 
     @contextlib.contextmanager
     def subscribe(self) -> Any:

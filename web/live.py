@@ -7,11 +7,11 @@ arrival: they need no clock of the vehicle.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from vehicle_link.clock import monotonic
 from vehicle_link.topics.table import TOPICS
 
 STALE: dict[str, float] = {
@@ -61,7 +61,7 @@ class Live:
     """Args: `decode(payload, type_name)` → message; `clock()` in s, monotonic."""
 
     def __init__(
-        self, decode: Callable[[bytes, str], Any], clock: Callable[[], float] = time.monotonic
+        self, decode: Callable[[bytes, str], Any], clock: Callable[[], float] = monotonic
     ) -> None:
         self._decode = decode
         self._clock = clock

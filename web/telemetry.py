@@ -15,13 +15,13 @@ from __future__ import annotations
 import asyncio
 import math
 import struct
-import time
 from collections.abc import Callable, Sequence
 
 import msgspec
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
+from vehicle_link.clock import wall_time
 from web.live import STALE, Live
 from web.signals import INDEX, SIGNALS, snapshot
 
@@ -84,7 +84,7 @@ class _Page:
 class TelemetryFeed:
     """Computes the snapshot once a period however many pages are open."""
 
-    def __init__(self, live: Live, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, live: Live, clock: Callable[[], float] = wall_time) -> None:
         self._live = live
         self._clock = clock
         self._tick = asyncio.Condition()

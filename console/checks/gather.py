@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from console.parameters import StationParameters
 from console.recorder import Recorder
 from console.tracker_feed import TrackerFeed
 from console.vehicle_parameters import VehicleParameters
+from vehicle_link.clock import monotonic
 
 JUDGED = ("sticks", "tracker")
 """Alarms of what has a line of its own in the list."""
@@ -42,7 +42,7 @@ class Gatherer:
         alarms: AlarmBoard,
         folder: Path,
         sticks_dropped: Callable[[], bool],
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = monotonic,
     ) -> None:
         self._link, self._observed, self._tracker = link, observed, tracker
         self._vehicle, self._station = vehicle, station

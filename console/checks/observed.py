@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 from quadrotor.errors import LinkError
 from quadrotor.records import Record
+from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
 
@@ -27,7 +27,7 @@ Sample = tuple[float, Any, Any, Any, Any]
 class Observed:
     """Fed by the station's subscriptions, read by its beat. Args: `clock`, s, steady."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._lock = threading.Lock()
         self._status: tuple[float, Any] | None = None

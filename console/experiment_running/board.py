@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +12,7 @@ from console.experiment_running.state import ExperimentState, plain
 from console.experiments.readings import Progress
 from console.outbox import Outbox
 from quadrotor.errors import LinkError
+from vehicle_link.clock import monotonic
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ class ExperimentBoard:
         told = plain(progress)
         with self.lock:
             before, self.state.progress = self.state.progress, told
-            is_late = time.monotonic() - self._sent > SOON
+            is_late = monotonic() - self._sent > SOON
         if is_late and (told.instruction, told.number) != (before.instruction, before.number):
             self.send()
 
@@ -70,7 +70,7 @@ class ExperimentBoard:
             state = self.state
             state.phase, state.reason, state.step = phase, reason, ""
             state.progress, state.question = phases.NOTHING_TOLD, ""
-            state.ended = time.monotonic()
+            state.ended = monotonic()
             name = state.name
         level = INFO if phase == phases.PASSED else WARN
         words = phase.replace("_", " ")
@@ -87,7 +87,7 @@ class ExperimentBoard:
         with self._sending:  # what is sent later is newer
             with self.lock:
                 message = self.state.message(stamp_ns, self._manual())
-                self._sent = time.monotonic()
+                self._sent = monotonic()
             try:
                 self._outbox.message("experiment_status", message, stamp_ns)
             except LinkError:

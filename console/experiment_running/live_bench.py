@@ -7,10 +7,10 @@ or the station, ends the bench.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.clock import monotonic
 
 PERIOD = 0.2
 """s between two askings."""
@@ -67,8 +67,8 @@ class LiveBench:
                 self._stop()
                 return
             if self._wanted is None:
-                self._since, self._limit = time.monotonic(), self._timeout()
-            sent = time.monotonic()
+                self._since, self._limit = monotonic(), self._timeout()
+            sent = monotonic()
             try:
                 self._ask(motor, reference)
             except QuadlabError:
@@ -106,7 +106,7 @@ class LiveBench:
     def _again(self, motor: int, reference: int) -> None:
         try:
             self._check()
-            sent = time.monotonic()
+            sent = monotonic()
             self._ask(motor, reference)
             self._heard = sent
         except LinkError:
@@ -117,7 +117,7 @@ class LiveBench:
 
     def _check(self) -> None:
         """Asked late, the vehicle would start a motor that it has stopped. Raises RefusedError."""
-        now = time.monotonic()
+        now = monotonic()
         if now - self._heard > self._limit:
             raise RefusedError(
                 f"the vehicle did not answer for {now - self._heard:.1f} s and has stopped the "

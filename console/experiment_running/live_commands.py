@@ -18,6 +18,7 @@ from console.experiments.readings import Progress
 from console.sticks import StickOrder, StickWatchdog
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.clock import monotonic
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 
@@ -73,7 +74,7 @@ class LiveCommands:
         self._finish = threading.Event()
         self._watchdog = StickWatchdog()
         self._watchdog_lock = threading.Lock()
-        self._looked = time.monotonic()
+        self._looked = monotonic()
         self.pilot = False
         """Whether the person's sticks fly."""
         self.armed = False
@@ -106,7 +107,7 @@ class LiveCommands:
     def tick(self) -> None:
         """Some times a second: sticks that the experiment stopped moving are dropped."""
         with self._watchdog_lock:
-            order = self._watchdog.tick(time.monotonic(), self._ground.stick_timeout())
+            order = self._watchdog.tick(monotonic(), self._ground.stick_timeout())
         if order is not None and self._ended is None and not self.pilot:
             self._ground.joy(order)
 
@@ -157,7 +158,7 @@ class LiveCommands:
 
     def sticks(self, axes: Sequence[float]) -> None:
         forward, left, up, yaw = (float(axis) for axis in axes)
-        now, timeout = time.monotonic(), self._ground.stick_timeout()
+        now, timeout = monotonic(), self._ground.stick_timeout()
         with self._watchdog_lock:
             if self._watchdog.dropped:  # released and pressed again
                 self._watchdog.feed((0.0, 0.0, 0.0, 0.0), False, now, timeout)
@@ -170,9 +171,9 @@ class LiveCommands:
         self, condition: Callable[[VehicleView], bool], *, what: str, timeout: float
     ) -> None:
         self._ground.step(f"waiting for {what}")
-        end = time.monotonic() + timeout
+        end = monotonic() + timeout
         while True:
-            seen, looked = self._feed.news, time.monotonic()
+            seen, looked = self._feed.news, monotonic()
             view = self.view()
             if condition(view):
                 return
@@ -187,10 +188,10 @@ class LiveCommands:
             self._pause(looked + LOOK)
 
     def wait(self, seconds: float) -> None:
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
+        end = monotonic() + seconds
+        while (left := end - monotonic()) > 0.0:
             self._check()
-            self._pause(time.monotonic() + min(left, LOOK))
+            self._pause(monotonic() + min(left, LOOK))
         self._check()
 
     # ------------------------------------------------------------------ after the end
@@ -231,12 +232,12 @@ class LiveCommands:
 
     def _pause(self, until: float) -> None:
         """Sleep to a time of the monotonic clock; an end is seen at the next look."""
-        left = until - time.monotonic()
+        left = until - monotonic()
         if left > 0.0:
             time.sleep(left)
 
     def _check(self) -> None:
-        self._looked = time.monotonic()
+        self._looked = monotonic()
         if self._ended is None and self._ground.link_state() is LinkState.LOST:
             self._ended = LinkError(
                 "the link to the vehicle was lost; it brakes, and lands by itself unless "

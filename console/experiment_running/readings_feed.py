@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from bearing_sim import PoseMeasurement
 from console.experiments.readings import BenchReadings, ImuReadings, TrackedAttitude
 from quadrotor.records import Record
+from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 
@@ -36,7 +36,7 @@ class ReadingsFeed:
         clock: s of a steady clock.
     """
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._lock = threading.Lock()
         self._on = False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,6 +10,7 @@ from typing import Any, Protocol
 from console.catalogue import Catalogue
 from console.recorder import Recorder
 from quadrotor.errors import StorageError
+from vehicle_link.clock import monotonic
 
 FILE_PATIENCE = 30.0
 """s for the recorder to close the run after touch-down, beyond what it is told to go on."""
@@ -48,18 +48,18 @@ class RunFiles:
 
     def until_free(self) -> Iterator[None]:
         """Once for each look while the run before goes on; one begun by hand stays."""
-        end = time.monotonic() + self._after_disarm() + BEFORE
-        while self._recorder.run_id and time.monotonic() < end:
+        end = monotonic() + self._after_disarm() + BEFORE
+        while self._recorder.run_id and monotonic() < end:
             yield
 
     def closed(self, run_id: str) -> Path:
         """The run's file, once the recorder has closed it. Raises StorageError."""
         if not run_id:
             raise StorageError("no run was recorded; see the alarms of the station")
-        end = time.monotonic() + self._after_disarm() + FILE_PATIENCE
+        end = monotonic() + self._after_disarm() + FILE_PATIENCE
         while self._recorder.run_id == run_id or not self._recorder.wait_idle(0.1):
             if self._cancelled.wait(0.1):
                 raise StorageError("stopped")
-            if time.monotonic() > end:
+            if monotonic() > end:
                 raise StorageError("the run is still being recorded")
         return self._catalogue.resolve(run_id)

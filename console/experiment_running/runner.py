@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import logging
 import threading
-import time
 from collections.abc import Callable
 
 from console.calibrations import Calibrations
@@ -37,6 +36,7 @@ from console.run_keeper import RunKeeper
 from console.sticks import StickOrder
 from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
+from vehicle_link.clock import monotonic
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.node import Node
 
@@ -127,7 +127,7 @@ class ExperimentRunner:
             self._takeover.begin()
             self._board.state = ExperimentState(
                 experiment.name, phases.FLYING, "starting", requester, experiment.planned,
-                started=time.monotonic(),
+                started=monotonic(),
             )  # fmt: skip
             self._client = LiveClient(
                 self._services, self.feed, self.readings, self._hand, self, requester

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from console.experiments.readings import Progress
+from vehicle_link.clock import monotonic
 from vehicle_link.messages import header, new
 
 IDLE, FLYING, FINISHING, EVALUATING = "idle", "flying", "finishing", "evaluating"
@@ -49,7 +49,7 @@ class ExperimentState:
 
     def message(self, stamp_ns: int, manual: bool) -> Any:
         """quadlab_msgs/ExperimentStatus."""
-        until = time.monotonic() if self.ended is None else self.ended
+        until = monotonic() if self.ended is None else self.ended
         told = self.progress
         return new(
             "quadlab_msgs/ExperimentStatus",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from enum import Enum
 
 from console.sticks import StickOrder
+from vehicle_link.clock import monotonic
 
 DEFLECTED = 0.15
 """Of full stick: more, with the dead-man held, is a person taking over."""
@@ -25,7 +25,7 @@ class _Until(Enum):
 class StickTakeover:
     """Args: `clock`, s of a steady clock."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float] = monotonic) -> None:
         self._clock = clock
         self._deflected, self._seen = False, -SILENT
         self._blind_until = _Until.NOTHING

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import math
 import threading
-import time
 from contextlib import suppress
 from typing import Any
 
@@ -16,6 +15,7 @@ from console.parameter_store import PREFIX
 from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 
@@ -52,7 +52,7 @@ class VehicleFeed:
     def status(self, status: Any) -> None:
         """quadlab_msgs/VehicleStatus."""
         with self._news:
-            self._status, self._status_at = status, time.monotonic()
+            self._status, self._status_at = status, monotonic()
             behind = int(status.parameter_revision) > self._revision
             if not behind:
                 self._behind_since = None
@@ -93,7 +93,7 @@ class VehicleFeed:
     def mode(self) -> str:
         """Empty when the vehicle has not told it for a second."""
         with self._news:
-            old = time.monotonic() - self._status_at > OLD
+            old = monotonic() - self._status_at > OLD
             return "" if self._status is None or old else str(self._status.mode).lower()
 
     def view(self) -> VehicleView:
@@ -137,7 +137,7 @@ class VehicleFeed:
         """Raises UnknownParameterError, or LinkError when a missed change cannot be fetched."""
         with self._news:
             since = self._behind_since
-        if since is not None and time.monotonic() - since > MISSED:
+        if since is not None and monotonic() - since > MISSED:
             self.fetch()
         with self._news:
             if name not in self._values:

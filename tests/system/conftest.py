@@ -18,6 +18,8 @@ from typing import Any, TypeVar
 import httpx
 import pytest
 
+from vehicle_link import clock
+
 T = TypeVar("T")
 PATIENCE = 60.0
 GAIN = "control.position.kp_xy"
@@ -78,6 +80,17 @@ class Laboratory:
         assert self._process.stdout is not None
         for line in self._process.stdout:
             self.lines.append(line.rstrip())
+
+    def now(self) -> float:
+        """The flight's clock, epoch in s, by which its logs are stamped: simulated time."""
+        child = next(iter(self.processes()))
+        environment = (Path("/proc") / str(child) / "environ").read_bytes().decode().split("\0")
+        path = dict(one.partition("=")[::2] for one in environment)[clock.VARIABLE]
+        clock.follow(path)
+        try:
+            return clock.wall_time()
+        finally:
+            clock.follow(None)
 
     @property
     def output(self) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
 
@@ -15,7 +16,7 @@ from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError, UnknownParameterError
 from quadrotor.records import POSE_SAMPLE, TICK, Record
-from vehicle import comms_clock, mailbox
+from vehicle import mailbox
 from vehicle.comms_clock import WINDOW_NS, VehicleClock
 from vehicle.comms_commands import FlightMailbox, ParameterMirror
 from vehicle.comms_inbound import Inbound
@@ -33,8 +34,8 @@ START_NS = 1_780_000_000_000_000_000
 class FakeTime:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.monotonic = 5 * SECOND
-        monkeypatch.setattr(comms_clock.time, "monotonic_ns", lambda: self.monotonic)
-        monkeypatch.setattr(comms_clock.time, "time_ns", lambda: START_NS)
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.monotonic)
+        monkeypatch.setattr(time, "time_ns", lambda: START_NS)
 
 
 @pytest.fixture

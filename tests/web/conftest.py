@@ -72,6 +72,7 @@ class ScriptedStation(Station):
         self.sticks: list[tuple[tuple[float, ...], bool]] = []
         self.answers_sticks = True
         self.present: set[str] = set()
+        self.real_time_factor = 0.0
         self.said: dict[str, Any] = {}  # fields of the status that are other than usual
         self.refusal = ""
         self.answers: dict[str, dict[str, Any]] = {}  # fields of a service's answer
@@ -149,7 +150,8 @@ class ScriptedStation(Station):
         self.put(
             "station_status",
             new("quadlab_msgs/StationStatus", header=stamp, tracker_rate=100.0, recording=True,
-                recording_duration=12.0, recording_bytes=84_000_000),
+                recording_duration=12.0, recording_bytes=84_000_000,
+                real_time_factor=self.real_time_factor),
         )  # fmt: skip
 
     def compare(

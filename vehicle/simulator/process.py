@@ -1,6 +1,8 @@
-"""The simulated vehicle in real time, behind two pseudo-terminals (`quadlab simulator`).
+"""The simulated vehicle behind two pseudo-terminals (`quadlab simulator`).
 
-Time. Sample k is taken at start + k / rate on the monotonic clock and takes 3 ms on the line.
+Time. Sample k is taken at start + k / rate on the monotonic clock and takes 3 ms on the line. In
+real time that is the computer's clock, in lockstep (`vehicle.simulator.lockstep`) the simulation's,
+which waits for those who answer.
 Truth is stamped with the host's epoch time at the start plus k / rate; the vehicle stamps the same
 sample with its own estimate of the same constant (vehicle.microcontroller_clock), so the two agree
 to the least delay of a sample on its way, well below 2 ms, while both hosts are one.
@@ -21,11 +23,13 @@ from pathlib import Path
 from typing import Any
 
 from vehicle.simulator.live_parameters import LiveParameters
+from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
-from vehicle.simulator.simulated_vehicle import SimulatedVehicle
+from vehicle.simulator.simulated_vehicle import PERIOD_MAX_US, SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
+from vehicle_link import clock
 from vehicle_link.shared_session import SharedSession
 
 PRIORITY = 40
@@ -75,21 +79,28 @@ def run(
     # Before there are devices: who finds one may take it that the microcontroller is switched on.
     SimulatedVehicle(parameters).warm_up()
     pace = pace_of(len(vehicles))
+    lockstep = _lockstep(vehicles, pace)
     session = None if loopback_port is None else SharedSession(partial(_open, loopback_port))
     robots: list[_Robot] = []
     try:
         for truth, name in zip(side_by_side(parameters, len(vehicles)), vehicles, strict=True):
             place = folder if len(vehicles) == 1 else folder / name
             place.mkdir(exist_ok=True)
-            robots.append(_Robot(name, truth, place, session, pace))
+            robots.append(_Robot(name, truth, place, session, pace, lockstep))
         where = f"microcontroller at {robots[0].place}"
         if len(robots) > 1:
             where = f"microcontrollers of {', '.join(vehicles)} in {folder}"
-        _say(f"{where}, {parameters.imu_rate} Hz{_ask_for_priority()}")
+        refusal = _ask_for_priority()
+        if lockstep is not None:
+            refusal = ", in lockstep"
+        _say(f"{where}, {parameters.imu_rate} Hz{refusal}")
         gc.collect()
         gc.freeze()
         statistics = RunStatistics()
-        _loop(robots, statistics, stop)
+        if lockstep is None:
+            _loop(robots, statistics, stop)
+        else:
+            _loop_in_lockstep(robots, statistics, stop, lockstep)
         for robot in robots:
             robot.add_to(statistics)
         return statistics
@@ -113,6 +124,16 @@ FEW = 3
 """Vehicles that move by `SOME`."""
 
 
+def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
+    """Where `quadlab up` made a page for it; else the computer's time is gone by."""
+    page = clock.page()
+    if page is None:
+        return None
+    step_ns = 1000 * PERIOD_MAX_US * pace.periods
+    steps = 1 + -(-SECOND_NS // (pace.truth_rate * step_ns))
+    return LockstepPace(page, vehicles, steps * step_ns, _say)
+
+
 def pace_of(count: int) -> Pace:
     """Of each of so many vehicles."""
     return ALONE if count == 1 else SOME if count <= FEW else MANY
@@ -128,6 +149,7 @@ class _Robot:
         folder: Path,
         session: SharedSession | None,
         pace: Pace,
+        lockstep: LockstepPace | None = None,
     ) -> None:
         self._pace = pace
         self._name = name
@@ -142,6 +164,9 @@ class _Robot:
         except BaseException:
             self.close()
             raise
+        if lockstep is not None:
+            for line, awaited in zip(self._lines, lockstep.lines[name], strict=True):
+                line.delivered = awaited.delivered
         self._simulated = SimulatedVehicle(parameters, self._lines)
         self._live = LiveParameters(parameters)
         if session is not None:
@@ -154,11 +179,12 @@ class _Robot:
 
     @property
     def due_ns(self) -> int:
-        """On the steady clock: when to `step` next."""
+        """On the steady clock begun at: when to `step` next."""
         return self._start_ns + self._simulated.due_ns(self._pace.periods)
 
-    def begin(self) -> None:
-        self._epoch_ns, self._start_ns = time.time_ns(), time.monotonic_ns()
+    def begin(self, epoch_ns: int, start_ns: int) -> None:
+        """Args: what is now by the epoch's clock and by the steady one."""
+        self._epoch_ns, self._start_ns = epoch_ns, start_ns
 
     def lose(self, behind_ns: int) -> int:
         """Give up so much time; how many samples that were."""
@@ -199,7 +225,7 @@ class _Robot:
 
 def _loop(robots: Sequence[_Robot], statistics: RunStatistics, stop: threading.Event) -> None:
     for robot in robots:
-        robot.begin()
+        robot.begin(time.time_ns(), time.monotonic_ns())
     while not stop.is_set():
         due_ns = min(robot.due_ns for robot in robots)
         wait_ns = due_ns - time.monotonic_ns()
@@ -209,10 +235,31 @@ def _loop(robots: Sequence[_Robot], statistics: RunStatistics, stop: threading.E
             _say(f"this machine stopped for {-wait_ns * 1e-9:.1f} s; {lost} samples are lost")
             continue
         time.sleep(max(wait_ns * 1e-9, MIN_PAUSE_S))
-        for robot in robots:
-            if robot.due_ns <= due_ns + TOGETHER_NS:  # one wake-up for all of them
-                robot.step()
-                statistics.periods += 1
+        _step(robots, due_ns, statistics)
+
+
+def _loop_in_lockstep(
+    robots: Sequence[_Robot],
+    statistics: RunStatistics,
+    stop: threading.Event,
+    lockstep: LockstepPace,
+) -> None:
+    start_ns = lockstep.begin()
+    for robot in robots:
+        robot.begin(clock.time_ns(), start_ns)
+    while not stop.is_set():
+        due_ns = min(robot.due_ns for robot in robots)
+        lockstep.wait(due_ns, MIN_PAUSE_S, stop.is_set)
+        _step(robots, due_ns, statistics)
+        lockstep.reach(min(robot.due_ns for robot in robots))
+
+
+def _step(robots: Sequence[_Robot], due_ns: int, statistics: RunStatistics) -> None:
+    """All that are due: one wake-up for them together."""
+    for robot in robots:
+        if robot.due_ns <= due_ns + TOGETHER_NS:
+            robot.step()
+            statistics.periods += 1
 
 
 def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorParameters]:

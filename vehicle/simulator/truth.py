@@ -12,16 +12,20 @@ import os
 import queue
 import sys
 import threading
-import time
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import replace
+from typing import TYPE_CHECKING, Protocol
 
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
+from vehicle_link import clock
 from vehicle_link.shared_session import SharedSession
+
+if TYPE_CHECKING:
+    from vehicle_link.topics.table import Topic
 
 KEPT = 8
 PRIORITY = 10
@@ -130,6 +134,13 @@ def _hurry(on: bool) -> None:
         os.sched_setscheduler(0, policy, os.sched_param(priority))
 
 
+def _sure(topic: Topic) -> Topic:
+    """In lockstep the next truth may wait until this one has come: none may be lost."""
+    from vehicle_link.rmw_keys import RELIABLE
+
+    return topic if clock.page() is None else replace(topic, qos=RELIABLE, drop=False)
+
+
 def connect_to_station(
     shared: SharedSession, vehicle: str, live: LiveParameters
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
@@ -146,13 +157,13 @@ def connect_to_station(
         from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
 
         node = Node(shared.open(), f"/{vehicle}", "simulator")
-        publishers = {topic: node.advertise(TOPICS[topic]) for topic in PUBLISHED}
+        publishers = {topic: node.advertise(_sure(TOPICS[topic])) for topic in PUBLISHED}
         changes = node.advertise(TOPICS["parameter_changes"])
 
         def tell(
             name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
         ) -> None:
-            stamp_ns = time.time_ns()
+            stamp_ns = clock.time_ns()
             change = encode_parameter_change(stamp_ns, name, old, value, requester, revision)
             changes.put(change, stamp_ns)
 

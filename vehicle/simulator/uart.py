@@ -6,6 +6,8 @@ microcontroller writes waits in a small one, and what does not fit there is lost
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from vehicle.simulator.pseudo_terminal import PseudoTerminal
 
 BYTES_PER_SECOND = 115_200 // 10
@@ -23,11 +25,13 @@ class Uart:
 
     Attributes:
         overruns: bytes the microcontroller could not queue.
+        delivered: told of the bytes that the host can read from now on.
     """
 
     def __init__(self, terminal: PseudoTerminal) -> None:
         self.terminal = terminal
         self.overruns = 0
+        self.delivered: Callable[[bytes], None] | None = None
         self._sending = bytearray()
         self._received = bytearray()
         self._out = self._in = 0.0  # bytes the wire could carry by now and has not
@@ -41,7 +45,7 @@ class Uart:
             if end == 0 and len(self._sending) < int(self._out):  # not frames: no end will come
                 end = len(self._sending)
             if end:
-                self.terminal.write(bytes(self._sending[:end]))
+                self._deliver(bytes(self._sending[:end]))
                 del self._sending[:end]
                 self._out -= end
         else:
@@ -52,6 +56,12 @@ class Uart:
             data = self.terminal.read(room)
             self._received += data
             self._in -= len(data)
+
+    def _deliver(self, data: bytes) -> None:
+        dropped = self.terminal.dropped
+        self.terminal.write(data)
+        if self.delivered is not None and self.terminal.dropped == dropped:
+            self.delivered(data)
 
     def read(self) -> bytes:
         """What has arrived at the microcontroller."""

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import itertools
 import struct
-import time
 from dataclasses import dataclass
 
+from vehicle_link.clock import time_ns
 from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.node import Received
 from vehicle_link.rmw_keys import GID_SIZE
@@ -110,7 +110,7 @@ class Opener:
 
         Only what `key_id_of` has found to be of our key.
         """
-        received_ns = time.time_ns()
+        received_ns = time_ns()
         counter = _HEADER.unpack_from(datagram)[2]
         if not self._window.is_new(counter):
             self._refused.replayed += 1

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from quadrotor.errors import LinkError
+from vehicle_link import clock
 from vehicle_link.lane.datagram import (
     A_HELLO,
     HELLO,
@@ -79,11 +80,11 @@ class StationLane:
     def stands(self) -> bool:
         """Whether the vehicle is heard by it."""
         heard = self._heard
-        return heard is not None and time.monotonic() - heard < SILENT_AFTER
+        return heard is not None and clock.monotonic() - heard < SILENT_AFTER
 
     def vehicle_is(self, instance: int) -> None:
         """The vehicle was heard over the link, where it can be asked; which process of it."""
-        self._vehicle, self._vehicle_heard = instance, time.monotonic()
+        self._vehicle, self._vehicle_heard = instance, clock.monotonic()
 
     def put(self, topic: str, message: Received, *, greets: bool = False) -> bool:
         """Whether it left, by a lane that stands or not; never waits.
@@ -120,7 +121,7 @@ class StationLane:
                 threading.Thread(target=self._get_keys, name="lane keys", daemon=True).start()
 
     def _should_ask(self, stands: bool) -> bool:
-        now, keys = time.monotonic(), self._keys
+        now, keys = clock.monotonic(), self._keys
         if self._asking or now - self._vehicle_heard > SILENT_AFTER:
             return False
         if keys is not None and keys.vehicle != self._vehicle:  # another process: at once
@@ -136,7 +137,7 @@ class StationLane:
         except (LinkError, OSError) as error:
             log.info("no lane to %s: %s", self._host, error)
         finally:
-            self._asked = time.monotonic()
+            self._asked = clock.monotonic()
             self._asking = False
 
     def _use(self, vehicle: int, answer: Message) -> None:
@@ -164,7 +165,7 @@ class StationLane:
             return
         opened = keys.opener.open(datagram)
         if opened is not None:
-            self._heard = time.monotonic()
+            self._heard = clock.monotonic()
             self._deliver(*opened)
 
     def _tell(self, stands: bool) -> None:

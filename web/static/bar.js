@@ -10,7 +10,7 @@ import { controlOf, isAlone } from "./who_flies.js";
 const $ = (id) => document.getElementById(id);
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
-
+const SLOW = 0.98; // of real time
 const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
 
 export class Bar {
@@ -50,6 +50,7 @@ export class Bar {
     const refused = this.refused(status);
     this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || refused);
     this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
+    this.drawPace(station?.real_time_factor);
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";
     if (this.isOperator) $("arm").disabled = !this.fresh("status"); // not by what was true once
@@ -67,6 +68,13 @@ export class Bar {
   refused(status) {
     const flags = this.fresh("status") ? status?.flags ?? [] : [];
     return flags.includes("tracker_jumped") ? " · jumped" : flags.includes("measurements_refused") ? " · refused" : "";
+  }
+
+  // Of a simulation that waits; its place is kept, that nothing moves when it comes and goes.
+  drawPace(factor) {
+    $("pace").hidden = !factor;
+    $("pace").classList.toggle("full", factor >= SLOW);
+    this.set("factor", factor && `${fixed(100 * factor, 0)} %`);
   }
 
   // The station's own figure while it speaks; longer once it is silent.

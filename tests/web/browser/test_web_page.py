@@ -45,6 +45,25 @@ def test_poses_that_the_vehicle_refuses_show_where_the_tracker_does(
     look.has_no_class("#tracker", "warn")
 
 
+def test_a_simulation_that_is_slowed_says_so_and_moves_nothing(
+    page: Any, look: Any, station: Any
+) -> None:
+    look.text("#mode", "^armed$")
+    assert page.is_hidden("#pace")  # a real vehicle
+    station.real_time_factor = 0.99
+    look.text("#factor", "^99 %$")
+    assert page.is_hidden("#pace")
+    places = [page.locator(f"#{name}").bounding_box() for name in ("recording", "arm", "mode")]
+    station.real_time_factor = 0.634
+    look.text("#factor", "^63 %$")
+    look.has_no_class("#pace", "full")
+    assert page.is_visible("#pace")
+    assert places == [
+        page.locator(f"#{name}").bounding_box() for name in ("recording", "arm", "mode")
+    ]
+    look.has_no_class("#factor", "warn|alarm")
+
+
 def test_who_flies_is_said_in_words_and_only_the_microcontroller_alone_in_red(
     page: Any, look: Any, station: Any
 ) -> None:

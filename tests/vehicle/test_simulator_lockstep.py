@@ -1,0 +1,219 @@
+"""Simulated time waits for those who answer, and goes on without those who do not."""
+
+from __future__ import annotations
+
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.vehicle.test_simulator_process import BOUND, open_ports
+from vehicle.microcontroller import Microcontroller
+from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
+from vehicle.simulator.parameters import SimulatorParameters
+from vehicle.simulator.process import run
+from vehicle_link import clock
+from vehicle_link.lockstep import Page, Part
+from vehicle_link.serial.commands import encode_data
+
+MS = 1_000_000
+NAME = "quad1"
+
+
+def sample(milliseconds: int) -> bytes:
+    """The frame of one, taken at this time of the microcontroller."""
+    return encode_data(struct.pack("<10h", milliseconds, *range(9)))
+
+
+class Bench:
+    """A pace whose computer's clock only goes on by sleeping, and what happens meanwhile.
+
+    Attributes:
+        meanwhile: called at each sleep.
+    """
+
+    def __init__(self, page: memoryview) -> None:
+        self.page = page
+        self.wall_ns = clock.monotonic_ns()
+        self.said: list[str] = []
+        self.meanwhile: Callable[[], None] = lambda: None
+        self.pace = LockstepPace(
+            page, [NAME], 10 * MS, self.said.append, lambda: self.wall_ns, self._sleep
+        )
+        self.part = Part(NAME)
+        self.now_ns = self.pace.begin()
+
+    def _sleep(self, seconds: float) -> None:
+        self.wall_ns += round(seconds * 1e9)
+        self.meanwhile()
+
+    def step(self, period_ns: int = MS) -> int:
+        """One more; how long (ns of the computer) it took to be allowed."""
+        began_ns = self.wall_ns
+        self.now_ns += period_ns
+        self.pace.reach(self.now_ns)
+        self.pace.wait(self.now_ns, 0.0, lambda: False)
+        return self.wall_ns - began_ns
+
+    def deliver(self, milliseconds: int) -> None:
+        """A sample of this time can be read from the first port."""
+        self.pace.lines[NAME][0].delivered(sample(milliseconds))
+
+    def truth(self) -> None:
+        """The station has handled what is true now."""
+        self.part.truth(self.now_ns + self.page[clock.EPOCH])
+
+    @property
+    def offset_ns(self) -> int:
+        return self.page[clock.OFFSET]
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Iterator[memoryview]:
+    made = Page([NAME], tmp_path)
+    clock.follow(made.path)
+    found = clock.page()
+    assert found is not None
+    yield found
+    clock.follow(None)
+    made.close()
+
+
+@pytest.fixture
+def bench(page: memoryview) -> Bench:
+    return Bench(page)
+
+
+def test_alone_it_goes_at_the_computers_pace(bench: Bench) -> None:
+    assert [bench.step() for _ in range(1000)] == [MS] * 1000
+    assert clock.real_time_factor() == 1.0
+    assert bench.said == []
+
+
+def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
+    bench.deliver(7)
+    bench.part.answered(0, 7)
+    assert bench.step() == MS
+    bench.deliver(9)
+    begun_ns = bench.wall_ns
+
+    def late() -> None:
+        if bench.wall_ns >= begun_ns + 300 * MS:
+            bench.part.answered(0, 9)
+
+    bench.meanwhile = late
+    assert bench.step() == pytest.approx(300 * MS, abs=MS)
+    assert bench.said == []
+    assert sum(bench.step() for _ in range(100)) >= 100 * MS - MADE_UP_NS
+
+
+def test_a_damaged_sample_is_not_waited_for(bench: Bench) -> None:
+    bench.deliver(7)
+    bench.part.answered(0, 7)
+    bench.step()
+    frame = bytearray(sample(9))
+    frame[10] ^= 1
+    bench.pace.lines[NAME][0].delivered(bytes(frame))
+    assert bench.step() == MS
+
+
+def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(bench: Bench) -> None:
+    bench.deliver(7)
+    bench.part.answered(0, 7)
+    bench.step()
+    bench.deliver(9)
+    assert bench.step() == pytest.approx(PATIENCE_NS, abs=2 * MS)
+    assert len(bench.said) == 1
+    for milliseconds in range(11, 31, 2):
+        bench.deliver(milliseconds)
+        assert bench.step() <= MS
+    bench.part.answered(0, 29)
+    assert bench.step() <= MS
+    bench.deliver(31)
+    assert bench.step() > 100 * MS  # it counts again
+    assert len(bench.said) == 2
+
+
+def test_who_was_never_there_is_not_waited_for(bench: Bench) -> None:
+    bench.deliver(7)
+    assert bench.step() == MS
+    assert bench.said == []
+
+
+def test_it_waits_for_a_station_that_is_far_behind_only(bench: Bench) -> None:
+    bench.truth()
+    assert [bench.step() for _ in range(20)] == [MS] * 20
+    bench.meanwhile = bench.truth
+    assert bench.step(5 * MS) < 10 * MS
+    bench.meanwhile = lambda: None
+    assert bench.step(20 * MS) == 20 * MS
+    assert bench.step(20 * MS) == pytest.approx(20 * MS + PATIENCE_NS, abs=2 * MS)
+    assert sum(bench.step() for _ in range(100)) < 100 * MS + MS
+    assert len(bench.said) == 1
+
+
+def test_a_short_lateness_is_made_up_for_and_a_long_one_lost(bench: Bench) -> None:
+    offset_ns = bench.offset_ns
+    bench.wall_ns += MADE_UP_NS // 2
+    bench.step()
+    assert bench.offset_ns == offset_ns
+    bench.wall_ns += 700 * MS
+    bench.step()
+    assert bench.offset_ns < offset_ns - 690 * MS
+    assert bench.step() == MS
+
+
+def test_the_real_time_factor_is_that_of_the_last_seconds(bench: Bench) -> None:
+    def slow() -> None:
+        bench.wall_ns += MS // 2
+
+    bench.meanwhile = slow
+    for _ in range(3000):
+        bench.step()
+        if bench.wall_ns - bench.offset_ns > MADE_UP_NS:  # else it would make up for it
+            bench.wall_ns += MS
+    factor = clock.real_time_factor()
+    assert 0.3 < factor < 0.9
+    bench.meanwhile = lambda: None
+    for _ in range(4000):
+        bench.step()
+    assert clock.real_time_factor() == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_simulator_goes_on_while_it_is_answered_and_without_who_left(
+    tmp_path: Path, page: memoryview
+) -> None:
+    stop = threading.Event()
+    thread = threading.Thread(
+        target=run,
+        args=(SimulatorParameters(), tmp_path, None),
+        kwargs={"vehicles": (NAME,), "stop": stop},
+    )
+    thread.start()
+    try:
+        ports, part, stamps = open_ports(tmp_path), Part(NAME), list[int]()
+        mcu = Microcontroller(ports)
+        waited = threading.Event()
+        for _ in range(int(BOUND / 0.001)):
+            stamps += [sample.stamp_ns for sample in mcu.receive()]
+            mcu.service(clock.monotonic())
+            for line, milliseconds in enumerate(mcu.newest_ms):
+                part.answered(line, milliseconds)
+            if len(stamps) > 300:
+                break
+            waited.wait(0.001)
+        assert len(stamps) > 300
+        assert stamps == sorted(stamps)
+        left_ns = clock.monotonic_ns()
+        for _ in range(int(BOUND / 0.01)):
+            if clock.monotonic_ns() > left_ns + 500 * MS:
+                break
+            waited.wait(0.01)
+        assert clock.monotonic_ns() > left_ns + 500 * MS
+    finally:
+        stop.set()
+        thread.join(BOUND)
+        for port in ports:
+            port.close()

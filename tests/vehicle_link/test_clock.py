@@ -1,0 +1,118 @@
+"""The clock of a flight: the computer's, or that of a simulation which holds it back."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from quadrotor.errors import StorageError
+from vehicle_link import clock
+from vehicle_link.lockstep import Page, Part, words_of
+
+SECOND = 1_000_000_000
+
+
+class Wall:
+    """The computer's steady clock, as a test sets it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now_ns = 100 * SECOND
+        monkeypatch.setattr(time, "monotonic_ns", lambda: self.now_ns)
+
+
+@pytest.fixture
+def page(tmp_path: Path) -> Iterator[Page]:
+    made = Page(["quad1", "quad2"], tmp_path)
+    clock.follow(made.path)
+    yield made
+    clock.follow(None)
+    made.close()
+
+
+@pytest.fixture
+def words(page: Page) -> memoryview:
+    found = clock.page()
+    assert found is not None
+    return found
+
+
+def test_without_a_simulation_it_is_the_computers(monkeypatch: pytest.MonkeyPatch) -> None:
+    Wall(monkeypatch)
+    assert clock.monotonic_ns() == 100 * SECOND
+    assert clock.monotonic() == 100.0
+    assert abs(clock.time_ns() - time.time_ns()) < SECOND
+    assert clock.real_time_factor() == 0.0
+    assert not Part("quad1").in_lockstep
+    Part("quad1").truth(5)  # nobody looks
+
+
+def test_until_a_simulation_takes_it_over_it_goes_as_the_computers(
+    monkeypatch: pytest.MonkeyPatch, page: Page
+) -> None:
+    wall = Wall(monkeypatch)
+    before = clock.monotonic_ns(), clock.time_ns()
+    wall.now_ns += 5 * SECOND
+    assert (clock.monotonic_ns(), clock.time_ns()) == tuple(t + 5 * SECOND for t in before)
+    assert clock.real_time_factor() == 0.0
+
+
+def test_it_goes_no_further_than_the_simulation_has_got(
+    monkeypatch: pytest.MonkeyPatch, words: memoryview
+) -> None:
+    wall = Wall(monkeypatch)
+    words[clock.LIMIT] = wall.now_ns + SECOND // 10
+    wall.now_ns += SECOND // 20
+    assert clock.monotonic_ns() == wall.now_ns
+    wall.now_ns += SECOND // 2
+    assert clock.monotonic_ns() == words[clock.LIMIT]
+    assert clock.time_ns() == words[clock.LIMIT] + words[clock.EPOCH]
+    assert clock.real_time_factor() == 1.0
+
+
+def test_it_runs_on_without_a_simulation_that_has_died(
+    monkeypatch: pytest.MonkeyPatch, words: memoryview
+) -> None:
+    wall = Wall(monkeypatch)
+    words[clock.LIMIT] = wall.now_ns
+    told = []
+    for _ in range(40):
+        wall.now_ns += SECOND // 10
+        told.append(clock.monotonic_ns())
+    assert told == sorted(told)
+    assert told[-1] == wall.now_ns - clock.GONE_NS
+    assert clock.real_time_factor() == 0.0
+
+
+def test_each_part_tells_of_its_own_vehicle(words: memoryview) -> None:
+    for number, name in enumerate(("quad1", "quad2"), start=1):
+        part = Part(name)
+        assert part.in_lockstep
+        part.answered(1, 10 * number)
+        part.truth(number + words[clock.EPOCH])
+    first, second = words_of(words, "quad1"), words_of(words, "quad2")
+    assert first is not None
+    assert second is not None
+    assert first.tolist() == [0, 10, 1, 0, 0, 0, 0, 0]
+    assert second.tolist() == [0, 20, 2, 0, 0, 0, 0, 0]
+    assert words_of(words, "quad3") is None
+    assert not Part("quad3").in_lockstep
+
+
+def test_a_page_that_is_none_is_refused_with_what_to_try(tmp_path: Path) -> None:
+    with pytest.raises(StorageError, match=clock.VARIABLE):
+        clock.open_page(tmp_path / "nothing")
+    empty = tmp_path / "empty"
+    empty.touch()
+    with pytest.raises(StorageError, match=clock.VARIABLE):
+        clock.open_page(empty)
+
+
+def test_nothing_is_left_behind(tmp_path: Path) -> None:
+    made = Page(["quad1"], tmp_path)
+    assert made.path.exists()
+    made.close()
+    assert not made.path.exists()
+    made.close()

@@ -1,0 +1,180 @@
+"""Simulated time that waits: for flight's tick, for the station's poses, for telemetry.
+
+Before the plant moves on, each part has dealt with what it was given, or is no further behind
+than it would be on a computer of its own. A part that says nothing for `PATIENCE_NS` of the
+computer's time has died or hangs: time goes on without it, and what fails then is the flight's to
+survive, until it has caught up. Time that was waited is lost: afterwards it goes on at the
+computer's pace, never faster, but for what makes up for a late wake-up.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+
+from vehicle.rings import fence
+from vehicle_link import clock
+from vehicle_link.lockstep import ANSWERED, LINES, STATION, TRUTH, VEHICLE, words_of
+from vehicle_link.serial.commands import decode_data
+from vehicle_link.serial.frames import FrameDecoder
+
+PATIENCE_NS = 1_000_000_000
+LOOK_S = 0.0002
+"""s between two looks at who is behind."""
+MADE_UP_NS = 20_000_000
+"""A lateness up to this is made up for, as no part notices; a longer one is lost."""
+TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 150_000_000
+"""Beyond the period of the truth: how old what the station has handled of it may be, and what
+comms has heard of the station. And how old what the station has heard of the vehicle."""
+WINDOW_NS, TOLD_EVERY_NS = 2_000_000_000, 250_000_000
+"""Of the real-time factor."""
+NEVER = -1
+
+Say = Callable[[str], None]
+
+
+class Line:
+    """One serial line's samples: the newest that flight can read is to be answered.
+
+    Args: `words` of the vehicle in the page.
+    """
+
+    def __init__(self, words: memoryview, line: int) -> None:
+        self._words, self._at = words, ANSWERED + line
+        self._decoder = FrameDecoder()
+        self._expected = NEVER
+        words[self._at] = NEVER
+
+    def delivered(self, data: bytes) -> None:
+        """These bytes can be read by flight, as damaged as they are."""
+        for frame in self._decoder.feed(data):
+            values = decode_data(frame)
+            if values is not None:
+                self._expected = values[0] & 0xFFFF
+
+    def is_behind(self, now_ns: int) -> bool:
+        return self._expected == NEVER or self._expected != self._words[self._at]
+
+
+class Age:
+    """What a part has dealt with is not to be older than `allowed_ns`."""
+
+    def __init__(self, words: memoryview, at: int, allowed_ns: int) -> None:
+        self._words, self._at, self._allowed_ns = words, at, allowed_ns
+        words[at] = NEVER
+
+    def is_behind(self, now_ns: int) -> bool:
+        return now_ns - self._words[self._at] > self._allowed_ns
+
+
+class Awaited:
+    """One part that time waits for while it is there."""
+
+    def __init__(self, name: str, part: Line | Age) -> None:
+        self.name, self.is_behind = name, part.is_behind
+        self.is_there = False
+
+
+class LockstepPace:
+    """When to step, of one simulation in the page that this process follows (`clock.follow`).
+
+    Args:
+        vehicles: by name, as the page has them.
+        truth_period_ns: the longest between two truths.
+        say: takes a line about a part that is not waited for any more.
+        wall_ns, sleep: of the computer.
+    """
+
+    def __init__(
+        self,
+        page: memoryview,
+        vehicles: Sequence[str],
+        truth_period_ns: int,
+        say: Say,
+        wall_ns: Callable[[], int] = time.monotonic_ns,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._page, self._say = page, say
+        self._wall_ns, self._sleep = wall_ns, sleep
+        self._awaited: list[Awaited] = []
+        self.lines: dict[str, list[Line]] = {}
+        for name in vehicles:
+            words = words_of(page, name)
+            if words is None:
+                raise KeyError(name)
+            self.lines[name] = lines = [Line(words, line) for line in range(LINES)]
+            ages = (
+                ("the station's tracker", TRUTH, truth_period_ns + TRUTH_BEHIND_NS),
+                ("the station's word on board", STATION, truth_period_ns + STATION_BEHIND_NS),
+                ("telemetry at the station", VEHICLE, VEHICLE_BEHIND_NS),
+            )
+            of = f" of {name}" if len(vehicles) > 1 else ""
+            self._awaited += [Awaited(f"the flight process{of}", line) for line in lines]
+            self._awaited += [
+                Awaited(what + of, Age(words, at, allowed_ns)) for what, at, allowed_ns in ages
+            ]
+        self._told: deque[tuple[int, int]] = deque()  # (wall, simulated)
+
+    def begin(self) -> int:
+        """Take the clock over from here; returns its time."""
+        now_ns = clock.monotonic_ns()
+        self._page[clock.OFFSET] = now_ns - self._wall_ns()
+        self.reach(now_ns)
+        return now_ns
+
+    def reach(self, due_ns: int) -> None:
+        """All up to this time is done: the clock may go there."""
+        self._page[clock.LIMIT] = due_ns
+
+    def wait(self, due_ns: int, shortest: float, is_over: Callable[[], bool]) -> None:
+        """Until this time has come and everybody is there for it, or `is_over`.
+
+        Args: `shortest` pause (s), which is made in any case.
+        """
+        page, wall_ns = self._page, self._wall_ns
+        left_ns = due_ns - wall_ns() - page[clock.OFFSET]
+        self._sleep(max(left_ns * 1e-9, shortest))
+        self._wait_for_all(due_ns, is_over)
+        self._lose(due_ns)
+        self._tell(due_ns)
+
+    def _wait_for_all(self, due_ns: int, is_over: Callable[[], bool]) -> None:
+        gone: list[Awaited] = []
+        began_ns = self._wall_ns()
+        for one in self._awaited:
+            while one.is_behind(due_ns):
+                if not one.is_there:
+                    break
+                if is_over():
+                    return
+                if self._wall_ns() - began_ns > PATIENCE_NS:
+                    one.is_there = False
+                    gone.append(one)
+                    break
+                self._sleep(LOOK_S)
+                self._lose(due_ns)
+            else:
+                one.is_there = True
+        if gone:
+            names = ", ".join(dict.fromkeys(one.name for one in gone))
+            self._say(f"nothing from {names} for {PATIENCE_NS * 1e-9:g} s; time goes on without")
+
+    def _lose(self, due_ns: int) -> None:
+        """A lateness that is too long to be made up for; the clock stands still meanwhile."""
+        late_ns = self._wall_ns() + self._page[clock.OFFSET] - due_ns
+        if late_ns > MADE_UP_NS:
+            self._page[clock.OFFSET] -= late_ns
+            fence()
+
+    def _tell(self, now_ns: int) -> None:
+        """The real-time factor."""
+        wall_ns, told = self._wall_ns(), self._told
+        if told and wall_ns - told[-1][0] < TOLD_EVERY_NS:
+            return
+        told.append((wall_ns, now_ns))
+        if len(told) > 1:
+            elapsed_ns = wall_ns - told[0][0]
+            self._page[clock.FACTOR] = 1_000_000 * (now_ns - told[0][1]) // elapsed_ns
+        while wall_ns - told[0][0] > WINDOW_NS:
+            told.popleft()

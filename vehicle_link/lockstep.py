@@ -1,0 +1,105 @@
+"""The page of shared memory of a simulation in lockstep: its clock, and how far each part has come.
+
+A part tells what it has dealt with; the simulator, which is the only one that lets time go on,
+waits for it (`vehicle.simulator.lockstep`). Every word has one writer, and nobody waits for a
+lock: a part that dies leaves its words as they were.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from array import array
+from collections.abc import Sequence
+from pathlib import Path
+
+from quadrotor.errors import StorageError
+from vehicle_link import clock
+
+LINES = 2
+ANSWERED, TRUTH, STATION, VEHICLE = 0, LINES, LINES + 1, LINES + 2
+"""Index in a vehicle's words. ANSWERED, one a serial line: the microcontroller's time (ms) in the
+newest sample that flight has ticked on. TRUTH: the newest truth that the station has made poses of.
+STATION: when the station sent what comms heard last of it. VEHICLE: the newest sample that the
+station has heard of. The last three in ns of `clock.monotonic_ns`."""
+WORDS, NAME = 8, 32
+"""Of each vehicle: words, and bytes of its name behind those of all."""
+SHARED_MEMORY = Path("/dev/shm")
+
+
+class Page:
+    """A new page, for one `quadlab up`; removed by `close`.
+
+    Attributes:
+        path: for `clock.VARIABLE`.
+
+    Raises StorageError when it cannot be made.
+    """
+
+    def __init__(self, names: Sequence[str], folder: Path) -> None:
+        # Not on a disk where it can be helped: writing pages back may make their writer wait.
+        place = SHARED_MEMORY if os.access(SHARED_MEMORY, os.W_OK) else folder
+        header = array("q", [0] * (clock.HEADER + WORDS * len(names)))
+        header[clock.EPOCH] = time.time_ns() - time.monotonic_ns()
+        header[clock.LIMIT], header[clock.FACTOR] = clock.FREE, 1_000_000
+        header[clock.VEHICLES] = len(names)
+        content = header.tobytes()
+        content += b"".join(name.encode().ljust(NAME, b"\0") for name in names)
+        try:
+            descriptor, path = tempfile.mkstemp(prefix="quadlab-clock-", dir=place)
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(content)
+        except OSError as error:
+            raise StorageError(
+                f"cannot make the simulation's clock in {place}: {error.strerror}; make room "
+                "there, or fly with --real-time"
+            ) from None
+        self.path = Path(path)
+
+    def close(self) -> None:
+        self.path.unlink(missing_ok=True)
+
+
+class Part:
+    """Where one process tells how far it has come with one vehicle; where there is no lockstep,
+    nobody looks.
+
+    Attributes:
+        in_lockstep: whether somebody does.
+    """
+
+    def __init__(self, name: str) -> None:
+        words = clock.page()
+        found = None if words is None else words_of(words, name)
+        self.in_lockstep = found is not None
+        self._words = memoryview(bytearray(8 * WORDS)).cast("q") if found is None else found
+        self._epoch_ns = 0 if words is None else words[clock.EPOCH]
+
+    def answered(self, line: int, milliseconds: int) -> None:
+        """Flight has ticked on the sample of this time of the microcontroller, from this line."""
+        self._words[ANSWERED + line] = milliseconds
+
+    def truth(self, stamp_ns: int) -> None:
+        """The station has handed on what follows from the truth of this stamp (epoch)."""
+        self._words[TRUTH] = stamp_ns - self._epoch_ns
+
+    def station_heard(self, stamp_ns: int) -> None:
+        """Comms has heard what the station sent then (epoch)."""
+        self._words[STATION] = stamp_ns - self._epoch_ns
+
+    def vehicle_heard(self, stamp_ns: int) -> None:
+        """The station has heard of the vehicle's sample of then (epoch)."""
+        self._words[VEHICLE] = stamp_ns - self._epoch_ns
+
+
+def words_of(page: memoryview, name: str) -> memoryview | None:
+    """A vehicle's words; None when the page has no such vehicle."""
+    count = page[clock.VEHICLES]
+    names = clock.HEADER + WORDS * count
+    for number in range(count):
+        at = 8 * names + NAME * number
+        if bytes(page.cast("B")[at : at + NAME]).rstrip(b"\0").decode() == name:
+            first = clock.HEADER + WORDS * number
+            return page[first : first + WORDS]
+    return None
