@@ -35,6 +35,7 @@ from web.fleet import Fleet
 from web.fleet_routes import add_fleet
 from web.parameter_routes import add_parameters
 from web.parts import Parts
+from web.plain_emergency import add_plain_emergency
 from web.replay.routes import add_replay
 from web.reports import add_reports
 from web.runs.routes import add_runs
@@ -71,6 +72,7 @@ def create_app(
     app.mount("/static", FILES)  # the first to be looked at: most requests are these
     _add_reading(app, parts, fleet)
     _add_commands(app, parts)
+    add_plain_emergency(app, parts, fleet)
     _add_view(app, parts)
     _add_sockets(app, parts)
     add_parameters(app, parts)

@@ -1,8 +1,9 @@
 """The page's own files, served from memory, and once to each browser.
 
 Starlette hands each file to other threads, four times; while telemetry keeps the interpreter busy
-each hop waits for its turn, and a page is about a hundred files. A document therefore names them by
-the version of their folder: what has been fetched under it is kept, and asked for no more.
+each hop waits for its turn, and a page is about a hundred files. A document therefore names one
+script and one stylesheet, joined from them (`web.joined_files`), by the version of their folder:
+what has been fetched under it is kept, and asked for no more.
 """
 
 from __future__ import annotations
@@ -16,8 +17,11 @@ from pathlib import Path
 
 from fastapi.staticfiles import StaticFiles
 from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
 from starlette.responses import FileResponse, HTMLResponse, Response
 from starlette.types import Scope
+
+from web.joined_files import join_modules, join_styles
 
 STATIC = Path(__file__).parent / "static"
 PLACE = "/static/"
@@ -26,6 +30,12 @@ LARGEST = 1_000_000
 """Bytes of a file that is kept."""
 VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
 FOR_GOOD = {"cache-control": "private, max-age=31536000, immutable"}
+JOINED = "joined/"
+"""Where scripts (`app.js`, with `app.js.map`) and styles (`index.css`, of index.html) are."""
+_STYLES = re.compile(rf'<link rel="stylesheet" href="{PLACE}([^"]+)">\n?')
+_SCRIPT = re.compile(rf'<script type="module" src="{PLACE}([^"]+)"></script>')
+_JOINED = re.compile(rf"{JOINED}[a-z0-9_]{{1,60}}(\.css|\.js|\.js\.map)")
+_TYPES = {".css": "text/css", ".js": "text/javascript", ".js.map": "application/json"}
 
 
 class KeptFiles(StaticFiles):
@@ -36,12 +46,49 @@ class KeptFiles(StaticFiles):
         self._folder = directory
         self._kept: dict[str, tuple[int, int, bytes]] = {}
         self._version = ""
+        self._joined: dict[str, tuple[str, bytes]] = {}  # by name: of which version, content
 
     def document(self, name: str) -> HTMLResponse:
-        """A page of the folder, which names the others by their version as of now."""
-        text = (self._folder / name).read_text(encoding="utf-8")
+        """A page of the folder, which names the others by their version as of now.
+
+        Raises JoinError for files that cannot be joined.
+        """
+        text = self._read(name)
         self._version = self._versioned()
+        if _STYLES.search(text):
+            sheet = f"{JOINED}{Path(name).stem}.css"
+            self._join(sheet, self._version)
+            first, *others = _STYLES.split(text)[::2]
+            link = f'<link rel="stylesheet" href="{PLACE}{sheet}">\n'
+            text = first + link + "".join(others)
+        if found := _SCRIPT.search(text):
+            self._join(f"{JOINED}{found[1]}", self._version)
+            text = text.replace(f'src="{PLACE}{found[1]}"', f'src="{PLACE}{JOINED}{found[1]}"')
         return HTMLResponse(text.replace(f'"{PLACE}', f'"{PLACE}v-{self._version}/'))
+
+    def _read(self, name: str) -> str:
+        return (self._folder / name).read_text(encoding="utf-8")
+
+    def _join(self, name: str, version: str) -> bytes:
+        """Raises FileNotFoundError for what no page of the folder has, or JoinError."""
+        made, content = self._joined.get(name, ("", b""))
+        if made == version:
+            return content
+        stem = name.removeprefix(JOINED)
+        if stem.endswith(".css"):
+            sheets = _STYLES.findall(self._read(f"{stem.removesuffix('.css')}.html"))
+            self._joined[name] = version, join_styles(sheets, self._read).encode()
+        else:
+            entry = stem.removesuffix(".map")
+            if not any(f'"{PLACE}{entry}"' in self._read(one.name) for one in self._pages()):
+                raise FileNotFoundError(entry)
+            joined = join_modules(entry, self._read, f"{entry}.map", PLACE)
+            self._joined[f"{JOINED}{entry}"] = version, joined.text.encode()
+            self._joined[f"{JOINED}{entry}.map"] = version, joined.source_map.encode()
+        return self._joined[name][1]
+
+    def _pages(self) -> list[Path]:
+        return list(self._folder.glob("*.html"))
 
     def _versioned(self) -> str:
         about = [(entry.name, entry.stat()) for entry in os.scandir(self._folder)]
@@ -60,6 +107,8 @@ class KeptFiles(StaticFiles):
 
     async def _current(self, path: str, scope: Scope) -> Response:
         """Anything unusual is left to the library."""
+        if path.startswith(JOINED):
+            return self._current_joined(path, scope)
         found, about = None, None
         with contextlib.suppress(OSError, ValueError):  # the library makes an answer of it
             found, about = self.lookup_path(path)
@@ -70,6 +119,16 @@ class KeptFiles(StaticFiles):
         if isinstance(response, FileResponse):
             return Response(self._content(found, about), headers=dict(response.headers))
         return response
+
+    def _current_joined(self, path: str, scope: Scope) -> Response:
+        if scope["method"] not in ("GET", "HEAD"):
+            raise HTTPException(405)
+        if (found := _JOINED.fullmatch(path)) is None:
+            raise HTTPException(404)
+        try:
+            return Response(self._join(path, self._versioned()), media_type=_TYPES[found[1]])
+        except FileNotFoundError:
+            raise HTTPException(404) from None
 
     def _content(self, path: str, about: os.stat_result) -> bytes:
         modified_ns, size, content = self._kept.get(path, (0, -1, b""))

@@ -23,6 +23,8 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/openapi.json": (VIEWER, None),
     "GET /": (VIEWER, None),
     "GET /kill": (VIEWER, None),
+    "GET /emergency": (VIEWER, None),
+    "POST /emergency": (VIEWER, None),
     "GET /favicon.ico": (VIEWER, None),
     "GET /vendor/{name}": (VIEWER, None),
     "GET /static/app.js": (VIEWER, None),

@@ -1,4 +1,4 @@
-"""The two small pages shown at the door; all else is in `static/`."""
+"""The two small pages shown at the door, and how such pages look; all else is in `static/`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def sign_in_page(line: str, name: str, base_url: str, *, with_password: bool) ->
             name=escape(name[:64]), name_focus=at_name, password_focus=at_password
         )
     focus = "" if with_password else " autofocus"
-    return _page(
+    return small_page(
         "quadlab: sign in",
         f"""<h1>{escape(line)}</h1>{people}
 <p>Open the newest link that quadlab printed in its terminal. It looks like
@@ -60,14 +60,15 @@ def signed_in_page() -> str:
     A page and not a redirect: a SameSite=Strict cookie is not sent along a redirect that
     began at another site (a link in a mail), but is on a navigation that begins here.
     """
-    return _page(
+    return small_page(
         "quadlab",
         '<meta http-equiv="refresh" content="0;url=/"><h1>Signed in.</h1>'
         '<p><a href="/" style="color:inherit">Go to the page</a></p>',
     )
 
 
-def _page(title: str, body: str) -> str:
+def small_page(title: str, body: str) -> str:
+    """A page of its own, without scripts; `body` is HTML."""
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'

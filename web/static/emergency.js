@@ -10,7 +10,6 @@ import { Events } from "./sockets.js";
 import { pressed } from "./who_flies.js";
 
 const CUT_HOLD = 500; // ms
-const STYLE = "/static/emergency.css";
 const KEYS = { operator: "e: emergency land · hold x: cut", viewer: "e: emergency land" };
 
 // place: where the buttons go; events: of this page, or null: then it makes its own;
@@ -24,7 +23,6 @@ class Emergency {
     this.events = events;
     this.mayCut = session.role !== "viewer";
     this.sent = new EmergencyPress(events, session.label);
-    if (!document.querySelector(`link[href="${STYLE}"]`)) document.head.append(element("link", { rel: "stylesheet", href: STYLE }));
     this.land = flightButton(element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land"));
     this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle, but not cut its motors" }, "Cut motors");
     onHold(this.cut, CUT_HOLD, () => this.press("cut"));
@@ -32,7 +30,7 @@ class Emergency {
     this.running = element("span", { ariaHidden: "true" });
     this.line = element("p", { id: "emergency-state", className: "idle" }, this.said, this.running);
     place.classList.add("emergency");
-    place.append(this.land, this.cut, this.line);
+    place.replaceChildren(this.land, this.cut, this.line); // in place of the form that needs no script
     onKey("e", "emergency land", () => this.press("land"));
     if (this.mayCut) onKey("x", "cut the motors", () => this.press("cut"), { hold: CUT_HOLD });
     setInterval(() => this.draw(), 100);

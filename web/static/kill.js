@@ -18,6 +18,7 @@ function arm(button, action) {
   button.addEventListener("click", (event) => event.detail === 0 && sent.press(action)); // keyboard
 }
 
+$("buttons").addEventListener("submit", (event) => event.preventDefault()); // from here on it is ours
 arm($("cut"), "cut");
 arm($("emergency-land"), "land");
 onKey("e", "emergency land", () => sent.press("land"));

@@ -20,6 +20,7 @@ export function head(session, here, events = null, { emergency = true, strip = t
     element("div", { id: "head-controls" }),
     element("span", { className: "who", title: session.role }, session.label), help);
   document.body.prepend(bar);
+  document.getElementById("plain-emergency")?.remove(); // what works without scripts
   if (emergency) addEmergency(document.getElementById("head-controls"), events, session);
   if (strip) addVehicleStrip(session, bar.nextElementSibling);
   new Help(help, session.role !== "viewer", { place: bar, guides: false });

@@ -5,7 +5,6 @@ import { onKey } from "./keys.js";
 import { Socket } from "./sockets.js";
 import { here, sameFor } from "./vehicle_path.js";
 
-const STYLE = "/static/vehicle_strip.css";
 const OLD = 1; // s: longer ago, and the vehicle is not heard
 const LOST = 1000; // ms without web's message
 
@@ -29,7 +28,6 @@ export function addVehicleStrip(session, before) {
 
 class VehicleStrip {
   constructor(session, before) {
-    if (!document.querySelector(`link[href="${STYLE}"]`)) document.head.append(element("link", { rel: "stylesheet", href: STYLE }));
     this.received = -Infinity;
     this.chips = new Map(session.vehicles.map((name) => [name, this.chip(name, name === session.vehicle)]));
     this.place = element("nav", { id: "vehicles", ariaLabel: "vehicles" },

@@ -1,0 +1,212 @@
+"""A page's modules as one script, its stylesheets as one: a browser asks twice instead of a
+hundred times.
+
+The page's own files keep to a few forms, so no compiler is needed: each module becomes a function
+that is called once and returns what others import of it, in the order in which a browser would
+run them. A form that is none of these is refused with its file and line:
+
+    import { a, b as c } from "./other.js";      import "./other.js";
+    export const …       export function …       export async function …       export class …
+
+Lines stay as they are, and a source map leads a browser's tools back to the files.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import PurePosixPath
+
+Read = Callable[[str], str]
+"""The text of a file by its name. Raises FileNotFoundError."""
+
+_IMPORT = re.compile(r'^import(?:\s*\{([^{}]*)\}\s*from)?\s*"\./([\w./-]+\.js)";', re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function|class) )", re.MULTILINE)
+_BINDING = re.compile(r"([A-Za-z_$][\w$]*)(?: as ([A-Za-z_$][\w$]*))?")
+_OTHER = re.compile(r"^\s*(?:import|export)\b(?!\s*[:=(.]).*|\bimport\s*(?:\(|\.\s*meta\b)", re.M)
+_AWAIT = re.compile(r"^(?:(?:export )?(?:const|let|var)\s[^=\n]*=\s*)?await\b", re.MULTILINE)
+_DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+
+
+class JoinError(Exception):
+    """A module that cannot be joined: which, where and why."""
+
+
+@dataclass(frozen=True)
+class Joined:
+    """One script, and the JSON of its source map."""
+
+    text: str
+    source_map: str
+
+
+@dataclass(frozen=True)
+class _Module:
+    name: str
+    code: str  # with as many lines as the file
+    source: str
+    needs: tuple[str, ...]  # in the order of its imports
+
+
+def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined:
+    """Raises JoinError.
+
+    Args:
+        entry: name of the module that the page loads.
+        map_address: of the source map, relative to the script.
+        place: address of the folder of the files, for the map.
+    """
+    modules = _in_order(entry, read)
+    wanted: dict[str, set[str]] = {name: set() for name in modules}
+    for module in modules.values():
+        for other, names in _imports(module.source):
+            for name in names:
+                _check_export(module.name, modules[other], name)
+            wanted[other].update(names)
+    lines: list[str] = []
+    places: list[tuple[int, int] | None] = []  # of each line: (which file, which line)
+    for number, module in enumerate(modules.values()):
+        code = module.code.rstrip("\n").split("\n")
+        own = [(number, line) for line in range(len(code))]
+        if module.name == entry:  # the last: as it is, so that it may await
+            lines += [f"// ---- {module.name}", *code]
+            places += [None, *own]
+            continue
+        given = ", ".join(sorted(wanted[module.name]))
+        lines += [f"// ---- {module.name}", f"const {_variable(module.name)} = (() => {{", *code]
+        lines += [f"return {{ {given} }};", "})();"]
+        places += [None, None, *own, None, None]
+    lines.append(f"//# sourceMappingURL={map_address}")
+    return Joined("\n".join(lines) + "\n", _source_map(modules, places, place))
+
+
+def join_styles(names: Iterable[str], read: Read) -> str:
+    """In this order. Raises JoinError for what would mean something else at another address."""
+    parts = []
+    for name in names:
+        text = read(name)
+        if found := re.search(r"@(?:import|charset)\b|\burl\((?!\s*[\"']?(?:data:|/|#))", text):
+            line = text.count("\n", 0, found.start()) + 1
+            raise JoinError(f"{name}, line {line}: {found[0]} cannot be joined; name it otherwise")
+        parts.append(f"/* ---- {name} */\n{text.rstrip()}\n")
+    return "".join(parts)
+
+
+def _in_order(entry: str, read: Read) -> dict[str, _Module]:
+    """Each module after those that it imports, as a browser runs them."""
+    done: dict[str, _Module] = {}
+    path: list[str] = []
+
+    def visit(name: str) -> None:
+        if name in done:
+            return
+        if name in path:
+            circle = " → ".join([*path[path.index(name) :], name])
+            raise JoinError(f"{circle}: modules that import each other cannot be joined")
+        path.append(name)
+        try:
+            module = _parsed(name, read(name))
+        except FileNotFoundError:
+            by = f", which {path[-2]} imports" if len(path) > 1 else ""
+            raise JoinError(f"there is no module {name}{by}") from None
+        if len(path) > 1 and (waits := _AWAIT.search(module.source)) is not None:
+            line = module.source.count("\n", 0, waits.start()) + 1
+            raise JoinError(f"{name}, line {line}: only {entry}, which the page loads, may await")
+        for other in module.needs:
+            visit(other)
+        done[path.pop()] = module
+
+    visit(entry)
+    return done
+
+
+def _parsed(name: str, source: str) -> _Module:
+    def bound(found: re.Match[str]) -> str:
+        kept = "\n" * found[0].count("\n")
+        if found[1] is None:
+            return kept
+        names = ", ".join(
+            f"{theirs}: {ours}" if ours else theirs for theirs, ours in _bindings(name, found[1])
+        )
+        return f"const {{ {names} }} = {_variable(found[2])};{kept}"
+
+    code = _EXPORT.sub("", _IMPORT.sub(bound, source))
+    if (other := _OTHER.search(code)) is not None:
+        start = other.start() + len(other[0]) - len(other[0].lstrip())
+        line = code.count("\n", 0, start) + 1
+        raise JoinError(
+            f"{name}, line {line}: {other[0].strip():.60} cannot be joined; write "
+            'import { a } from "./b.js"; or export before const, function or class, '
+            "at the beginning of a line"
+        )
+    needs = tuple(dict.fromkeys(found[2] for found in _IMPORT.finditer(source)))
+    return _Module(name, code, source, needs)
+
+
+def _imports(source: str) -> list[tuple[str, list[str]]]:
+    """Which module, and the names that it gives."""
+    return [
+        (found[2], [theirs for theirs, _ in _bindings("", found[1] or "")])
+        for found in _IMPORT.finditer(source)
+    ]
+
+
+def _bindings(name: str, listed: str) -> list[tuple[str, str]]:
+    """Their name and ours, "" for the same."""
+    pairs = []
+    for one in filter(None, (part.strip() for part in listed.split(","))):
+        found = _BINDING.fullmatch(one)
+        if found is None or found[1] == "default":
+            raise JoinError(f"{name}: import {{ {one} }} cannot be joined; import it by its name")
+        pairs.append((found[1], found[2] or ""))
+    return pairs
+
+
+def _check_export(importer: str, module: _Module, name: str) -> None:
+    """That a browser, too, would find it; else the joined page would run, and the single not."""
+    declared = rf"(?:async )?function\*? {re.escape(name)}\b|class {re.escape(name)}\b"
+    constant = rf"const (?:[^\n]*, )?{re.escape(name)} ="
+    if not re.search(rf"^export (?:{declared}|{constant})", module.source, re.MULTILINE):
+        raise JoinError(f"{importer} imports {name} of {module.name}, which does not export it")
+
+
+def _variable(name: str) -> str:
+    """No module of ours has a name that begins so."""
+    return "$$" + re.sub(r"\W", "_", str(PurePosixPath(name).with_suffix("")))
+
+
+# ---------------------------------------------------------------------- source map
+def _source_map(
+    modules: Mapping[str, _Module], places: list[tuple[int, int] | None], place: str
+) -> str:
+    """Version 3: each line of the script begins a line of a file, or is nobody's."""
+    told = [(0, 0), *(one for one in places if one is not None)]
+    steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(told)])
+    mappings = []
+    for one in places:
+        if one is None:
+            mappings.append("")
+            continue
+        file, line = next(steps)
+        mappings.append("A" + _vlq(file) + _vlq(line) + "A")
+    return json.dumps(
+        {
+            "version": 3,
+            "sources": [f"{place}{name}" for name in modules],
+            "names": [],
+            "mappings": ";".join(mappings),
+        }
+    )
+
+
+def _vlq(value: int) -> str:
+    """Base 64, five bits a digit, the sign in the lowest."""
+    rest, digits = (-value << 1 | 1) if value < 0 else value << 1, ""
+    while True:
+        digit, rest = rest & 31, rest >> 5
+        digits += _DIGITS[digit | 32 if rest else digit]
+        if not rest:
+            return digits

@@ -1,0 +1,112 @@
+"""Emergencies without scripts: the forms of the pages, answered with a small page of their own.
+
+A page's buttons are forms until its scripts have started, and where none run. A landing is asked
+for at once. A cut is asked for once more, for a form cannot be held; not on `/kill`, for who opens
+that has decided. The answer shows how the newest press stands, and looks again by itself until the
+vehicle has acknowledged it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from html import escape
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+
+from quadrotor.errors import QuadlabError
+from web.access.answer import POLICY
+from web.access.pages import small_page
+from web.access.roles import Role, Session
+from web.access.sign_in import read_form
+from web.asking import Asker
+from web.emergency import Message
+from web.fleet import Fleet
+from web.parts import Parts
+
+SOON = 0.3
+"""s that an answer may take to be told at once."""
+AGAIN = 1
+"""s between two looks at a press that is not yet acknowledged."""
+NAMES = {"land": "Emergency land", "cut": "Cut motors"}
+DONE = {"land": "Landing", "cut": "Motors cut"}
+
+_LAND = '<button name="action" value="land" class="caution">Emergency land</button>'
+_CUT = '<button name="action" value="cut" class="cut">Cut motors</button>'
+_SURE = '<input type="hidden" name="sure" value="yes">'
+_BACK = '<p><a href="./">Back to the page</a></p>'
+_STYLE = """<style>form{margin:1rem 0}button{font-weight:600;padding:.7rem 1.1rem}
+.caution{color:#e3b24d;border-color:#6d5a2c}.cut{background:#d63b3b;border-color:#d63b3b;color:#fff}
+.cut:hover{border-color:#fff}a{color:inherit}</style>"""
+
+
+def add_plain_emergency(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
+    desk = parts.emergency
+
+    @app.get("/emergency", include_in_schema=False)
+    async def stands(session: Asker) -> Response:
+        return _page(*_told(parts.vehicle, desk.state), _buttons(session))
+
+    @app.post("/emergency", include_in_schema=False)
+    async def press(session: Asker, request: Request) -> Response:
+        try:
+            form = await read_form(request.receive)
+        except ValueError as error:
+            return _page(f"Nothing was done: {error}.", "", _buttons(session), status=400)
+        action = form.get("action", "")
+        if action == "all":
+            return _page(_fleet_told(await fleet.land_all(session.label)), "", "")
+        if action not in NAMES:
+            said = f"Nothing was done: {action!r:.40} is neither land nor cut."
+            return _page(said, "", _buttons(session), status=422)
+        if action == "cut" and not session.role.may(Role.OPERATOR):
+            said = f"{session.label} may land {parts.vehicle}, but not cut its motors."
+            return _page(said, "", _buttons(session), status=403)
+        if action == "cut" and form.get("sure") != "yes":
+            return _page(f"Cut the motors of {parts.vehicle}? It falls.", "", _LAND + _SURE + _CUT)
+        try:
+            with contextlib.suppress(TimeoutError):  # it goes on, and is told as the newest press
+                await asyncio.wait_for(desk.press(action, session.label), SOON)
+        except QuadlabError as error:
+            said = f"{parts.vehicle}: {NAMES[action]} failed: {error}. Press again."
+            return _page(said, "", _buttons(session), status=409)
+        return RedirectResponse("emergency", 303)
+
+
+def _buttons(session: Session) -> str:
+    return _LAND + (_CUT if session.role.may(Role.OPERATOR) else "")
+
+
+def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
+    """One line of the newest press, and what makes the page ask again."""
+    if press is None:
+        return f"{vehicle}: no emergency was pressed.", ""
+    name, phase = f"{NAMES[press['action']]} by {press['by']}", press["phase"]
+    again = f'<meta http-equiv="refresh" content="{AGAIN}">'
+    if phase == "sent":
+        tries = f", try {press['try']} of {press['tries']}" if press["try"] > 1 else ""
+        return f"{vehicle}: {name}: sent {press['age']:.1f} s ago, not acknowledged{tries}.", again
+    if phase == "accepted":
+        return f"{vehicle}: {name}: accepted, not yet shown by the vehicle.", again
+    if phase == "failed":
+        return f"{vehicle}: {name} failed: {press['reason']}. Press again.", ""
+    note = f"; {press['reason']}" if press["reason"] else ""
+    done = f"{DONE[press['action']]}, pressed by {press['by']}"
+    return f"{vehicle}: {done}, acknowledged after {press['after']:.2f} s{note}.", ""
+
+
+def _fleet_told(vehicles: list[dict[str, Any]]) -> str:
+    outcomes = (
+        f"{one['name']}: {one['outcome']}" + (f", {one['reason']}" if one.get("reason") else "")
+        for one in vehicles
+    )
+    return f"Emergency land of all: {'; '.join(outcomes)}."
+
+
+def _page(said: str, again: str, buttons: str, status: int = 200) -> Response:
+    form = f'<form method="post" action="emergency">{buttons}</form>' if buttons else ""
+    body = f"{_STYLE}{again}<h1>{escape(said)}</h1>{form}{_BACK}"
+    headers = {"content-security-policy": POLICY.decode(), "cache-control": "no-store"}
+    return HTMLResponse(small_page("quadlab: emergency", body), status, headers)
