@@ -7,10 +7,13 @@ and texts of the message.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryFile
+from typing import IO, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -82,18 +85,19 @@ class Tables:
         return ", and ".join(lost)
 
     def __iter__(self) -> Iterator[Piece]:
-        growing: dict[str, list[Piece]] = {}
-        for batch in self._reader:
-            for columns in batch.columns:
-                piece = self._piece(columns, batch.share)
-                if columns.grows:  # which columns there are is known at the end
-                    growing.setdefault(columns.topic, []).append(piece)
-                elif piece.rows:
-                    yield piece
-        for pieces in growing.values():
-            whole = _joined(pieces)
-            if whole.rows:
-                yield whole
+        growing: dict[str, _Growing] = {}
+        with ExitStack() as files:
+            for batch in self._reader:
+                for columns in batch.columns:
+                    piece = self._piece(columns, batch.share)
+                    if columns.grows:  # which columns there are is known at the end
+                        if columns.topic not in growing:
+                            growing[columns.topic] = _Growing(files.enter_context(TemporaryFile()))
+                        growing[columns.topic].add(piece)
+                    elif piece.rows:
+                        yield piece
+            for one in growing.values():
+                yield from one.pieces()
 
     def _piece(self, columns: Columns, share: float) -> Piece:
         time = (columns.log_ns - self._start_ns) * 1e-9
@@ -125,18 +129,35 @@ class Tables:
         return out
 
 
-def _joined(pieces: list[Piece]) -> Piece:
-    """NaN, or no text, where a piece has not the column."""
-    names = list(dict.fromkeys(name for piece in pieces for name in piece.columns))
-    columns = {}
-    for name in names:
-        kind = next(p.columns[name].dtype for p in pieces if name in p.columns)
-        empty = "" if kind.kind == "O" else np.nan
-        columns[name] = np.concatenate(
-            [p.columns[name] if name in p.columns else np.full(p.rows, empty, kind) for p in pieces]
-        )
-    units = {name: unit for piece in pieces for name, unit in piece.units.items()}
-    return Piece(pieces[0].topic, pieces[0].type_name, columns, units, pieces[-1].share)
+class _Growing:
+    """Pieces of a topic whose columns are known at the end, kept in a file until then."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self._file = file
+        self._kinds: dict[str, np.dtype[Any]] = {}
+        self._units: dict[str, str] = {}
+
+    def add(self, piece: Piece) -> None:
+        """Raises OSError."""
+        if not piece.rows:
+            return
+        for name, values in piece.columns.items():
+            self._kinds.setdefault(name, values.dtype)
+        self._units.update(piece.units)
+        pickle.dump(piece, self._file, pickle.HIGHEST_PROTOCOL)
+
+    def pieces(self) -> Iterator[Piece]:
+        """With NaN, or no text, where a piece has not the column. Raises OSError."""
+        end = self._file.tell()
+        self._file.seek(0)
+        while self._file.tell() < end:
+            piece: Piece = pickle.load(self._file)
+            columns = {
+                name: piece.columns[name] if name in piece.columns
+                else np.full(piece.rows, "" if kind.kind == "O" else np.nan, kind)
+                for name, kind in self._kinds.items()
+            }  # fmt: skip
+            yield replace(piece, columns=columns, units=dict(self._units))
 
 
 def _short_names(topics: Sequence[str] | dict[str, Any]) -> dict[str, str]:

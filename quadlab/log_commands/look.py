@@ -21,7 +21,8 @@ class Info:
         from vehicle_link.log.summary import summarize
 
         check_log_file(self.file)
-        found = summarize(self.file)
+        with progress_of(f"reading {self.file.name}") as progress:
+            found = summarize(self.file, progress)
         print(
             f"{self.file}: {found.message_count} messages in {found.duration:.1f} s, "
             f"{found.bytes / 1e6:.1f} MB{', torn once and mended' if found.recovered else ''}"

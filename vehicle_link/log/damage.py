@@ -25,4 +25,6 @@ def damage(path: Path) -> list[str]:
         is_sound = one.is_chunk and 0.0 <= since <= until < _YEAR
         when = f", with the messages from {since:.3f} to {until:.3f} s" if is_sound else ""
         found.append(f"{what} of {one.size} bytes at byte {one.place}{when}")
+    if left := state.damaged_chunks + state.damaged_records - len(found):
+        found.append(f"{left} more such records")
     return found

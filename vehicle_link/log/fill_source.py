@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from mcap.opcode import Opcode
 
-from quadrotor.errors import StorageError
+from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.log.run_index import FILLED_TOPICS
-from vehicle_link.log.tick_columns import chunk_content
+from vehicle_link.log.walk import UNREADABLE, opened
 
 _RECORD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -65,9 +65,9 @@ def chunks_of(source: FillSource, damage: Damage) -> Iterator[list[Onboard]]:
             for begin, end in source.ranges:
                 for chunk in _chunks(stream.fileno(), begin, end):
                     try:
-                        data = chunk_content(chunk)
+                        data = opened(source.name, chunk)
                         found = list(_split(data, wanted))
-                    except (RuntimeError, ValueError, struct.error):
+                    except (*UNREADABLE, LogFormatError):
                         damage.spans.append(_TIMES.unpack_from(chunk))
                         continue
                     yield found

@@ -13,7 +13,8 @@ from mcap.writer import MCAP0_MAGIC
 
 from quadrotor.errors import StorageError
 from vehicle_link.log.file import open_log
-from vehicle_link.log.walk import MOST_BYTES, RECORD
+from vehicle_link.log.limits import MOST_DESCRIPTION
+from vehicle_link.log.walk import RECORD
 
 NO_END = "has no end mark: its writer was killed, or it was copied in part"
 DAMAGED = "has a damaged index"
@@ -48,7 +49,7 @@ def index_names(path: Path) -> Iterator[tuple[int, bytes]]:
         place = _footer(file)[2] or end
         while place + RECORD.size <= end:
             opcode, length = RECORD.unpack(os.pread(file, RECORD.size, place))
-            if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or length > MOST_BYTES:
+            if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or length > MOST_DESCRIPTION:
                 return
             yield opcode, os.pread(file, length, place + RECORD.size)
             place += RECORD.size + length

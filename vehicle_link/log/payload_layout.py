@@ -26,6 +26,12 @@ MOST_ITEMS = 64
 """Of an array that become signals; of longer ones (pictures, point clouds) none do."""
 MOST_MESSAGES = 1000
 """Of a sequence of messages that are walked."""
+MOST_PARTS = 20_000
+"""Messages and texts of one payload that are walked: a type of nothing may hold any number."""
+MOST_NUMBERS = 4000
+"""Of one payload that become signals."""
+MOST_TEXT = 1_000_000
+"""Bytes of one text, and of a sequence's texts together."""
 _NAMELESS = frozenset({"header", "stamp"})  # times have their own way
 _LENGTH = struct.Struct("<I")
 _OCTETS = {"byte": "uint8", "char": "uint8", "bool": "uint8", "octet": "uint8"}
@@ -119,9 +125,11 @@ class _Walk:
         self._payload = payload
         self._types = types
         self._at = 4
+        self._parts = 0
         self.layout = PayloadLayout(len(payload))
 
     def message(self, name: str, prefix: str, *, shown: bool) -> None:
+        self._count_part()
         for key, (kind, details) in self._types[name][1]:
             path = f"{prefix}{key}"
             wanted = shown and key not in _NAMELESS
@@ -134,11 +142,16 @@ class _Walk:
         if self._at > len(self._payload):
             raise LogFormatError(f"{len(self._payload)} bytes are no {name}: too few")
 
+    def _count_part(self) -> None:
+        self._parts += 1
+        if self._parts > MOST_PARTS:
+            raise LogFormatError(
+                f"it has more than {MOST_PARTS} messages and texts in one; so many are not read"
+            )
+
     def _base(self, primitive: str, path: str, *, shown: bool) -> None:
         if primitive in ("string", "wstring"):
-            offset, length = self._text()
-            if shown:
-                self.layout.texts[path] = [(offset, length)]
+            self._keep_texts(path, [self._text()], shown=shown)
             return
         self._numbers(primitive, [path] if shown else [], 1)
 
@@ -152,25 +165,35 @@ class _Walk:
             for k in range(count):
                 self.message(str(item), f"{path}[{k}].", shown=shown and k < MOST_ITEMS)
         elif item[0] in ("string", "wstring"):
-            pieces = [self._text() for _ in range(count)]
-            if shown:
-                self.layout.texts[path] = pieces
+            self._keep_texts(path, [self._text() for _ in range(count)], shown=shown)
         else:
-            listed = shown and count <= MOST_ITEMS
+            listed = shown and count <= MOST_ITEMS and len(self.layout.numbers) < MOST_NUMBERS
             self._numbers(str(item[0]), [f"{path}[{k}]" for k in range(count * listed)], count)
 
     def _numbers(self, primitive: str, paths: list[str], count: int) -> None:
         dtype = np.dtype(_OCTETS.get(primitive, primitive)).newbyteorder("<")
         if count:
             self._align(dtype.itemsize)
-        for k, path in enumerate(paths):
+        for k, path in enumerate(paths[: MOST_NUMBERS - len(self.layout.numbers)]):
             self.layout.numbers[path] = (self._at + k * dtype.itemsize, dtype)
         self._at += count * dtype.itemsize
 
+    def _keep_texts(self, path: str, pieces: list[tuple[int, int]], *, shown: bool) -> None:
+        size = sum(length for _, length in pieces)
+        if shown and size > MOST_TEXT:
+            raise LogFormatError(
+                f"{path} has {size / 1e6:.0f} MB of text; at most {MOST_TEXT // 10**6} MB are read"
+            )
+        if shown:
+            self.layout.texts[path] = pieces
+
     def _text(self) -> tuple[int, int]:
+        self._count_part()
         length = self._length()
         offset = self._at
         self._at += length
+        if self._at > len(self._payload):
+            raise LogFormatError(f"{len(self._payload)} bytes are too few for its texts")
         return offset, max(length - 1, 0)  # without its closing zero
 
     def _length(self) -> int:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from mcap.records import Attachment, Channel, Metadata, Schema
 
+from vehicle_link.log.limits import Kept
 from vehicle_link.log.records import RawMessage, ReadState, records
 
 
@@ -51,11 +52,17 @@ def read_log(
 def read_attachments(path: Path) -> dict[str, bytes]:
     """Name → bytes of those before the first message, where LogWriter puts them.
 
+    Those are left out that are too large to be kept (`vehicle_link.log.limits`).
+
     Raises LogFormatError or StorageError.
     """
     found: dict[str, bytes] = {}
+    kept = Kept(path.name)
     for record in records(path):
         if isinstance(record, Attachment):
+            if not kept.has_room(len(record.data)):
+                continue
+            kept.add(record.name, len(record.data))
             found[record.name] = record.data
         elif isinstance(record, RawMessage):
             break

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from vehicle_link.log.index_check import index_names
+from vehicle_link.log.limits import MOST_DESCRIPTION, Kept, map_bytes
 from vehicle_link.log.walk import (
     RECORD,
     UNREADABLE,
@@ -24,6 +25,10 @@ from vehicle_link.log.walk import (
 
 _MESSAGE = struct.Struct("<HIQQ")
 _TIMES = struct.Struct("<QQ")
+AT_ONCE = 1_000_000
+"""Bytes of a chunk whose messages are made together."""
+MOST_DAMAGED = 1000
+"""Records passed over that are told one by one."""
 
 
 class RawMessage(NamedTuple):
@@ -65,23 +70,33 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
         StorageError: the file cannot be read.
     """
     state = state if state is not None else ReadState()
-    in_index = False
+    in_index = is_helped = False
+    kept = Kept(path.name)
     for opcode, data in walk(path, state):
         in_index = in_index or opcode == Opcode.DATA_END
         if in_index:
             continue
+        found: Iterable[LogRecord]
         try:
             if opcode == Opcode.CHUNK:
-                found = list(_split(opened(path.name, data)))
+                found = split_chunk(opened(path.name, data))
             else:
                 found = list(_one(opcode, data))
         except UNREADABLE:  # the next one may be whole again
             state.damaged_chunks += opcode == Opcode.CHUNK
             state.damaged_records += opcode != Opcode.CHUNK
-            state.damaged.append(_damaged(opcode, data, state.whole_bytes))
+            if len(state.damaged) < MOST_DAMAGED:
+                state.damaged.append(_damaged(opcode, data, state.whole_bytes))
             # Each schema and channel stands once before the index; it may have been here.
-            found = [one for name in index_names(path) for one in _one(*name)]
-        yield from found
+            names = [] if is_helped else index_names(path)
+            found = [one for name in names for one in _one(*name)]
+            is_helped = True
+        del data  # while its messages are looked at
+        for record in found:
+            if not isinstance(record, RawMessage):
+                _count(record, kept)
+            yield record
+        found = []
 
 
 def _damaged(opcode: int, data: bytes, end: int) -> Damaged:
@@ -90,6 +105,15 @@ def _damaged(opcode: int, data: bytes, end: int) -> Damaged:
     times = _TIMES.unpack_from(data) if is_chunk and len(data) >= _TIMES.size else (0, 0)
     size = RECORD.size + len(data)
     return Damaged(is_chunk, end - size, size, times)
+
+
+def split_chunk(data: bytes) -> Iterable[LogRecord]:
+    """What is in an opened chunk, of which all can be read. Raises one of UNREADABLE."""
+    if len(data) <= AT_ONCE:
+        return list(_split(data))
+    for _ in _split(data):  # a message takes many times its bytes: one at a time
+        pass
+    return _split(data)
 
 
 def _split(data: bytes) -> Iterator[LogRecord]:
@@ -102,17 +126,31 @@ def _split(data: bytes) -> Iterator[LogRecord]:
         if following > end:
             raise ValueError("record longer than its chunk")
         if opcode == Opcode.MESSAGE:
-            yield _message(data[position:following])
+            yield _message(data, position, following)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             yield from _one(opcode, data[position:following])
         position = following
 
 
+def _count(record: LogRecord, kept: Kept) -> None:
+    """Of what readers keep. Raises LogFormatError when it is too much."""
+    match record:
+        case Schema():
+            kept.add((Opcode.SCHEMA, record.id), len(record.data))
+        case Channel():
+            kept.add((Opcode.CHANNEL, record.id), len(record.topic) + map_bytes(record.metadata))
+        case Metadata():
+            kept.add((Opcode.METADATA, record.name), map_bytes(record.metadata))
+
+
 def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
     """A record by itself; nothing for one of the index."""
     if opcode == Opcode.MESSAGE:
-        yield _message(data)
-    elif opcode == Opcode.SCHEMA:
+        yield _message(data, 0, len(data))
+        return
+    if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA) and len(data) > MOST_DESCRIPTION:
+        raise ValueError("too large")
+    if opcode == Opcode.SCHEMA:
         yield Schema.read(stream_of(data))
     elif opcode == Opcode.CHANNEL:
         yield Channel.read(stream_of(data))
@@ -124,6 +162,9 @@ def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
         yield Header.read(stream_of(data))
 
 
-def _message(data: bytes) -> RawMessage:
-    channel, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(data)
-    return RawMessage(channel, sequence, log_ns, publish_ns, data[_MESSAGE.size :])
+def _message(data: bytes, begin: int, end: int) -> RawMessage:
+    """Raises ValueError when there is no room for its head."""
+    if end - begin < _MESSAGE.size:
+        raise ValueError("message shorter than its head")
+    channel, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(data, begin)
+    return RawMessage(channel, sequence, log_ns, publish_ns, data[begin + _MESSAGE.size : end])

@@ -2,20 +2,32 @@
 
 from __future__ import annotations
 
+import os
+from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from mcap.reader import McapReader, make_reader
-from mcap.records import Attachment, Metadata
+from mcap.opcode import Opcode
+from mcap.records import (
+    AttachmentIndex,
+    Channel,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+)
 
 from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log.blocks import BlockReader, field_at
 from vehicle_link.log.file import open_log
 from vehicle_link.log.index_check import DAMAGED, NO_END, index_problem
-from vehicle_link.log.reader import read_log
-from vehicle_link.log.records import RawMessage, ReadState, records
+from vehicle_link.log.index_records import index_records
+from vehicle_link.log.limits import MOST_DESCRIPTION, Kept, map_bytes
 from vehicle_link.log.recovery import RECOVERED_METADATA
-from vehicle_link.log.walk import UNREADABLE
+from vehicle_link.log.walk import RECORD, UNREADABLE, stream_of
 from vehicle_link.log.writer import FILLED_METADATA, RUN_METADATA
 
 
@@ -48,82 +60,126 @@ class LogSummary:
         return sum(topic.count for topic in self.topics.values())
 
 
-def summarize(path: Path) -> LogSummary:
-    """Of a closed file from its index, of a torn one by reading it up to the tear.
+def summarize(path: Path, progress: Callable[[float], None] = lambda share: None) -> LogSummary:
+    """Of a closed file from its index, of one without by reading it, up to the tear if it is torn.
+
+    Args:
+        progress: told the share read, 0…1, of a file that must be.
 
     Raises LogFormatError or StorageError.
     """
     problem = index_problem(path)
     if problem == NO_END:
-        return _by_reading(path)
+        return _by_reading(path, problem, progress)
     try:
         if problem:
             raise ValueError(problem)
         with open_log(path) as stream:
-            return _by_index(path, make_reader(stream))
+            found = _by_index(path, stream.fileno())
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
     except (*UNREADABLE, KeyError) as error:
         why = problem or f"{DAMAGED} ({error!r:.80})"
         raise LogFormatError(f"{path} {why}; try: quadlab log recover") from error
+    return found or _by_reading(path, problem, progress)
 
 
-def _by_index(path: Path, reader: McapReader) -> LogSummary:
-    index = reader.get_summary()
-    if index is None or index.statistics is None:
-        return _by_reading(path)
-    statistics = index.statistics
-    topics: dict[str, TopicSummary] = {}
-    for channel in index.channels.values():
-        count = statistics.channel_message_counts.get(channel.id, 0)
-        name = index.schemas[channel.schema_id].name if channel.schema_id else ""
-        before = topics[channel.topic].count if channel.topic in topics else 0
-        topics[channel.topic] = TopicSummary(name, before + count)
+_READ: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.STATISTICS: Statistics,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+}
+
+
+def _by_index(path: Path, file: int) -> LogSummary | None:
+    """None when it was closed without an index."""
+    schemas: dict[int, str] = {0: ""}
+    channels: dict[int, Channel] = {}
+    attachments: dict[str, int] = {}
     metadata: dict[str, dict[str, str]] = {}
-    with suppress(*UNREADABLE):  # a damaged one
-        metadata.update((m.name, dict(m.metadata)) for m in reader.iter_metadata())
+    statistics: Statistics | None = None
+    kept = Kept(path.name)
+    for opcode, data in index_records(file, _READ):
+        match _READ[opcode].read(stream_of(data)):
+            case Schema() as schema:
+                schemas[schema.id] = schema.name
+            case Channel() as channel:
+                kept.add(channel.id, len(data) + map_bytes(channel.metadata))
+                channels[channel.id] = channel
+            case Statistics() as found:
+                statistics = found
+            case AttachmentIndex() as index:
+                kept.add(("attachment", index.name), len(index.name))
+                attachments[index.name] = index.data_size
+            case MetadataIndex() as index:
+                with suppress(*UNREADABLE):  # a damaged one
+                    record = _metadata(file, index)
+                    kept.add(("metadata", index.name), map_bytes(record.metadata))
+                    metadata[record.name] = dict(record.metadata)
+    if statistics is None:
+        return None
+    topics: dict[str, TopicSummary] = {}
+    for channel in channels.values():
+        count = statistics.channel_message_counts.get(channel.id, 0)
+        before = topics[channel.topic].count if channel.topic in topics else 0
+        topics[channel.topic] = TopicSummary(schemas[channel.schema_id], before + count)
     return LogSummary(
         path=path,
-        bytes=path.stat().st_size,
+        bytes=os.fstat(file).st_size,
         closed=True,
         recovered=RECOVERED_METADATA in metadata,
         tear="",
         start_ns=statistics.message_start_time,
         duration=(statistics.message_end_time - statistics.message_start_time) * 1e-9,
         topics=topics,
-        attachments={a.name: a.data_size for a in index.attachment_indexes},
+        attachments=attachments,
         run=metadata.get(RUN_METADATA, {}),
         filled=metadata.get(FILLED_METADATA, {}),
     )
 
 
-def _by_reading(path: Path) -> LogSummary:
-    state = ReadState()
-    counts: dict[str, tuple[str, int]] = {}
-    first = last = 0
-    for message in read_log(path, state=state):
-        first = min(first or message.log_ns, message.log_ns)
-        last = max(last, message.log_ns)
-        counts[message.topic] = (message.type_name, counts.get(message.topic, ("", 0))[1] + 1)
-    attachments: dict[str, int] = {}
-    metadata: dict[str, dict[str, str]] = {}
-    for record in records(path):
-        if isinstance(record, Attachment):
-            attachments[record.name] = len(record.data)
-        elif isinstance(record, Metadata):
-            metadata[record.name] = dict(record.metadata)
-        elif isinstance(record, RawMessage):
-            break
+def _metadata(file: int, index: MetadataIndex) -> Metadata:
+    """Raises one of UNREADABLE."""
+    opcode, length = RECORD.unpack(os.pread(file, RECORD.size, index.offset))
+    if opcode != Opcode.METADATA or length > MOST_DESCRIPTION:
+        raise ValueError("no metadata")
+    found: Metadata = Metadata.read(stream_of(os.pread(file, length, index.offset + RECORD.size)))
+    return found
+
+
+def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> LogSummary:
+    """Block by block, as a chunk may hold millions of messages; `problem` of its index."""
+    reader = BlockReader(path)
+    counts: Counter[int] = Counter()
+    first, last = 2**64 - 1, 0
+    for block in reader:
+        for channel_id, places in block.places.items():
+            received = field_at(block.data, places, 15, "<u8")
+            first = min(first, int(received.min(initial=first)))
+            last = max(last, int(received.max(initial=last)))
+            counts[channel_id] += len(places)
+        progress(block.share)
+    tear = reader.tear or problem
+    topics: dict[str, TopicSummary] = {}
+    for channel_id, count in counts.items():
+        channel = reader.channels.get(channel_id)
+        if channel is not None:
+            schema = reader.schemas.get(channel.schema_id)
+            before = topics[channel.topic].count if channel.topic in topics else 0
+            topics[channel.topic] = TopicSummary(schema.name if schema else "", before + count)
+    first = min(first, last)
     return LogSummary(
         path=path,
         bytes=path.stat().st_size,
-        closed=state.closed,
-        recovered=RECOVERED_METADATA in metadata,
-        tear=state.tear,
+        closed=not tear,
+        recovered=RECOVERED_METADATA in reader.metadata,
+        tear=tear,
         start_ns=first,
         duration=(last - first) * 1e-9,
-        topics={topic: TopicSummary(name, count) for topic, (name, count) in counts.items()},
-        attachments=attachments,
-        run=metadata.get(RUN_METADATA, {}),
-        filled=metadata.get(FILLED_METADATA, {}),
+        topics=topics,
+        attachments=reader.attachment_bytes,
+        run=reader.metadata.get(RUN_METADATA, {}),
+        filled=reader.metadata.get(FILLED_METADATA, {}),
     )

@@ -8,21 +8,20 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import lz4.frame
 import numpy as np
 import numpy.typing as npt
 from mcap.opcode import Opcode
 from mcap.records import Channel
 
-from quadrotor.errors import StorageError, UsageError
+from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.cdr_layout import FixedLayout
 from vehicle_link.log.records import records
+from vehicle_link.log.walk import UNREADABLE, opened
 from vehicle_link.topics.ticks import SECOND_NS, WORLD, body_frame, layout
 
 Stamps = npt.NDArray[np.int64]
@@ -32,7 +31,6 @@ TICK_TOPICS = ("state", "reference", "imu", "actuators")
 """Topics with one message a tick, all with its stamp."""
 
 _RECORD = struct.Struct("<BQ")
-_CHUNK = struct.Struct("<QQQIi")  # start, end, size, checksum, length of the compression's name
 _MESSAGE = struct.Struct("<BQH")
 _HEAD = _RECORD.size + 22  # bytes of a message record before its payload
 _MAGIC = 8
@@ -113,7 +111,8 @@ def read_columns(
     layouts = layouts_of(vehicle)
     columns = [parse_column(name, layouts) for name in names]
     topics = sorted({column.topic for column in columns} | {"state"})
-    reader = _Reader({topic: layouts[topic] for topic in topics}, start_ns, end_ns, rows)
+    wanted = {topic: layouts[topic] for topic in topics}
+    reader = _Reader(path.name, wanted, start_ns, end_ns, rows)
     try:
         channels = _channels(path, vehicle, topics)
         with path.open("rb") as stream:
@@ -132,8 +131,9 @@ class _Reader:
     """Collects the rows of each topic, chunk by chunk, until there are enough."""
 
     def __init__(
-        self, layouts: dict[str, FixedLayout], start_ns: int, end_ns: int, rows: int
+        self, name: str, layouts: dict[str, FixedLayout], start_ns: int, end_ns: int, rows: int
     ) -> None:
+        self._name = name
         self._layouts = layouts
         self._start_ns, self._end_ns, self._rows = start_ns, end_ns, rows
         self._parts: dict[str, list[npt.NDArray[np.void]]] = {topic: [] for topic in layouts}
@@ -159,8 +159,8 @@ class _Reader:
                 break
             if opcode == Opcode.CHUNK:
                 try:
-                    self._take(chunk_content(os.pread(file, length, place)), channels)
-                except (RuntimeError, ValueError, struct.error):
+                    self._take(opened(self._name, os.pread(file, length, place)), channels)
+                except (*UNREADABLE, LogFormatError):
                     self.damaged += 1
             place += length
         return False
@@ -204,19 +204,6 @@ class _Reader:
             self._parts[topic].append(found[wanted])
             self._stamps[topic].append(stamps[wanted])
             self._counts[topic] += int(wanted.sum())
-
-
-def chunk_content(record: bytes) -> bytes:
-    """What is in a chunk record. Raises RuntimeError or ValueError when it is damaged."""
-    _, _, size, checksum, length = _CHUNK.unpack_from(record)
-    place = _CHUNK.size + length
-    compression = record[_CHUNK.size : place]
-    data = record[place + 8 :]
-    if compression:
-        data = lz4.frame.decompress(data)
-    if len(data) != size or (checksum and zlib.crc32(data) != checksum):
-        raise ValueError("checksum")
-    return data
 
 
 def _channels(path: Path, vehicle: str, topics: Sequence[str]) -> dict[int, str]:

@@ -17,11 +17,19 @@ from mcap.records import Schema
 
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.log.blocks import HEAD_BYTES, Block, BlockReader, Bytes, Places, field_at
-from vehicle_link.log.payload_layout import PayloadLayout, SchemaLayouts
+from vehicle_link.log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
 from vehicle_link.messages import decode
 
 MOST_LAYOUTS = 200
 """Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
+
+MOST_FAILURES = 2000
+"""Messages of a topic that are no such message, before the rest of it is left unread."""
+
+MOST_ROWS = 4096
+"""Of one topic in a piece: of 10 bytes a message a block has 100 000."""
+MOST_VALUES = 4_000_000
+"""In the pieces that are given together."""
 
 NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
 
@@ -44,7 +52,7 @@ class Columns:
 
 
 class Batch(NamedTuple):
-    """What one block gave."""
+    """What one block gave, or a part of it where that is many numbers."""
 
     columns: list[Columns]
     share: float  # of the file read so far, 0 to 1
@@ -84,13 +92,18 @@ class ColumnReader:
 
     def __iter__(self) -> Iterator[Batch]:
         for block in self.log:
-            columns = []
+            columns: list[Columns] = []
             for channel, places in block.places.items():
                 reader = self._reader(channel)
-                if reader is not None and len(places):
-                    columns.append(reader.read(block, places))
+                if reader is None:
+                    continue
+                for begin in range(0, len(places), MOST_ROWS):
+                    columns.append(reader.read(block, places[begin : begin + MOST_ROWS]))
                     if reader.problem:
                         self.problems.setdefault(columns[-1].topic, reader.problem)
+                    if sum(map(_values, columns)) > MOST_VALUES:
+                        yield Batch(columns, block.share)
+                        columns = []
             yield Batch(columns, block.share)
 
     def _reader(self, channel_id: int) -> _TopicReader | None:
@@ -145,6 +158,8 @@ class _TopicReader:
         self._grows = layouts.grows
         self._known: dict[int, list[PayloadLayout]] = {}  # by size
         self._last: dict[str, str] = {}
+        self._seen: set[str] = set()  # paths of numbers and texts
+        self._failures = 0
         self.problem = ""  # the first message that could not be read
 
     def read(self, block: Block, places: Places) -> Columns:
@@ -179,7 +194,7 @@ class _TopicReader:
         known = self._known.setdefault(rows.shape[1], [])
         left = np.ones(len(rows), bool)
         for k in range(MOST_LAYOUTS):
-            if not left.any():
+            if not left.any() or self._failures > MOST_FAILURES:
                 return
             if k < len(known):
                 layout = known[k]
@@ -189,14 +204,24 @@ class _TopicReader:
                 except LogFormatError as error:  # of this message only
                     self.problem = self.problem or str(error)
                     left[np.argmax(left)] = False
+                    self._failures += 1
                     continue
-                known.append(_narrowed(layout, self._paths))
+                known.append(self._bounded(_narrowed(layout, self._paths)))
                 layout = known[-1]
             here = left & layout.fits(rows)
             if here.any():
                 whole = bool(here.all())
                 _fill(rows if whole else rows[here], chosen[here], layout, out, texts, self._dtype)
             left &= ~here
+
+    def _bounded(self, layout: PayloadLayout) -> PayloadLayout:
+        """Without numbers and texts that no message before it had, where these are many."""
+        paths = self._seen | layout.numbers.keys() | layout.texts.keys()
+        if len(paths) <= MOST_NUMBERS:
+            self._seen = paths
+            return layout
+        self.problem = self.problem or f"more than {MOST_NUMBERS} numbers; the others are left out"
+        return _narrowed(layout, frozenset(self._seen))
 
     def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:
         """Where a text differs from the one before; None stands for no text."""
@@ -208,6 +233,10 @@ class _TopicReader:
                 self._last[path] = text
                 found.append((index, text))
         return found
+
+
+def _values(columns: Columns) -> int:
+    return (len(columns.numbers) + len(columns.texts) + 2) * len(columns.log_ns)
 
 
 def _narrowed(layout: PayloadLayout, paths: frozenset[str] | None) -> PayloadLayout:
@@ -256,11 +285,11 @@ def _fill(
 
 def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
     """The text of each row, a sequence's items parted by commas; shape (N,)."""
-    places = [k for offset, length in pieces for k in range(offset, offset + length)]
-    if not places:
+    size = sum(length for _, length in pieces)
+    if not size:
         return np.full(len(rows), "", object)
-    merged = np.ascontiguousarray(rows[:, places])
-    distinct, which = np.unique(merged.view(f"V{len(places)}")[:, 0], return_inverse=True)
+    merged = np.concatenate([rows[:, offset : offset + length] for offset, length in pieces], 1)
+    distinct, which = np.unique(merged.view(f"V{size}")[:, 0], return_inverse=True)
     made = np.empty(len(distinct), object)
     for k, one in enumerate(distinct):
         raw, at, words = one.tobytes(), 0, []

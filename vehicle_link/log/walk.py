@@ -15,20 +15,21 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO
 
-import lz4.frame
+from lz4.frame import LZ4FrameDecompressor
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Chunk
+from mcap.records import Attachment
 from mcap.writer import MCAP0_MAGIC
 
 from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.log.file import open_log
+from vehicle_link.log.limits import check_chunk, check_record
 
 RECORD = struct.Struct("<BQ")
 """Opcode and length before each record's content."""
-MOST_BYTES = 512_000_000
-"""Of one record, and of a chunk when it is opened; ours have 64 KiB."""
+_CHUNK = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the name
+_STORED = struct.Struct("<Q")
 UNREADABLE = (
     McapError, RuntimeError, ValueError, struct.error, IndexError, OverflowError, MemoryError,
 )  # fmt: skip
@@ -71,17 +72,16 @@ def _walk(name: str, stream: IO[bytes], state: WalkState) -> Iterator[tuple[int,
         head = stream.read(RECORD.size)
         opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
         end = place + RECORD.size + length
-        if length > MOST_BYTES and opcode and end <= size:
-            raise LogFormatError(
-                f"{name} has a record of {length / 1e6:.0f} MB at byte {place}; "
-                f"at most {MOST_BYTES // 10**6} MB are read"
-            )
+        if opcode and end <= size:
+            check_record(name, length, place)
         data = stream.read(length) if opcode and end <= size else b""
         if opcode == 0 or len(data) < length or end > size:
             break
         place = state.whole_bytes = end
         state.share = place / size
-        yield opcode, data
+        held = [data]
+        del data  # so that it is the reader's alone, and gone before the next one comes
+        yield opcode, held.pop()
         if opcode == Opcode.FOOTER:
             behind = stream.read(len(MCAP0_MAGIC))
             more = size - place - len(behind)
@@ -104,32 +104,40 @@ def _walk(name: str, stream: IO[bytes], state: WalkState) -> Iterator[tuple[int,
 
 
 def opened(name: str, content: bytes) -> bytes:
-    """What is in a chunk record.
+    """What is in a chunk record, opened as far as it says it goes and no further.
 
-    Raises LogFormatError when it is compressed in a way not read here, one of UNREADABLE when it
-    is damaged.
+    Raises LogFormatError when it is too large or compressed in a way not read here, one of
+    UNREADABLE when it is damaged.
     """
-    chunk = Chunk.read(stream_of(content))
-    if chunk.compression not in ("", "lz4"):
+    view = memoryview(content)
+    _, _, size, checksum, length = _CHUNK.unpack_from(view)
+    place = _CHUNK.size + length
+    compression = str(view[_CHUNK.size : place], "utf-8")
+    if compression not in ("", "lz4"):
         raise LogFormatError(
-            f"{name}: chunks are compressed with {chunk.compression!r:.40}; allowed are lz4 and "
+            f"{name}: chunks are compressed with {compression!r:.40}; allowed are lz4 and "
             "none: convert with `mcap compress --compression lz4`"
         )
-    if chunk.uncompressed_size > MOST_BYTES:
-        raise ValueError("too large")
-    data = lz4.frame.decompress(chunk.data) if chunk.compression else chunk.data
-    if len(data) != chunk.uncompressed_size:
+    stored = view[place + _STORED.size :]
+    if _STORED.unpack_from(view, place)[0] != len(stored):
         raise ValueError("size")
-    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+    check_chunk(name, len(stored), size)
+    if compression:
+        data: bytes = LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+    else:
+        data = bytes(stored)
+    if len(data) != size:
+        raise ValueError("size")
+    if checksum and zlib.crc32(data) != checksum:
         raise ValueError("checksum")
-    return bytes(data)
+    return data
 
 
 def attachment_of(content: bytes) -> Attachment:
     """Raises one of UNREADABLE when it is damaged."""
     found: Attachment = Attachment.read(stream_of(content))
     checksum = int.from_bytes(content[-4:], "little")
-    if checksum and zlib.crc32(content[:-4]) != checksum:
+    if checksum and zlib.crc32(memoryview(content)[:-4]) != checksum:
         raise ValueError("checksum")
     return found
 

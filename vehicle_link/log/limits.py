@@ -1,0 +1,79 @@
+"""How much of a log is held at once.
+
+Whoever made the file decides what stands in it, and a chunk of a megabyte can hold gigabytes. With
+these bounds no reader needs more than 500 MB, whatever a log claims or holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from quadrotor.errors import LogFormatError
+
+MOST_BYTES = 80_000_000
+"""Of one record, and of an opened chunk: ours have 64 KiB, other writers' up to 64 MiB."""
+MOST_DESCRIPTION = 4_000_000
+"""Of one schema, channel or metadata record."""
+MOST_KEPT = 64_000_000
+"""Of all descriptions, metadata and attachments of a log that are held together."""
+MOST_TIMES = 256
+"""So many times lz4 can make data smaller: a chunk that claims more is damaged."""
+PAIR_BYTES = 150
+"""Of two short texts in a map, besides their letters."""
+FRAME = 64
+"""Bytes of lz4 around the smallest piece of data."""
+
+
+def check_record(name: str, size: int, place: int) -> None:
+    """Args: `place` in the file, bytes. Raises LogFormatError when it is not read."""
+    if size > MOST_BYTES:
+        raise LogFormatError(
+            f"{name} has a record of {size / 1e6:.0f} MB at byte {place}; "
+            f"at most {MOST_BYTES // 10**6} MB are read"
+        )
+
+
+def check_chunk(name: str, stored: int, claimed: int) -> None:
+    """Before a chunk is opened.
+
+    Args:
+        stored: its bytes in the file, compressed.
+        claimed: the bytes it says it has when it is opened.
+
+    Raises ValueError when it cannot have them, LogFormatError when they are too many.
+    """
+    if claimed > MOST_TIMES * (stored + FRAME):
+        raise ValueError("it claims more than lz4 could have put into it")
+    if claimed > MOST_BYTES:
+        raise LogFormatError(
+            f"{name} has a chunk of {stored / 1e6:.1f} MB that opens to {claimed / 1e6:.0f} MB; at "
+            f"most {MOST_BYTES // 10**6} MB are opened: write it anew in smaller ones with "
+            "`mcap compress --chunk-size 4194304`"
+        )
+
+
+def map_bytes(words: Mapping[str, str]) -> int:
+    """Of texts by name, as Python holds them."""
+    return sum(len(name) + len(text) + PAIR_BYTES for name, text in words.items())
+
+
+class Kept:
+    """Counts what a reader keeps of a log besides its messages."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._sizes: dict[object, int] = {}
+        self._total = 0
+
+    def has_room(self, size: int) -> bool:
+        return 2 * (self._total + size) <= MOST_KEPT
+
+    def add(self, what: object, size: int) -> None:
+        """`what`: the same one again takes the place of the one before. Raises LogFormatError."""
+        self._total += size - self._sizes.get(what, 0)
+        self._sizes[what] = size
+        if self._total > MOST_KEPT:
+            raise LogFormatError(
+                f"{self._name} has more than {MOST_KEPT // 10**6} MB of descriptions and metadata; "
+                "so many are not read"
+            )
