@@ -76,6 +76,8 @@ class CommandGateway:
             node.serve(f"station/{name}", SERVICES[name], handler, threads=AT_ONCE)
         change = "change_parameters"
         node.serve(f"station/{change}", SERVICES[change], self._change_parameters, threads=AT_ONCE)
+        self._simulation = node.client("simulator/simulation", SERVICES["simulation"])
+        node.serve("station/simulation", SERVICES["simulation"], self._simulate)
         # Only here: a repeated command must reach the vehicle when the first one did not.
         record = Idempotent(self._start_or_stop)
         node.serve("station/record", SERVICES["record"], record)
@@ -160,6 +162,15 @@ class CommandGateway:
                 "change them apart"
             )
         return self._simulator.call(request, timeout=CALL_TIMEOUT)
+
+    def _simulate(self, request: Any) -> Any:
+        """Pass on to the simulator. Raises LinkError, of a real vehicle UnreachableError."""
+        try:
+            self._permit("simulation", request.requester)
+            self._on_asked("simulation", request.requester)
+        except RefusedError as error:
+            return _refused("simulation", str(error))
+        return self._simulation.call(request, timeout=CALL_TIMEOUT)
 
     def _start_or_stop(self, request: Any) -> Any:
         try:

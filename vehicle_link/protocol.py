@@ -17,7 +17,7 @@ from vehicle_link.topics import SERVICES, TOPICS
 
 FROM_STATION = ("tracker_pose", "bearings", "joy", "external_reference", "station_heartbeat")
 """Its other topics, and the services below, stay on its loopback."""
-AT_STATION = ("record", "mark", "experiment", "control", "transfer")
+AT_STATION = ("record", "mark", "experiment", "control", "transfer", "simulation")
 
 
 @cache

@@ -172,6 +172,13 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
         reply = await station.command("record", session.label, start=body.start, **body.fields)
         return {"accepted": True, "run_id": reply.run_id}
 
+    @app.post("/api/commands/simulation")
+    async def simulation(body: commands.SimulationBody, session: Operator) -> dict[str, Any]:
+        """Of a simulated vehicle with its motors off: `swap_battery` puts a full one in, `reset`
+        puts the vehicle back where it stood at the start, with a full battery."""
+        await station.command("simulation", session.label, action=body.action, **body.fields)
+        return {"accepted": True}
+
     @app.post("/api/invitations")
     def invite(body: commands.InvitationBody, session: Operator) -> dict[str, str]:
         """A sign-in link for one more browser: of a viewer; admins may invite operators too."""

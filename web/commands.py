@@ -37,6 +37,10 @@ class RecordBody(_Body):
     start: bool
 
 
+class SimulationBody(_Body):
+    action: Literal["swap_battery", "reset"]
+
+
 class InvitationBody(BaseModel):
     model_config = ConfigDict(extra="forbid")
 

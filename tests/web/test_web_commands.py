@@ -16,6 +16,8 @@ COMMANDS = [
     ("emergency", {"action": "land"}, {"action": "land"}),
     ("emergency", {"action": "cut"}, {"action": "cut"}),
     ("record", {"start": True}, {"start": True}),
+    ("simulation", {"action": "swap_battery"}, {"action": "swap_battery"}),
+    ("simulation", {"action": "reset"}, {"action": "reset"}),
 ]
 
 

@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from quadrotor.parameters import ParameterDescription, Parameters, ParameterStore, ParameterValue
 from vehicle.simulator.parameters import SimulatorParameters
 
+CHARGE = "simulator.battery_charge"
+
 OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
 """Name, old value, new value, requester, revision."""
 
@@ -30,6 +32,7 @@ class LiveParameters:
         self._store = ParameterStore(self._tree)
         self._lock = threading.Lock()
         self._is_news = False
+        self._charge: float | None = None
         self.on_change: OnChange = lambda *_: None
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
@@ -47,10 +50,20 @@ class LiveParameters:
             applied = self._store.set(values)
             revision = self._store.revision
             self._is_news = True
+            if CHARGE in values:  # also to what it was: the battery is emptier since
+                self._charge = float(applied[CHARGE])
         for name, value in applied.items():
             if value != before[name]:
                 self.on_change(name, before[name], value, requester, revision)
         return applied, revision
+
+    def take_charge(self) -> float | None:
+        """The battery's charge, when it was set since the last call; never waits long."""
+        if self._charge is None:
+            return None
+        with self._lock:
+            charge, self._charge = self._charge, None
+            return charge
 
     def take(self) -> SimulatorParameters | None:
         """A copy of the parameters when they changed since the last call; never waits long."""

@@ -168,7 +168,11 @@ class SimulatorParameters(VehicleModel):
         2.6, unit="A h", ge=0.1, le=20.0, step=0.1, description="of the full battery, 4S"
     )
     battery_charge: float = parameter(
-        1.0, ge=0.0, le=1.0, step=0.05, description="share of the capacity left at the start"
+        1.0,
+        ge=0.0,
+        le=1.0,
+        step=0.05,
+        description="share of the capacity left at the start; set later, left from then on",
     )
     battery_resistance: float = parameter(
         0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="inner resistance and cables"

@@ -105,10 +105,15 @@ def new_plant(parameters: SimulatorParameters) -> Record:
     plant = np.zeros(1, PLANT)
     plant["x"][:, 6] = 1.0
     configure_plant(plant, parameters)
-    plant["charge"] = parameters.battery_charge * plant["capacity"]
-    plant["voltage"] = open_voltage(parameters.battery_charge)
+    charge_battery(plant, parameters.battery_charge)
     plant["specific_force_b"][:, 2] = GRAVITY
     return plant
+
+
+def charge_battery(plant: Record, share: float) -> None:
+    """Set the battery's charge to a share (0..1) of its capacity."""
+    plant["charge"] = share * plant["capacity"]
+    plant["voltage"] = open_voltage(share)
 
 
 def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:

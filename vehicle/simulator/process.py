@@ -22,6 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle.simulator.lockstep import LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
@@ -169,8 +170,9 @@ class _Robot:
                 line.delivered = awaited.delivered
         self._simulated = SimulatedVehicle(parameters, self._lines)
         self._live = LiveParameters(parameters)
+        self._attendant = Attendant()
         if session is not None:
-            connect = connect_to_station(session, name, self._live)
+            connect = connect_to_station(session, name, self._live, self._attendant)
             self._publisher = TruthPublisher(connect, name)
 
     @property
@@ -197,6 +199,10 @@ class _Robot:
         changed = self._live.take()
         if changed is not None:
             simulated.configure(changed)
+        charge = self._live.take_charge()
+        if charge is not None:
+            simulated.charge_battery(charge)
+        self._attendant.attend(simulated)
         before_ns = simulated.stamp_ns
         for line in self._lines:
             line.advance((simulated.due_ns(self._pace.periods) - before_ns) * 1e-9)

@@ -9,16 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.compiled import compiled
+from quadrotor.errors import RefusedError
 from quadrotor.records import STATE, Record
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.program import period
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
 from vehicle.simulator.held import BENCH, FREE, configure_holder, hold, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.plant import advance, blow, configure_plant, new_plant
+from vehicle.simulator.plant import advance, blow, charge_battery, configure_plant, new_plant
 from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
 from vehicle.simulator.wires import Line, configure_wires, new_wires
-from vehicle_link.serial.ids import Id
+from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
 PORTS = 2
@@ -217,13 +218,45 @@ class SimulatedVehicle:
         self._plant["disturbance_w"] = force_w
 
     def configure(self, parameters: SimulatorParameters) -> None:
-        """Take new true values in flight, a payload for instance; motion and charge stay."""
-        self.parameters = parameters
+        """Take new true values in flight, a payload for instance; motion stays, and the charge
+        unless it is another."""
+        before, self.parameters = self.parameters, parameters
         configure_plant(self._plant, parameters)
+        if parameters.battery_charge != before.battery_charge:
+            self.charge_battery(parameters.battery_charge)
         configure_holder(self._holder, self._plant, parameters)
         self._sensors = new_sensors(parameters)
         self._miss(parameters.missing_motor)
         configure_wires(self._wires, parameters)
+
+    def charge_battery(self, share: float) -> None:
+        """Set the battery's charge to a share (0..1) of its capacity, flying or not."""
+        charge_battery(self._plant, share)
+
+    def swap_battery(self) -> None:
+        """Put a full battery in. Raises RefusedError unless the motors are off."""
+        self._require_motors_off("battery not swapped")
+        self.charge_battery(1.0)
+
+    def reset(self) -> None:
+        """Put the vehicle back where it stood at the start, level and at rest, with a full battery.
+
+        Raises RefusedError unless the motors are off and nothing holds the vehicle.
+        """
+        self._require_motors_off("vehicle not reset")
+        if self.held:
+            raise RefusedError(
+                "vehicle not reset: a hand or the bench holds it; let it go first "
+                "(simulator.held = free)"
+            )
+        self._plant["rotor_speeds"] = 0.0
+        self.place((self.parameters.start_x, self.parameters.start_y, 0.0))
+        self.charge_battery(1.0)
+
+    def _require_motors_off(self, refused: str) -> None:
+        state = self.firmware.motor_state
+        if state in (MotorState.ON, MotorState.EMERGENCY):
+            raise RefusedError(f"{refused}: the motors are on; land and disarm, or cut them, first")
 
     def _miss(self, motor: int) -> None:
         self.firmware.program["missing"] = 1 << motor - 1 if motor else 0

@@ -16,9 +16,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
-from quadrotor.errors import LinkError, ParameterError
+from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
+from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle_link import clock
@@ -142,14 +143,16 @@ def _sure(topic: Topic) -> Topic:
 
 
 def connect_to_station(
-    shared: SharedSession, vehicle: str, live: LiveParameters
+    shared: SharedSession, vehicle: str, live: LiveParameters, attendant: Attendant
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
     """`connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
 
-    The parameters of the simulator are served the same way, as those of /<vehicle>/simulator.
+    The parameters of the simulator are served the same way, as those of /<vehicle>/simulator, and
+    so is what a person would do at the vehicle, as /<vehicle>/simulator/simulation.
     """
 
     def connect() -> tuple[Put, Callable[[], None]]:
+        from vehicle_link.idempotent import Idempotent
         from vehicle_link.messages import Message, new
         from vehicle_link.node import Node
         from vehicle_link.parameter_messages import from_parameters, to_parameters
@@ -181,10 +184,19 @@ def connect_to_station(
                 revision=revision,
             )
 
+        def attend(request: Message) -> Message:
+            kind = f"{SERVICES['simulation']}_Response"
+            try:
+                attendant.ask(str(request.action))
+            except RefusedError as error:
+                return new(kind, accepted=False, reason=str(error))
+            return new(kind, accepted=True)
+
         live.on_change = tell
         serve_parameters(node, live)
         service = SERVICES["change_parameters"]
         node.serve("simulator/change_parameters", service, change)
+        node.serve("simulator/simulation", SERVICES["simulation"], Idempotent(attend))
 
         def close() -> None:
             live.on_change = lambda *_: None

@@ -120,10 +120,12 @@ SERVICES: dict[str, str] = {
     "transfer": "quadlab_msgs/srv/Transfer",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
+    "simulation": "quadlab_msgs/srv/Simulation",
     "calibrate": "quadlab_msgs/srv/Calibrate",
     "bench": "quadlab_msgs/srv/Bench",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
 `/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment`, `control` and
-`transfer`, and hands `onboard_files` and `onboard_log` on; the vehicle alone has `time_sync`,
+`transfer`, and hands `onboard_files` and `onboard_log` on to the vehicle, `simulation` to the
+simulator's `/quad1/simulator/simulation`; the vehicle alone has `time_sync`,
 `whoami`, `lane`, `calibrate`, `bench` and the rest about the files of its log."""

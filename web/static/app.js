@@ -22,6 +22,7 @@ import { Preflight } from "./preflight.js";
 import { Silence } from "./silence.js";
 import { Events, Telemetry } from "./sockets.js";
 import { addSticks } from "./stick_panel.js";
+import { Simulation } from "./simulation.js";
 import { StateTable } from "./table.js";
 import { tabs } from "./tabs.js";
 import { Tune } from "./tune.js";
@@ -57,6 +58,8 @@ async function start() {
   new Tune($("tab-tune"), { events, session, isOperator });
   new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
   new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
+
+  new Simulation($("simulation"), { events, gains, fly, isOperator });
 
   tabs();
   followAddress();

@@ -1,0 +1,57 @@
+"""A simulated vehicle says so, and takes a full battery and a new start; a real one has neither."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from quadrotor.parameters import Parameters, ParameterStore
+from vehicle.simulator.parameters import SimulatorParameters
+
+STANDS = {"mode": "ready", "armed": False, "airborne": False, "behavior": "ground"}
+
+
+class _Root(Parameters):
+    simulator: SimulatorParameters = SimulatorParameters()
+
+
+@pytest.fixture
+def simulated(station: Any) -> Iterator[Any]:
+    """The site's station, its vehicle simulated and on the ground."""
+    before = station.store
+    station.store = ParameterStore(_Root().model_copy(deep=True))
+    station.said = STANDS
+    yield station
+    station.store = before
+
+
+def asked(station: Any) -> list[str]:
+    return [request.action for name, request in station.requests if name == "simulation"]
+
+
+def test_a_battery_is_swapped_by_a_press_and_the_vehicle_reset_by_a_hold(
+    simulated: Any, page: Any, look: Any, until: Any
+) -> None:
+    page.keyboard.press("Escape")  # the help of a first visit
+    look.text("#simulation .badge", "^simulated$")
+    page.click("#swap-battery")
+    look.text("#answer", "^swap battery: accepted")
+    page.click("#reset-vehicle")  # not held: nothing
+    page.hover("#reset-vehicle")
+    page.mouse.down()
+    until(lambda: (page.wait_for_timeout(20), len(asked(simulated)) == 2)[1])
+    page.mouse.up()
+    assert asked(simulated) == ["swap_battery", "reset"]
+    simulated.said = {}
+    look.text("#mode", "^armed$")
+    page.wait_for_selector("#swap-battery:disabled")
+    assert page.is_disabled("#reset-vehicle")
+    assert "motors off" in page.get_attribute("#swap-battery", "title")
+
+
+def test_a_real_vehicle_has_no_such_buttons(page: Any, look: Any) -> None:
+    look.text("#mode", "^armed$")
+    page.wait_for_function("document.querySelectorAll('#gains details').length > 0")
+    assert page.is_hidden("#simulation")
