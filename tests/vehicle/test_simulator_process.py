@@ -371,7 +371,7 @@ def test_a_station_that_comes_later_and_comes_again_gets_the_truth(tmp_path: Pat
 
 def test_truth_and_vehicle_share_a_clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     receiver = Receiver()
-    monkeypatch.setattr(process, "connect_to_station", lambda port, vehicle, live: receiver.connect)
+    monkeypatch.setattr(process, "connect_to_station", lambda *_: receiver.connect)
     with simulator(tmp_path, loopback_port=1):
         ports = open_ports(tmp_path)
         sample = receive(Microcontroller(ports), 100)[-1]
