@@ -47,6 +47,7 @@ REMEMBERED = 64  # frames whose answer may still come
 WAITING = 20  # answers a page may lag behind; older ones are dropped
 
 Axes = tuple[float, float, float, float]
+_CENTRE: Axes = (0.0, 0.0, 0.0, 0.0)
 Answered = Callable[[bool, str], None]
 """Told by the station whether a frame's sticks go to the vehicle, and why not."""
 _encode = msgspec.json.Encoder().encode
@@ -138,11 +139,19 @@ class StickOutput:
                 self._asked.popitem(last=False)
         return True
 
-    def release(self, hand: object) -> None:
-        """Zero and disabled, once, if this hand had the sticks."""
+    def release(self, hand: object, let_go: str = "") -> None:
+        """Zero and disabled, once, if this hand had the sticks.
+
+        Args:
+            let_go: who released the button. While nobody has the sticks that is passed on, too: a
+                station that dropped them waits for it, and may not have heard it of a web process
+                that was there before.
+        """
         if self._owner is hand:
             self._owner = None
-            self._publish((0.0, 0.0, 0.0, 0.0), False, self._requester)
+            self._publish(_CENTRE, False, self._requester)
+        elif self._owner is None and let_go:
+            self._publish(_CENTRE, False, let_go)
 
     def answer(self, stamp_ns: int, on: bool, why: str) -> None:
         """What the station says of a frame; of its last one again when silence dropped it."""
@@ -189,7 +198,7 @@ async def serve(
                 hand.refuse("another page has the sticks")
         if hand.on:
             return
-        output.release(hand)
+        output.release(hand, "" if frame.held else label)
         tell(frame.number, "web", False, hand.why)
         cause = hand.why or frame.cause
         if was_on and cause != RELEASED:

@@ -134,6 +134,15 @@ def test_a_hand_that_never_enabled_publishes_nothing() -> None:
     assert desk.published == []
 
 
+def test_a_release_reaches_a_station_that_dropped_the_sticks_of_a_web_process_before() -> None:
+    desk, one, two = Desk(), object(), object()
+    desk.output.release(one, "ada")
+    assert desk.published == [(STILL, False, "ada")], "the next press counts"
+    desk.send(one, STILL)
+    desk.output.release(two, "grace")
+    assert desk.published[-1] == (STILL, True, "ada"), "another's sticks stay"
+
+
 def test_the_stations_answer_finds_the_frame_it_is_for() -> None:
     desk, one = Desk(), object()
     desk.send(one, STILL)
@@ -202,9 +211,9 @@ def test_a_closed_page_drops_its_sticks_and_everybody_is_told(
         page.send(frame())
         page.send(frame(held=True))
         page.send(frame(0.5, held=True))
-        until(lambda: len(station.sticks) == 2)
-    until(lambda: len(station.sticks) == 3)
-    assert station.sticks[1:] == [((0.5, 0.0, 0.0, 0.0), True), (STILL, False)]
+        until(lambda: len(station.sticks) == 3)
+    until(lambda: len(station.sticks) == 4)
+    assert station.sticks[2:] == [((0.5, 0.0, 0.0, 0.0), True), (STILL, False)]
     lines = [event["text"] for event in operator.get("/api/events").json()]
     label = operator.get("/api/session").json()["label"]
     assert f"sticks of {label} dropped: the page closed" in lines

@@ -51,7 +51,7 @@ async function start() {
   new ExperimentSection($("experiment"), events, fly, isOperator, ages);
   const gains = new Gains(events, isOperator);
   new View(events, silence);
-  addSticks($("sticks"), { events, isOperator, fly, emergency, gains });
+  addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
   new StateTable($("table"), telemetry, description, ages);
   const charts = new Charts($("charts"), telemetry, description);
   new Beacons({ events, history: charts.history, description, gains, isOperator, ages });

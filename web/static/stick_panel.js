@@ -12,18 +12,20 @@ import { landing } from "./who_flies.js";
 const REACH = 15; // px from the centre of a pad to full stick
 const KEYS = { velocity: "Hold Shift: W A S D move, arrows up, down and turn. On a pad hold a shoulder button.", near_hovering: "Hold Shift: W A S D tilt, arrows up, down and turn. On a pad hold a shoulder button." };
 const STALE = 1; // s
+const OTHERS = "another has control"; // as web and station say it
 const IDLE = 10; // ticks of the clock
 
-export function addSticks(place, { events, isOperator, fly, emergency, gains }) {
+export function addSticks(place, { events, isOperator, fly, emergency, gains, label }) {
   if (!isOperator) { place.append(element("p", { className: "note" }, "Viewers have no sticks.")); return null; }
-  return new StickPanel(place, events, fly, emergency, gains);
+  return new StickPanel(place, events, fly, emergency, gains, label);
 }
 
 class StickPanel {
-  constructor(place, events, fly, emergency, gains) {
+  constructor(place, events, fly, emergency, gains, label) {
     this.place = place;
     this.events = events;
     this.fly = fly;
+    this.label = label;
     this.limit = (name) => gains.value(`behavior.${name}`);
     this.sticks = new Sticks(emergency);
     this.editor = new StickEditor(document.getElementById("view"), this.sticks);
@@ -93,13 +95,27 @@ class StickPanel {
       if (OBEYING[this.behavior]) return `On: ${commanded(this.behavior, sticks.sent, this.limit, this.holds)}.`;
       return this.isFlying ? `On, but ${words(this.behavior)} does not obey sticks: start ${Object.values(OBEYING).join(" or ")}.` : "On, but they fly only in the air: arm and take off.";
     }
-    if (sticks.held && sticks.why) return `Off: ${sticks.why}${/release|press/.test(sticks.why) ? "" : "; release the button and press again"}.`;
+    if (sticks.held && sticks.why) return /release|press/.test(sticks.why) ? `Off: ${sticks.why}.` : `Off: ${this.reason(sticks.why)}. ${this.step}`;
     if (sticks.editing) return "Off while the pad is being set up.";
     if (sticks.pad && !sticks.mapping) return "This pad is not known: set it up first.";
     if (document.activeElement?.tagName === "IFRAME") return "W A S D and the arrows move the 3D view's camera now: click here to fly by keyboard.";
     if (!window.isSecureContext) return `A gamepad works over https or on this computer only. ${this.keys}`;
-    if (sticks.dropped) return `Dropped: ${sticks.dropped}. Press the button again.`;
+    if (sticks.dropped) return `Dropped: ${this.reason(sticks.dropped)}. ${this.step}`;
     return sticks.pad ? "Hold the pad's button (a shoulder) with all sticks centred." : this.keys;
+  }
+
+  // Whoever has control in our place; "" for nobody.
+  get other() { const holder = this.events.summary.control?.holder ?? ""; return holder === this.label ? "" : holder; }
+
+  // Why they were dropped; of control that has been given back, that it was away.
+  reason(why) { return why === OTHERS && !this.other ? "another had control" : why; }
+
+  // The one thing to do to have the sticks again.
+  get step() {
+    const { held, centred } = this.sticks;
+    if (this.other) return `Ask ${this.other} for control.`;
+    if (held) return centred ? "Release the button and press it again." : "Let go of the button and of all sticks, then press it again.";
+    return centred ? "Press the button again." : "Centre all sticks, then press the button again.";
   }
 
   get keys() { return KEYS[this.behavior] ?? KEYS.velocity; }

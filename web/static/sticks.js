@@ -29,6 +29,7 @@ export class Sticks {
     this.editing = false;
     this.mapping = null;
     this.pad = null;
+    this.centred = true;
     this.raw = CENTRE;
     this.sent = CENTRE;
     this.ticked = performance.now();
@@ -103,6 +104,7 @@ export class Sticks {
     const { raw, axes, held, centred } = this.read(Math.min(gap, 100) / 1e3);
     this.raw = raw;
     this.held = held;
+    this.centred = centred;
     if (!this.link && (held || this.pad)) this.connect();
     if (!held) {
       if (this.on) this.link.send(CENTRE, false, CAUSES.released);

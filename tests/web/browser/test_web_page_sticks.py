@@ -374,6 +374,33 @@ def test_stick_keys_that_move_the_3d_views_camera_are_said(flown: Any, look_at: 
     look_at(flown).text("#sticks .note", "Hold Shift")
 
 
+def test_sticks_given_back_after_a_drop_need_one_step_which_is_said(
+    context: Any, site: Any, station: Any, flying: Any, look_at: Any
+) -> None:
+    page = context.new_page()
+    page.goto(f"{site.base}/?token={site.token}")
+    page.wait_for_selector("#sticks .note")
+    page.keyboard.press("Escape")  # the help of a first visit
+    pad, look = Pad(page), look_at(page)
+    pad.seen()
+    station.control("")
+    pad.button(SHOULDER, True)
+    look.text("#sticks .note", "^On")
+    station.control("grace")
+    look.text("#sticks .note", "^Off: another has control. Ask grace for control.$")
+    station.control("")
+    again = "Release the button and press it again."
+    look.text("#sticks .note", f"^Off: another had control. {again}$")
+    pad.axis(3, -1.0)
+    look.text("#sticks .note", "Let go of the button and of all sticks, then press it again.$")
+    pad.button(SHOULDER, False)
+    look.text("#sticks .note", "^Dropped: another had control. Centre all sticks, then press")
+    pad.axis(3, 0.0)
+    look.text("#sticks .note", "^Dropped: another had control. Press the button again.$")
+    pad.button(SHOULDER, True)
+    look.text("#sticks .note", "^On")
+
+
 class _Root(Parameters):
     behavior: BehaviorParameters = BehaviorParameters()
 
