@@ -232,6 +232,7 @@ class BaseStation:
             "status": self._on_status,
             "truth": self._on_truth,
             "parameter_changes": self._on_parameter_change,
+            "events": self._on_event,
             "estimator": lambda received: self.experiments.feed.estimate(received.payload),
             "bench_reading": lambda received: self.experiments.readings.bench(received.payload),
         }
@@ -274,6 +275,12 @@ class BaseStation:
         change = decode(received.payload, TOPICS["parameter_changes"].type_name)
         self.experiments.feed.parameter_changed(change)
         self._witness.changed(change, received.received_ns)
+
+    def _on_event(self, received: Received) -> None:
+        """Why it landed unheard stands on the base's terminal, too."""
+        text = str(decode(received.payload, TOPICS["events"].type_name).msg)
+        if text.startswith(topics.UNHEARD):
+            print(f"station: {self._vehicle}: {text}", flush=True)
 
     def _on_pose(self, pose: PoseMeasurement) -> None:
         self._comparison.pose(pose)

@@ -38,6 +38,7 @@ from vehicle.process_config import TICK_SLOTS, CommsConfig, Rings, open_rings
 from vehicle.realtime import die_with_parent
 from vehicle.self_checks import SelfChecks
 from vehicle.terminal import say, speak_for
+from vehicle.unheard import Unheard
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.clock import monotonic_ns
@@ -67,6 +68,7 @@ class Comms:
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()
         self._notices = list(config.notices)
+        self._unheard = Unheard()
         self._radio = LinkRadio(node)
         self._calibrations = Calibrations(
             self._flight,
@@ -155,6 +157,8 @@ class Comms:
             for level, text in self._notices:  # not before: nobody would have read them
                 self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
             self._notices.clear()
+        if told := self._unheard.due(read_ns * 1e-9, self._inbound.station_silence):
+            self._events.append(mailbox.Event(self._clock.now_ns(), *told))
         while self._bearing_poses:
             self._publisher.bearing_pose(*self._bearing_poses.popleft())
         while self._events:
@@ -180,6 +184,8 @@ class Comms:
                 self._inbound.lay_out(str(values["beacons.layout"]))
                 self._publisher.estimator = str(values[FLOWN_ON])
         elif isinstance(message, mailbox.Event):
+            if self._unheard.said(message, self._inbound.station_silence):
+                say(message.text)
             self._publisher.event(message)
         elif isinstance(message, mailbox.GyroscopeFound):
             self._calibrations.found(message)

@@ -76,7 +76,16 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
     assert landing - braked == pytest.approx(2.0, abs=0.1), events
     assert any(text == "touched down" for _, text in events), events
 
+    landed = "emergency land: station still not heard after"
+    assert any(line.startswith(f"vehicle quad1: {landed}") for line in lab.lines)
+
     lab.reach(mode="ready")  # the station is back, and the page with it
+
+    def told() -> bool:
+        return any(landed in event["text"] for event in lab.get("/api/events"))
+
+    until("the reason of the landing on the page", told, 20)
+    assert any(line.startswith("station: quad1:") and landed in line for line in lab.lines)
     until("the torn file's recovery", lambda: is_closed(torn), 30)
 
     def listed() -> bool:

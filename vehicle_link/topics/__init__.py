@@ -17,6 +17,7 @@ from vehicle_link.topics.measurements import (
     pose_messages,
 )
 from vehicle_link.topics.status import (
+    UNHEARD,
     encode_batteries,
     encode_estimators,
     encode_event,
@@ -46,6 +47,7 @@ from vehicle_link.topics.ticks import (
 __all__ = [
     "SERVICES",
     "TOPICS",
+    "UNHEARD",
     "Bearings",
     "Priority",
     "Sticks",

@@ -115,6 +115,10 @@ def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     return pressures.encode(out)
 
 
+UNHEARD = "while the station was not heard: "
+"""How an event of the vehicle begins that tells what it said then."""
+
+
 def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
     """`events`: rcl_interfaces/Log; level 20 info, 30 warn, 40 error; `name` is the node's."""
     return encode(
