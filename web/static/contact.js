@@ -9,6 +9,7 @@ import { element, seconds } from "./format.js";
 const TICK = 100; // ms
 const SERVER = 0.4; // s without a connection that is worth a word
 const STATUS = 0.8, STATION = 0.9; // s; both come 5 times a second or more
+const GONE = 1.5; // s of the station's silence that no busy computer explains
 const TIMEOUT = 0.4; // s until the vehicle reacts, while safety.link_timeout is not known
 const NEVER = 4; // s from the page's start until a vehicle that was never heard is worth a word
 
@@ -55,7 +56,7 @@ export class Contact {
     const isHeard = ages.age("state") < (this.safety("link_timeout") ?? TIMEOUT) || ages.age("status") < STATUS && link?.state === "good";
     if (isHeard) return "";
     if (!events.summary.status && performance.now() - this.began < 1e3 * NEVER) return "";
-    if (!(station < STATION)) return "station";
+    if (!(station < STATION)) return station < GONE ? "silent" : "station";
     if (link && link.state !== "good") return "link";
     return this.silent > SURE ? "flight" : "silent";
   }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -148,7 +149,7 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
         look.text("#behavior", "^hover$")
         flown.silent, flown.link = frozenset({"state", "status"}), "lost"
         page.wait_for_selector("#contact[data-cause=link]")
-        look.text("#contact .next", "lands in")
+        look.text("#contact .next", "lands in|landing now")
         record("link lost")
         look.text("#contact .next", r"landing now, for [\d.]+ s")
         flown.silent, flown.link = frozenset(), "good"
@@ -185,3 +186,30 @@ TOPICS_OF_ALL = (
     "state", "status", "truth", "reference", "actuators", "estimator", "battery", "link_status",
     "station_status", "preflight",
 )  # fmt: skip
+
+
+BY_ITSELF = """async ([cause, silent, said]) => {
+  const { byItself } = await import('/static/contact_words.js');
+  const safety = { link_timeout: 0.4, link_reaction: 'brake', link_land_after: 2,
+    link_land_reaction: 'land', command_timeout: 0.25 };
+  const status = { mode: 'ARMED', behavior: 'hover', armed: true, airborne: true, ...said };
+  return byItself(cause, status, silent, (name) => safety[name]); }"""
+
+
+@pytest.mark.parametrize(
+    ("cause", "silent", "said", "told"),
+    [
+        ("link", 0.3, {}, r"brakes and hovers 0\.1 s from now, and lands 2\.0 s later"),
+        ("station", 1.0, {}, r"braking.* lands in 1\.4 s"),
+        ("link", 5.0, {}, r"landing now, for 2\.6 s"),
+        ("flight", 5.0, {}, r"microcontroller lands it alone after 0\.25 s"),
+        ("page", 5.0, {}, "does not depend on this page"),
+        ("link", 5.0, {"mode": "emergency_land"}, "landing goes on"),
+        ("link", 5.0, {"airborne": False}, "motors keep turning"),
+        ("link", 5.0, {"airborne": False, "armed": False}, "does nothing"),
+    ],
+)
+def test_what_the_vehicle_does_by_itself_follows_its_safety_parameters(
+    page: Any, cause: str, silent: float, said: dict[str, Any], told: str
+) -> None:
+    assert re.search(told, page.evaluate(BY_ITSELF, [cause, silent, said]))
