@@ -70,10 +70,9 @@ export class Bar {
     return flags.includes("tracker_jumped") ? " · jumped" : flags.includes("measurements_refused") ? " · refused" : "";
   }
 
-  // Of a simulation that waits; its place is kept, that nothing moves when it comes and goes.
+  // Of a simulation that waits. What is recorded makes room for it: nothing moves.
   drawPace(factor) {
-    $("pace").hidden = !factor;
-    $("pace").classList.toggle("full", factor >= SLOW);
+    $("pace").hidden = !(factor && factor < SLOW);
     this.set("factor", factor && `${fixed(100 * factor, 0)} %`);
   }
 
