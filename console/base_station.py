@@ -112,7 +112,8 @@ class BaseStation:
             self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
         )  # fmt: skip
-        self._outbox.beats.every = self._pace.beats_over_link
+        # In lockstep many more beats go by the lane: the link needs none of them.
+        self._outbox.beats.every = self._pace.beats_over_link * (5 if self._part.in_lockstep else 1)
         self._recorder.period = self._pace.written
         self._store.on_change = self._outbox.parameter_changed
         self._alarms = AlarmBoard(partial(self._outbox.say, WARN))

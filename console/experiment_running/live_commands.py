@@ -1,4 +1,4 @@
-"""Commands and waits of an experiment over the station's link: the vehicle in wall time.
+"""Commands and waits of an experiment over the station's link: the vehicle in its flight's time.
 
 Whoever else commands the vehicle ends the experiment: from then on nothing of it is sent. So
 does a lost link; the vehicle then brakes and lands by itself.

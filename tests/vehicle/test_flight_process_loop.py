@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -84,6 +85,7 @@ class FakeMcu:
 
     def __init__(self) -> None:
         self.failures: list[str] = []
+        self.newest_ms = [-1, -1]
         self.given: list[RawSample] = []
         self.commands: list[Sequence[int]] = []
         self.modes: list[FlightControlMode] = []
@@ -217,6 +219,25 @@ def test_every_sample_makes_one_tick_one_command_and_one_record(bench: Bench) ->
     assert bench.stack.calls == stamps
     assert bench.mcu.commands == [(1, 2, 3, 4)] * 3
     assert bench.rings.ticks.pop_all()["imu"]["stamp_ns"].tolist() == stamps
+
+
+def test_a_sample_counts_as_dealt_with_when_its_command_is_written() -> None:
+    told: list[tuple[int, int, int]] = []
+    stack, mcu = FakeStack(), FakeMcu()
+
+    class Part:
+        def answered(self, line: int, milliseconds: int) -> None:
+            told.append((line, milliseconds, len(mcu.commands)))
+
+    rings = open_rings(create_rings())
+    part: Any = Part()
+    loop = FlightLoop(stack, mcu, rings, NoWaiting(), real_time=True, part=part)
+    loop.once()
+    taken = RawSample(2_000_000, (512,) * 3, (512,) * 3, 16.0, 1e5, MotorState.OFF)
+    mcu.given, mcu.newest_ms = [taken], [2, -1]
+    loop.once()
+    assert told == [(0, -1, 0), (1, -1, 0), (0, 2, 1), (1, -1, 1)]
+    mcu.close()
 
 
 def test_nothing_is_sent_to_the_motors_when_the_stack_gives_none(bench: Bench) -> None:

@@ -104,7 +104,7 @@ def test_it_waits_for_the_tick_on_a_sample(bench: Bench) -> None:
             bench.part.answered(0, 9)
 
     bench.meanwhile = late
-    assert bench.step() == pytest.approx(300 * MS, abs=MS)
+    assert bench.step() == pytest.approx(300 * MS, abs=3 * MS)
     assert bench.said == []
     assert sum(bench.step() for _ in range(100)) >= 100 * MS - MADE_UP_NS
 
@@ -124,7 +124,7 @@ def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(benc
     bench.part.answered(0, 7)
     bench.step()
     bench.deliver(9)
-    assert bench.step() == pytest.approx(PATIENCE_NS, abs=2 * MS)
+    assert bench.step() == pytest.approx(PATIENCE_NS, abs=4 * MS)
     assert len(bench.said) == 1
     for milliseconds in range(11, 31, 2):
         bench.deliver(milliseconds)
@@ -149,7 +149,7 @@ def test_it_waits_for_a_station_that_is_far_behind_only(bench: Bench) -> None:
     assert bench.step(5 * MS) < 10 * MS
     bench.meanwhile = lambda: None
     assert bench.step(20 * MS) == 20 * MS
-    assert bench.step(20 * MS) == pytest.approx(20 * MS + PATIENCE_NS, abs=2 * MS)
+    assert bench.step(20 * MS) == pytest.approx(20 * MS + PATIENCE_NS, abs=4 * MS)
     assert sum(bench.step() for _ in range(100)) < 100 * MS + MS
     assert len(bench.said) == 1
 

@@ -20,8 +20,8 @@ from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 
 PATIENCE_NS = 1_000_000_000
-LOOK_S = 0.0002
-"""s between two looks at who is behind."""
+LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
+"""s between two looks at who is behind, at first and after a while: looking takes time, too."""
 MADE_UP_NS = 20_000_000
 """A lateness up to this is made up for, as no part notices; a longer one is lost."""
 TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 150_000_000
@@ -152,7 +152,8 @@ class LockstepPace:
                     one.is_there = False
                     gone.append(one)
                     break
-                self._sleep(LOOK_S)
+                waited = (self._wall_ns() - began_ns) * 1e-9
+                self._sleep(min(max(LOOK_S, 0.2 * waited), LOOK_SELDOM_S))
                 self._lose(due_ns)
             else:
                 one.is_there = True
