@@ -27,6 +27,7 @@ from vehicle import mailbox
 from vehicle.bearing_pose import BearingPose
 from vehicle.microcontroller import Microcontroller
 from vehicle.modes import MOTORS_ON
+from vehicle.navigation import COMPLAIN_NS
 from vehicle.orders import Orders
 from vehicle.parameters import VehicleParameters
 from vehicle.simulator.parameters import SimulatorParameters
@@ -78,6 +79,7 @@ class SimulatedFlight(SimulatedGuide):
         self._emulator = BearingEmulator(parameters.bearings)
         self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
         self._orders = Orders(self.stack, self._mcu)
+        self._complained_ns = -COMPLAIN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once: they follow the plant.
         self._true_position_w = simulated.truth["position_w"][0]
@@ -212,7 +214,9 @@ class SimulatedFlight(SimulatedGuide):
                 self.stack.state,
             )  # fmt: skip
         except MeasurementError as error:
-            self.stack.say(f"bearings: {error}", mailbox.WARN)
+            if now_ns - self._complained_ns > COMPLAIN_NS:  # 30 frames a second may be such
+                self._complained_ns = now_ns
+                self.stack.say(f"bearings: {error}", mailbox.WARN)
             return
         self._log.bearing_pose(frame.stamp_ns, payload, now_ns)
 

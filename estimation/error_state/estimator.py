@@ -159,11 +159,14 @@ class ErrorStateEstimator:
         self._due_ns = 1 << 62
         self.restarts.clear()
 
-    def initialize(self, pose: Record, deviations: Array = START) -> None:
-        """Start anew at a POSE_SAMPLE (1,), at rest, with the biases so far.
+    def initialize(
+        self, pose: Record, deviations: Array = START, velocity_w: Array | None = None
+    ) -> None:
+        """Start anew at a POSE_SAMPLE (1,), with the biases so far.
 
         Args:
             deviations: (15,) of the error, in its order.
+            velocity_w: (3,) m/s; at rest without one.
 
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
@@ -174,7 +177,8 @@ class ErrorStateEstimator:
         known = bool(m["initialized"])
         bias, biases_covariance = m["now"][10:].copy(), m["covariance"][9:, 9:].copy()
         x = m["base"]
-        x[:3], x[3:6], x[6:10], x[10:] = position, 0.0, quaternion / math.sqrt(norm2), bias
+        x[:3], x[6:10], x[10:] = position, quaternion / math.sqrt(norm2), bias
+        x[3:6] = 0.0 if velocity_w is None else velocity_w
         m["covariance"] = np.diag(deviations**2)
         if known:  # what was learnt of the biases stays
             m["covariance"][9:, 9:] = biases_covariance
@@ -280,17 +284,20 @@ class ErrorStateEstimator:
         lost_ns = int(m["stamp_ns"] - m["measurement_ns"])
         if lost_ns <= LOST_AFTER_NS:
             return
-        refused, before, innovation = int(m["refused"]), m["now"][:3].copy(), m["innovation"].copy()
+        refused, before, innovation = int(m["refused"]), m["now"].copy(), m["innovation"].copy()
         if measurement.dtype == POSE_SAMPLE:
-            self.initialize(measurement)
+            # A world that was moved, or a vehicle that was lost: only then is its motion unknown.
+            known = _moved_along(before, measurement["quaternion_wb"][0]) if m["at_once"] else None
+            self.initialize(measurement, velocity_w=known)
         else:
             self._start_from(measurement)
         m["restarted"], m["consistency"] = 1, NOT_YET_CONSISTENT
         m["innovation"] = innovation
         m["outcomes"][Outcome.OUTLIER] -= 1  # counted as used now
+        apart = float(np.linalg.norm(m["now"][:3] - before[:3]))
         self.restarts.append(
-            f"error_state started anew, {np.linalg.norm(m['now'][:3] - before):.2f} m from where "
-            f"it was: {refused} measurements in {1e-9 * lost_ns:.1f} s did not agree with it"
+            f"error_state started anew, {apart:.2f} m from where it was: {refused} measurements "
+            f"in {1e-9 * lost_ns:.1f} s did not agree with it"
         )
 
     def _anchor(self) -> None:
@@ -323,6 +330,19 @@ class ErrorStateEstimator:
     def _refused(self, error: MeasurementError) -> MeasurementError:
         self._memory["outcomes"][0, Outcome.INVALID] += 1
         return error
+
+
+def _moved_along(x: Array, quaternion_wb: Array) -> Array:
+    """The velocity (3,) of a nominal state (16,) in a world turned so that this is its attitude."""
+    velocity_b = _rotated(x[6:10] * (1.0, -1.0, -1.0, -1.0), x[3:6])
+    return _rotated(quaternion_wb, velocity_b)
+
+
+def _rotated(quaternion: Array, v: Array) -> Array:
+    """Plain numpy: what was never called would be compiled in the middle of a flight."""
+    across = 2.0 * np.cross(quaternion[1:], v)
+    turned: Array = v + quaternion[0] * across + np.cross(quaternion[1:], across)
+    return turned
 
 
 assert len(START) == ERRORS

@@ -186,6 +186,20 @@ def test_a_tracker_that_jumped_is_followed_which_is_said_and_flagged(
     assert set(flags[moved : moved + 50]) == {Agreement.MOVED}
 
 
+def test_a_moving_vehicle_keeps_its_velocity_when_the_tracker_jumps(seed: int) -> None:
+    swing = Swing(seed).fly(2.4)
+    swing.moved = np.array([0.5, 0.0, 0.0])
+    errors: list[float] = []
+
+    def look() -> None:
+        true = AMPLITUDE * PULSE * np.cos(PULSE * 1e-9 * swing.now_ns)
+        errors.append(float(np.linalg.norm(swing.state["velocity_w"][0] - true)))
+
+    swing.fly(1.0, look)
+    assert len(swing.restarts) == 1
+    assert max(errors) < 0.1
+
+
 @pytest.mark.parametrize("late", [0.005, -0.005])
 def test_stamps_a_little_off_the_imu_keep_a_filter_of_bearings_alive(
     late: float, seed: int
