@@ -84,7 +84,7 @@ HEALTH = (
             one("measurements.used", "measurements used", "", "estimator", "estimator"),
             one("measurements.refused", "measurements refused", "", "estimator", "estimator"),
             one("measurements.ignored", "measurements ignored", "", "estimator", "estimator"),
-            one("nis", "NIS a number, expected 1", "", "innovation", "estimator"),
+            one("nis", "NIS a number", "", "innovation", "estimator"),
             one("deviation.position", "position", "mm", "rms deviation", "estimator"),
             one("deviation.velocity", "velocity", "mm/s", "rms deviation", "estimator"),
             one("deviation.attitude", "attitude", "°", "rms deviation", "estimator"),

@@ -16,8 +16,7 @@ const VECTORS = [
 const SCALARS = [
   ["thrust, λ, mass", ["thrust", "scaling", "mass"], [2, 2, 3], "N, –, kg"],
   ["innov., pose age", ["innovation.position", "innovation.attitude", "measurement.age"], [1, 2, 0], "mm, °, ms"],
-  ["used, refused", ["measurements.used", "measurements.refused", null], [0, 0, 0], "meas."],
-  ["NIS, deviations", ["nis", "deviation.position", "deviation.attitude"], [2, 1, 2], "–, mm, °"],
+  ["used, ref., NIS", ["measurements.used", "measurements.refused", "nis"], [0, 0, 2], "meas., –"],
   ["error to truth", ["truth.position_error", "truth.velocity_error", null], [1, 3, 0], "mm, m/s"],
 ];
 
