@@ -41,7 +41,7 @@ def test_poses_that_the_vehicle_refuses_show_where_the_tracker_does(
     station.said = {"flags": ["measurements_refused", "tracker_jumped"]}
     look.text("#tracker", "^100 Hz · jumped$")
     look.text("#flags", "tracker jumped")
-    look.text("#table", "used, refused")
+    look.text("#table", "used, ref., NIS")
     station.said = {}
     look.text("#tracker", "^100 Hz$")
     look.has_no_class("#tracker", "warn")
