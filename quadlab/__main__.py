@@ -7,22 +7,32 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import difflib
 import io
 import os
 import re
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 from typing import NoReturn
 
 from quadlab.commands import COMMANDS
 from quadlab.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
+OF_SEVERAL = ("log", "link")
+"""Commands that do nothing by themselves: without a further word they tell what there is."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command named by `arguments` (default: sys.argv); returns the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     follow_parent()
+    if words == ["--version"]:
+        print(f"quadlab {version('quadlab')}")
+        return 0
+    if words in ([], *([name] for name in OF_SEVERAL)):
+        words.append("--help")
     try:
         command = parse(words)
         return command.run()
@@ -67,7 +77,8 @@ def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
                 dict(COMMANDS),
                 prog="quadlab",
                 config=(tyro.conf.FlagCreatePairsOff,),
-                description="Base station and experiment console of a quadrotor laboratory.",
+                description="Base station and experiment console of a quadrotor laboratory. "
+                "quadlab COMMAND --help tells a command's options, quadlab --version the version.",
                 args=_one_setting_each(words),
             )
     except SystemExit as stop:
@@ -103,7 +114,18 @@ def _one_line(boxed: str) -> str:
     for section in others:
         if section[0].startswith(("Perhaps you meant", "Available subcommands")):
             said += "; " + " ".join(section[:2])
-    return said.rstrip(".") + "; --help lists what is allowed"
+    return said.rstrip(".") + _nearest(said) + "; --help lists what is allowed"
+
+
+def _nearest(said: str) -> str:
+    """What a word that is not allowed may have been meant to be; nothing if none is near."""
+    wrong = re.search(r"(?:Unrecognized options: |invalid choice ')([\w-]+)", said)
+    allowed = re.search(r"(?:Available subcommands: |Expected one of [({])([^;)}]+)", said)
+    if not wrong or not allowed or "Perhaps you meant" in said:
+        return ""
+    words = [word.strip(" '") for word in allowed[1].split(",")]
+    near = difflib.get_close_matches(wrong[1].lower(), words, n=2, cutoff=0.5)
+    return f"; did you mean {' or '.join(near)}?" if near else ""
 
 
 if __name__ == "__main__":

@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from vehicle_link.authority import TlsFiles
 
 WATCH_PERIOD = 0.2
+PROGRESS_PERIOD = 1.5
+"""s between two lines while the processes start."""
 MCU_PORTS = ("mcu0", "mcu1")
 
 
@@ -82,6 +84,7 @@ class Up(PageOptions):
             _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with (
             owned(folder),
+            _Progress(self.port),
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
             contextlib.nullcontext() if self.real_time else _lockstep(fleet, Path(run_folder)),
         ):
@@ -144,6 +147,8 @@ class Up(PageOptions):
         first, last = -10, 5
         # Shared out by process, one station would get no more than each of its vehicles.
         station = first if fleet.count == 1 else -19
+        if not any(word.startswith("imu_rate=") for word in simulator):
+            simulator = ["--set", f"imu_rate={self._rate(fleet)}", *simulator]
         robot = ["simulator", "--folder", str(run_folder), *loopback, *names, *simulator]
         base = ["station", *common, *dialled, *loopback, *fleet.station_words]
         page = ["web", *common, "--port", str(self.port), *loopback, *names, *self.words()]
@@ -187,7 +192,33 @@ class Up(PageOptions):
             finally:
                 for group in reversed(groups):
                     _stop(group)
+        print("quadlab: stopped", flush=True)
         return 0
+
+
+class _Progress:
+    """Says that the start goes on until the page answers, which from then on says it itself."""
+
+    def __init__(self, port: int) -> None:
+        self._port = port
+        self._ended = threading.Event()
+
+    def __enter__(self) -> _Progress:
+        print("quadlab: starting simulator, vehicle, station and page", flush=True)
+        threading.Thread(target=self._tell, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+
+    def _tell(self) -> None:
+        began = time.monotonic()
+        while not self._ended.wait(PROGRESS_PERIOD):
+            with socket.socket() as probe:
+                probe.settimeout(0.1)
+                if probe.connect_ex(("127.0.0.1", self._port)) == 0:
+                    return
+            print(f"quadlab: starting, {time.monotonic() - began:.0f} s", flush=True)
 
 
 @contextlib.contextmanager

@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import signal
 import sys
+import time
 import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
+from threading import Thread
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -20,6 +22,12 @@ from web.sockets import LiveWebSocket, listen
 from web.station import Station
 
 CLOSING_TIME = 2  # s given to open downloads and sockets at the end
+CHECKS_TOLD = 5.5
+"""s from a vehicle's first word to the end of the station's start-up checks."""
+WAITING_PERIOD = 1.5
+"""s between two lines while the sign-in link waits for that."""
+LONGEST = 60.0
+"""s it waits."""
 
 
 def run_web(
@@ -53,13 +61,19 @@ def run_web(
 
     session = SharedSession(lambda: loopback_session(loopback_port))
 
+    lives: list[Live] = []
+
     def connect(vehicle: str, live: Live, hub: EventHub) -> Station:
+        lives.append(live)
         return Station(
             session.open, vehicle, live, hub, lambda _: session.close(), watches=len(vehicles) == 1
         )
 
     def show_link(url: str, signed_in: str | None = None) -> None:
-        print_link(url, signed_in)
+        if token is not None and url.endswith(token):  # others print now: it stands last, alone
+            Thread(target=print_settled, args=(url, lives), daemon=True).start()
+        else:
+            print_link(url, signed_in)
         is_restart = token is not None and not url.endswith(token)
         if open_browser and signed_in is None and not is_restart:
             webbrowser.open(url)
@@ -115,6 +129,25 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
         ssl_keyfile=tls.key if tls else None,
     )
     return uvicorn.Server(config)
+
+
+def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> None:
+    """The sign-in link when every vehicle is heard and the station's start-up checks are said.
+
+    Until then a line in WAITING_PERIOD says what is waited for, for `longest` s at most.
+    """
+    began = told = time.monotonic()
+    heard = 0.0
+    while (now := time.monotonic()) - began < longest and not 0.0 < heard < now - CHECKS_TOLD:
+        if not heard and all(live.current("status") is not None for live in lives):
+            heard = now
+        if now - told >= WAITING_PERIOD:
+            told = now
+            what = "looking at clocks and rates" if heard else "waiting for the vehicle"
+            print(f"quadlab: {what}, {now - began:.0f} s", flush=True)
+        time.sleep(0.1)
+    print(flush=True)
+    print_link(url)
 
 
 def print_link(url: str, signed_in: str | None = None) -> None:

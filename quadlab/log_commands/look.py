@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
+
+if TYPE_CHECKING:
+    from vehicle_link.log import LogSummary
 
 
 @dataclass
@@ -16,6 +21,8 @@ class Info:
 
     file: LogFile
     """the MCAP file"""
+    json: bool = False
+    """print it as one line of JSON"""
 
     def run(self) -> int:
         from vehicle_link.log.summary import summarize
@@ -23,6 +30,9 @@ class Info:
         check_log_file(self.file)
         with progress_of(f"reading {self.file.name}") as progress:
             found = summarize(self.file, progress)
+        if self.json:
+            print(_as_json(found))
+            return 0
         print(
             f"{self.file}: {found.message_count} messages in {found.duration:.1f} s, "
             f"{found.bytes / 1e6:.1f} MB{', torn once and mended' if found.recovered else ''}"
@@ -39,6 +49,34 @@ class Info:
         for name, size in sorted(found.attachments.items()):
             print(f"  attached: {name}, {size} bytes")
         return 0
+
+
+def _as_json(found: LogSummary) -> str:
+    """One line; times in s and ns, rates in Hz."""
+    topics = {
+        name: {
+            "type": one.type_name,
+            "messages": one.count,
+            "rate": one.count / found.duration if found.duration > 0 else 0.0,
+        }
+        for name, one in sorted(found.topics.items())
+    }
+    return json.dumps(
+        {
+            "file": str(found.path),
+            "bytes": found.bytes,
+            "messages": found.message_count,
+            "start_ns": found.start_ns,
+            "duration": found.duration,
+            "closed": found.closed,
+            "recovered": found.recovered,
+            "tear": found.tear,
+            "topics": topics,
+            "run": found.run,
+            "filled": found.filled,
+            "attachments": found.attachments,
+        }
+    )
 
 
 def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:

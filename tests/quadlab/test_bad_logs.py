@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import struct
@@ -276,3 +277,17 @@ def test_attached_parameters_that_are_none_cost_a_line_at_most(
 def test_a_parameters_value_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"\S"):
         literal_value(text)
+
+
+def test_info_is_told_as_json_too(
+    tmp_path: Path, whole: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "a.mcap"
+    log.write_bytes(whole)
+    assert main(["log", "info", str(log), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["messages"], told["closed"], told["tear"]) == (200, True, "")
+    assert told["topics"]["/q/imu"]["type"] == "sensor_msgs/msg/Imu"
+    assert told["topics"]["/q/imu"]["rate"] == pytest.approx(500.0, rel=0.01)
+    assert told["run"]["vehicle"] == "q"
+    assert told["attachments"] == {"parameters.json": 2}

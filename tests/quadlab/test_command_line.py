@@ -6,6 +6,7 @@ import os
 import socket
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,6 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
     ("words", "said"),
     [
         (["fly_8"], "up, fly"),
-        ([], "up, fly"),
         (["fly"], "EXPERIMENT"),
         (["fly", "figure_nine"], "figure_eight"),
         (["fly", "hover", "--sed", "3"], "--seed"),
@@ -201,3 +201,30 @@ def test_a_preset_sets_all_its_gains_and_later_words_change_them() -> None:
     assert parameters.estimation.position_bandwidth == 63.15
     with pytest.raises(UsageError, match="there are paper"):
         parse_settings(parameters, ["estimation.preset=sporty"])
+
+
+def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"quadlab {version('quadlab')}\n"
+
+
+@pytest.mark.parametrize("words", [[], ["log"], ["link"]])
+def test_a_command_without_a_word_helps(
+    capsys: pytest.CaptureFixture[str], words: list[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(words)
+    assert not stop.value.code
+    assert "usage: quadlab" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [(["lgo"], "log"), (["replya", "x"], "replay"), (["log", "inof", "x"], "info"),
+     (["link", "lits"], "list"),
+(["user", "ad"], "add")],
+)  # fmt: skip
+def test_a_wrong_word_is_answered_with_the_nearest(
+    capsys: pytest.CaptureFixture[str], words: list[str], meant: str
+) -> None:
+    assert f"did you mean {meant}" in complaint(capsys, words, 2)
