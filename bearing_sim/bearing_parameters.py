@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic import ConfigDict, field_validator
 
 from bearing_sim.beacon_set import ID_MAX
 from bearing_sim.beacons import parse_layout
+from bearing_sim.quaternions import Triple
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
 
 EVERY_BEACON = "all"
+BIAS_MAX = 20.0
+"""deg, of a beacon's own bias, on each axis."""
 
 
 class BearingParameters(Parameters):
@@ -95,8 +100,21 @@ class BearingParameters(Parameters):
     bias_z: float = parameter(
         0.0, unit="deg", ge=-20, le=20, step=0.1, description="body z of that rotation vector"
     )
+    beacon_bias: str = parameter(
+        "",
+        description="constant turn of single beacons' bearings: 'id x y z; id x y z; …', the "
+        "rotation vector in body axes, deg, like '2 5 0 0'",
+    )
     delay: float = parameter(
         0.0, unit="s", ge=0, le=0.5, step=0.001, description="from the frame to its arrival"
+    )
+    stamp_error: float = parameter(
+        0.0,
+        unit="s",
+        ge=-0.1,
+        le=0.1,
+        step=0.001,
+        description="by which frames are stamped too late; below 0 too early",
     )
     jitter: float = parameter(
         0.0,
@@ -131,6 +149,12 @@ class BearingParameters(Parameters):
         parse_lost(text)
         return text
 
+    @field_validator("beacon_bias")
+    @classmethod
+    def _check_beacon_bias(cls, text: str) -> str:
+        parse_beacon_bias(text)
+        return text
+
 
 def parse_lost(text: str) -> frozenset[int] | None:
     """The ids in a text like `1 3` or `1, 3`; None for `all`. Raises OutOfBoundsError."""
@@ -143,3 +167,27 @@ def parse_lost(text: str) -> frozenset[int] | None:
             f"'{EVERY_BEACON}', or nothing"
         )
     return frozenset(map(int, words))
+
+
+def parse_beacon_bias(text: str) -> dict[int, Triple]:
+    """Return the rotation vector (deg, body axes) by id of a text like `2 5 0 0; 3 0 1 0`.
+
+    Raises OutOfBoundsError.
+    """
+    found: dict[int, Triple] = {}
+    for part in filter(None, (one.strip() for one in text.split(";"))):
+        words = part.replace(",", " ").split()
+        try:
+            id, (x, y, z) = int(words[0]), map(float, words[1:])
+            known = 0 <= id <= ID_MAX and id not in found
+            sound = known and all(math.isfinite(v) and abs(v) <= BIAS_MAX for v in (x, y, z))
+        except ValueError:
+            sound = False
+        if not sound:
+            raise OutOfBoundsError(
+                f"beacon_bias = {text!r:.80}: {part!r:.40} is no bias; allowed is 'id x y z' for "
+                f"each beacon once, separated by semicolons, each of x y z -{BIAS_MAX:g} to "
+                f"{BIAS_MAX:g} deg"
+            )
+        found[id] = (x, y, z)
+    return found

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import Beacons, parse_layout
-from bearing_sim.bearing_parameters import BearingParameters, parse_lost
+from bearing_sim.bearing_parameters import BearingParameters, parse_beacon_bias, parse_lost
 from bearing_sim.chance import Draws, hidden, pair
 from bearing_sim.pose_track import PoseTrack
 from bearing_sim.quaternions import Array, Quadruple, Triple, quaternion_of, rows_of
@@ -108,6 +108,7 @@ class BearingEmulator:
         axis = _axis_of(p)
         lowest = math.cos(math.radians(0.5 * p.field_of_view)) if p.field_of_view < 360.0 else -2.0
         biased = _bias_of(p)
+        own_biases = parse_beacon_bias(p.beacon_bias) if p.beacon_bias else {}
 
         x, y, z = position_w
         (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = rows_of(quaternion_wb)
@@ -133,11 +134,13 @@ class BearingEmulator:
                 continue
             if biased is not None:
                 bearing_b = _product(biased, bearing_b)
+            if id in own_biases:
+                bearing_b = _product(_turn_of(own_biases[id]), bearing_b)
             along, across = pair(draws, freedom)
             seen_ids.append(told)
             seen.append(perturbed(bearing_b, sigma * along, sigma * across))
         frame = BearingMeasurement(
-            stamp_ns,
+            stamp_ns + round(p.stamp_error * SECOND_NS),
             np.array(seen_ids, np.int32),
             np.array(seen, np.float64).reshape(-1, 3),
             sigma,
@@ -179,7 +182,12 @@ def _bias_of(p: BearingParameters) -> tuple[Triple, Triple, Triple] | None:
     """The rows of the constant rotation of all bearings, None for no bias."""
     if p.bias_x == p.bias_y == p.bias_z == 0.0:
         return None
-    x, y, z = (math.radians(a) for a in (p.bias_x, p.bias_y, p.bias_z))
+    return _turn_of((p.bias_x, p.bias_y, p.bias_z))
+
+
+def _turn_of(vector_deg: Triple) -> tuple[Triple, Triple, Triple]:
+    """The rows of the rotation by a vector, deg."""
+    x, y, z = (math.radians(a) for a in vector_deg)
     return rows_of(quaternion_of(x, y, z))
 
 

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bearing_sim.quaternions import Array, turned
+from bearing_sim.chance import Draws
+from bearing_sim.quaternions import Array, Triple, turned
 from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
 from quadrotor.parameters import Parameters, parameter
 
@@ -31,6 +32,23 @@ class TrackerParameters(Parameters):
         description="from the pose being true to its arrival",
     )
     drop_out: float = parameter(0.0, ge=0, le=1, step=0.01, description="share of poses lost")
+    stamp_error: float = parameter(
+        0.0,
+        unit="s",
+        ge=-0.1,
+        le=0.1,
+        step=0.001,
+        description="by which poses are stamped too late; below 0 too early",
+    )
+    outliers: float = parameter(
+        0.0, ge=0, le=1, step=0.005, description="share of poses that are outliers"
+    )
+    outlier_position: float = parameter(
+        0.5, unit="m", ge=0, le=10, step=0.1, description="how far an outlier is off, anywhere"
+    )
+    outlier_attitude: float = parameter(
+        0.0, unit="deg", ge=0, le=180, step=5, description="how far an outlier is turned, anyhow"
+    )
     seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the noise")
 
 
@@ -67,10 +85,15 @@ class SimulatedTracker:
         lost = self._random.random() < p.drop_out
         if lost:
             return
+        draws = Draws(p.seed, stamp_ns) if p.outliers > 0.0 else None
+        if draws is not None and draws.uniform() <= p.outliers:
+            position_w = position_w + np.multiply(p.outlier_position, _direction(draws))
+            turn = math.radians(p.outlier_attitude)
+            quaternion_wb = turned(quaternion_wb, [turn * axis for axis in _direction(draws)])
         x, y, z = position_w.tolist()
         far, wide = p.position_noise, math.radians(p.attitude_noise)
         measurement = PoseMeasurement(
-            stamp_ns,
+            stamp_ns + round(p.stamp_error * SECOND_NS),
             np.array((x + far * d, y + far * e, z + far * f)),
             turned(quaternion_wb, (wide * a, wide * b, wide * c)),
         )
@@ -84,3 +107,10 @@ class SimulatedTracker:
     def next_ns(self) -> int | None:
         """When the next measurement under way arrives, None when there is none."""
         return self._line.next_ns
+
+
+def _direction(draws: Draws) -> Triple:
+    """A unit vector, uniform over the sphere."""
+    z, angle = 2.0 * draws.uniform() - 1.0, 2.0 * math.pi * draws.uniform()
+    across = math.sqrt(max(0.0, 1.0 - z * z))
+    return across * math.cos(angle), across * math.sin(angle), z

@@ -76,3 +76,9 @@ class Estimator(Protocol):
     def warnings(self, rate: float) -> list[str]:
         """What is wrong with the gains at this rate (Hz) of measurements."""
         ...
+
+
+def fewest_beacons(estimator: Estimator) -> int:
+    """Return how many beacons in a frame an estimator can go on with: 4 unless it says otherwise
+    by an attribute of this name."""
+    return int(getattr(estimator, "fewest_beacons", 4))

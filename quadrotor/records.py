@@ -126,6 +126,10 @@ STATUS = np.dtype(
         ("missed_frames", "u4"),  # periods without a sample
         ("damaged_frames", "u4"),  # pieces of bytes that were no frames
         ("nominal_rate", "f8"),  # Hz, of the samples as they were asked for
+        # While the flag BEACON_OFF is set:
+        ("suspect_offset", "f8"),  # rad, of the beacon's bearings from what the others expect
+        ("suspect_beacon", "i4"),  # its id; -1: it cannot be told which
+        ("suspect_left_out", "u1"),  # the estimator goes without it
     ],
     align=True,
 )

@@ -17,9 +17,13 @@ import numpy.typing as npt
 from estimation.convergence import Deviations, Difference
 from estimation.outcome import LATEST_NS
 from quadrotor.records import Record
+from vehicle.beacon_offsets import BeaconOffsets
 from vehicle.parameters import FallBackParameters
 
 Array = npt.NDArray[np.float64]
+
+Past = tuple[int, Array, Array]
+"""Stamp (ns), position_w (3,) m and quaternion_wb (4,) of an estimate."""
 
 UNKNOWN = Deviations(position=0.1, velocity=0.2, attitude=math.radians(1.5))
 """Taken for an estimator without a covariance."""
@@ -38,29 +42,35 @@ class BearingsWatch:
     Attributes:
         verdict: why bearings are not to be flown on any more, with its numbers; None while all
             is well. It stays until `begin`.
+        offsets: whether the bearings of one beacon are off on average.
     """
 
     def __init__(self, parameters: FallBackParameters) -> None:
         self.parameters = parameters
         self.verdict: str | None = None
-        self._past: deque[tuple[int, Array, Array]] = deque()
+        self.offsets = BeaconOffsets()
+        self._past: deque[Past] = deque()
+        self._tracked: deque[Past] = deque()
         self._frames: deque[tuple[int, int, int, float]] = deque()
         self._apart = 0
 
     def begin(self) -> None:
         """Forget what was: bearings are flown on from now."""
         self.verdict = None
+        self.offsets.begin()
         self._past.clear()
+        self._tracked.clear()
         self._frames.clear()
         self._apart = 0
 
-    def remember(self, stamp_ns: int, state: Record) -> None:
-        """The estimate of one tick, a STATE of shape (1,)."""
-        self._past.append(
-            (stamp_ns, state["position_w"][0].copy(), state["quaternion_wb"][0].copy())
-        )
-        while self._past[0][0] < stamp_ns - LATEST_NS:  # a frame as late is not used
-            self._past.popleft()
+    def remember(self, stamp_ns: int, state: Record, tracked: Record | None = None) -> None:
+        """The estimate of one tick, a STATE of shape (1,), and that of the tracker's poses."""
+        for past, one in ((self._past, state), (self._tracked, tracked)):
+            if one is not None:
+                pose = one["position_w"][0].copy(), one["quaternion_wb"][0].copy()
+                past.append((stamp_ns, *pose))
+            while past and past[0][0] < stamp_ns - LATEST_NS:  # a frame as late is not used
+                past.popleft()
 
     def frame(self, frame: Record, deviations: Deviations | None, now_ns: int) -> list[int]:
         """Judge one BEARINGS_SAMPLE (1,) before it is applied.
@@ -70,7 +80,7 @@ class BearingsWatch:
         """
         f = frame[0]
         count = int(f["count"])
-        then = self._at(int(f["stamp_ns"])) if self.parameters.enabled else None
+        then = _at(self._past, int(f["stamp_ns"])) if self.parameters.enabled else None
         if then is None:
             return list(range(count))
         p = self.parameters
@@ -86,6 +96,25 @@ class BearingsWatch:
             self._frames.popleft()
         self._judge(deviations)
         return passed
+
+    def average(self, frame: Record, ids: Sequence[int], tracked: bool) -> None:
+        """Take one BEARINGS_SAMPLE (1,) for the mean residual of each beacon.
+
+        Args:
+            ids: of its bearings. tracked: whether the estimate of the tracker's poses is good, so
+                that the residuals are taken from there.
+        """
+        f = frame[0]
+        stamp_ns, count = int(f["stamp_ns"]), int(f["count"])
+        then = _at(self._tracked if tracked else self._past, stamp_ns)
+        if then is None:
+            return
+        offsets, p = self.offsets, self.parameters
+        offsets.window, offsets.largest = p.beacon_window, math.radians(p.beacon_offset_max)
+        offsets.frame(
+            1e-9 * stamp_ns, ids, f["beacon_w"][:count], f["bearing_b"][:count],
+            float(f["sigma"]), then[1], then[2], tracked,
+        )  # fmt: skip
 
     def age(self, age: float) -> None:
         """Time (s) since the newest frame applied was true."""
@@ -145,12 +174,13 @@ class BearingsWatch:
         if self.verdict is None and self.parameters.enabled:
             self.verdict = why
 
-    def _at(self, stamp_ns: int) -> tuple[int, Array, Array] | None:
-        """The estimate kept nearest behind this time; of a frame ahead, the newest."""
-        for past in reversed(self._past):
-            if past[0] <= stamp_ns:
-                return past
-        return None
+
+def _at(kept: deque[Past], stamp_ns: int) -> Past | None:
+    """The estimate kept nearest behind this time; of a frame ahead, the newest."""
+    for past in reversed(kept):
+        if past[0] <= stamp_ns:
+            return past
+    return None
 
 
 def normalised_squares(

@@ -14,10 +14,16 @@ class KnownBeacons:
 
     def __init__(self, beacons: Beacons) -> None:
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True))
+        self._ids = {tuple(place): one for one, place in self._places.items()}
 
     @property
     def ids(self) -> list[int]:
         return sorted(self._places)
+
+    def ids_of(self, frame: Record) -> list[int]:
+        """Return the ids in a BEARINGS_SAMPLE (1,) that `frame` made, in its order."""
+        count = int(frame["count"][0])
+        return [self._ids[tuple(place)] for place in frame["beacon_w"][0, :count].tolist()]
 
     def frame(self, measurement: mailbox.Bearings) -> Record | None:
         """BEARINGS_SAMPLE (1,) of those that are known; None when none is."""

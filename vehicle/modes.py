@@ -87,3 +87,4 @@ class Flag(IntFlag):
     MEASUREMENTS_REFUSED = 1024  # too far from their prediction, within the last second
     TRACKER_JUMPED = 2048  # refused ones agree with each other
     ESTIMATE_DRIFTED = 4096  # measurements left the prediction little by little
+    BEACON_OFF = 8192  # bearings of one beacon do not fit the others

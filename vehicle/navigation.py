@@ -14,7 +14,7 @@ import numpy as np
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from estimation import registry
 from estimation.convergence import difference
-from estimation.estimator import Estimator
+from estimation.estimator import Estimator, fewest_beacons
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
 from quadrotor.parameters import ParameterValue
@@ -36,6 +36,7 @@ from vehicle.known_beacons import KnownBeacons
 from vehicle.measurement_rate import MeasurementRate
 from vehicle.parameters import FallBackParameters
 from vehicle.runner import BEARINGS, POSES, Runner
+from vehicle.suspect_beacon import SuspectBeacon
 
 COMPLAIN_NS = 1_000_000_000
 """Between two lines about measurements that cannot be used: 30 frames a second may be such."""
@@ -56,6 +57,7 @@ class Navigation:
         active: the estimator flown on.
         source: what it is fed with: "poses", "bearings" or "both".
         agreement: whether measurements agree with it, for people.
+        suspect: a beacon whose bearings are off, for people.
         deaf: bearings are no longer taken: the rest of the flight is predicted, or on poses.
     """
 
@@ -70,6 +72,7 @@ class Navigation:
         p = self._parameters = parameters
         self.watch = BearingsWatch(fallback or FallBackParameters())
         self.agreement = AgreementWatch(say)
+        self.suspect = SuspectBeacon(say)
         self.deaf = False
         self._say = say
         self._queue: list[Record] = []
@@ -109,7 +112,9 @@ class Navigation:
         for runner in self._beside:
             self._step_beside(runner, imu, dt)
         if self.source != POSES:
-            self.watch.remember(imu["stamp_ns"].item(), state)
+            reserve = self._seats.reserve
+            tracked = None if reserve is None else reserve.state
+            self.watch.remember(imu["stamp_ns"].item(), state, tracked)
         measured = bool(self._queue)
         if measured:
             self._take_measurements(imu["stamp_ns"].item(), state, estimate)
@@ -179,6 +184,7 @@ class Navigation:
         if str(seats.active) != before:
             self.deaf = False
             self.watch.begin()
+            self.suspect.begin()
             self.agreement.begin()
             self._say(f"estimator {seats.active}", mailbox.INFO)
         for runner in seats.all():
@@ -257,8 +263,11 @@ class Navigation:
         deviations = self.active.deviations
         passed = watch.frame(measurement, deviations, now_ns)
         count = int(measurement["count"][0])
-        if deviations is not None or len(passed) == count:
-            return measurement  # a filter with a covariance has a gate of its own
+        if deviations is not None:
+            passed = list(range(count))  # a filter with a covariance has a gate of its own
+        passed = self._without_suspect(measurement, passed)
+        if len(passed) == count:
+            return measurement
         if not passed:
             return None
         kept = measurement.copy()
@@ -266,6 +275,21 @@ class Navigation:
         for field in ("beacon_w", "bearing_b"):
             kept[field][0, : len(passed)] = measurement[field][0, passed]
         return kept
+
+    def _without_suspect(self, frame: Record, rows: list[int]) -> list[int]:
+        """The rows of a frame without a beacon whose bearings are off, if that is wanted."""
+        watch, ids = self.watch, self._beacons.ids_of(frame)
+        watch.average(frame, ids, self.reserve_ready)
+        suspect, wanted, hindrance = watch.offsets.suspect, watch.parameters.exclude_beacon, ""
+        left = rows
+        if suspect is not None and suspect.beacon is not None and wanted:
+            left = [row for row in rows if ids[row] != suspect.beacon]
+            fewest = fewest_beacons(self.active)
+            if len(left) < fewest:
+                hindrance = f"{len(left)} would be left, the estimator needs {fewest}"
+                left = rows
+        self.suspect.look(suspect, wanted and not hindrance, hindrance)
+        return left
 
     def _warn(self, now_ns: int) -> None:
         rate = self._rate.add(now_ns)

@@ -84,6 +84,19 @@ class FallBackParameters(Parameters):
         5.0, unit="deg", ge=1.0, le=90.0, step=1.0,
         description="the same of attitude",
     )  # fmt: skip
+    beacon_window: float = parameter(
+        2.0, unit="s", ge=0.5, le=20.0, step=0.5,
+        description="time over which the residuals of each beacon are averaged",
+    )  # fmt: skip
+    beacon_offset_max: float = parameter(
+        1.5, unit="deg", ge=0.2, le=20.0, step=0.1,
+        description="largest mean offset of one beacon's bearings from what the others expect",
+    )  # fmt: skip
+    exclude_beacon: bool = parameter(
+        False,
+        description="leave out a beacon whose bearings are off, as long as it is known which and "
+        "the estimator has enough others",
+    )  # fmt: skip
 
 
 class VehicleParameters(Parameters):

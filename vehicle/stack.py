@@ -255,13 +255,15 @@ class FlightStack(StackOnGround):
         # An emergency is told once the microcontroller shows it: people wait for that.
         if self.control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
             self._told_control_mode = self.control_mode
+        navigation = self.navigation
         self._status_writer.write(
             mode=self.mode,
             control_mode=self._told_control_mode,
             behavior=self.behaviors.name,
             airborne=self.ground.airborne,
             supervisor_flags=self.supervisor.flags,
-            estimate_flags=self.guard.flags | self.navigation.agreement.flags,
+            estimate_flags=self.guard.flags | navigation.agreement.flags | navigation.suspect.flags,
+            suspect=navigation.suspect.status,
             stale_pose=pose_age > self._pose_timeout,
             saturated=self._scaling.item() < 1.0,
             tilt_limited=self.controller.tilt_limited,

@@ -7,6 +7,7 @@ from vehicle.lateness import LoopCounts, LoopStatistics
 from vehicle.modes import MOTORS_ON, ControlMode, Flag, Mode
 
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
+_SUSPECT = ("suspect_beacon", "suspect_offset", "suspect_left_out")
 # As plain numbers: an IntFlag costs half a microsecond an operation.
 _GYRO_UNCALIBRATED, _NO_POSE = int(Flag.GYRO_UNCALIBRATED), int(Flag.NO_POSE)
 _SATURATED, _TILT_LIMITED = int(Flag.SATURATED), int(Flag.TILT_LIMITED)
@@ -25,6 +26,7 @@ class StatusWriter:
         self._status = status
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
+        self._suspect: tuple[int, float, bool] | None = None
 
     def loop(self, statistics: LoopStatistics, counts: LoopCounts, rate: float) -> None:
         """What the loop measured of itself; `rate` (Hz) as it is meant to be."""
@@ -48,13 +50,19 @@ class StatusWriter:
         airborne: bool,
         supervisor_flags: Flag,
         estimate_flags: int,
+        suspect: tuple[int, float, bool],
         stale_pose: bool,
         saturated: bool,
         tilt_limited: bool,
         voltage: float,
         pressure: float,
     ) -> None:
-        """Once a tick. voltage: V. pressure: Pa."""
+        """Once a tick.
+
+        Args:
+            suspect: id, mean offset (rad) of a beacon that is off, whether it is left out.
+            voltage: V. pressure: Pa.
+        """
         self._voltage[0], self._pressure[0] = voltage, pressure
         flags = int(supervisor_flags) | estimate_flags
         if mode is Mode.STARTING:
@@ -72,3 +80,7 @@ class StatusWriter:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):
                 self._status[field] = value
+        if suspect != self._suspect:
+            self._suspect = suspect
+            for field, number in zip(_SUSPECT, suspect, strict=True):
+                self._status[field] = number

@@ -46,6 +46,7 @@ class ErrorStateEstimator:
     """
 
     name = "error_state"
+    fewest_beacons = 3
 
     def __init__(self, parameters: EstimationParameters | None = None) -> None:
         self.restarts: list[str] = []

@@ -13,7 +13,7 @@ import pytest
 from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.bearing_parameters import parse_lost
 from bearing_sim.quaternions import matrix_of, turned
-from quadrotor.errors import ParameterError
+from quadrotor.errors import OutOfBoundsError, ParameterError
 from quadrotor.parameters import ParameterStore
 
 Array = npt.NDArray[np.float64]
@@ -243,6 +243,33 @@ def test_a_bias_turns_all_bearings_by_one_rotation() -> None:
     biased = one_frame(position, q, bias_x=3.0, bias_y=-2.0, bias_z=5.0)
     turn = matrix_of(turned(LEVEL, np.radians([3.0, -2.0, 5.0])))
     np.testing.assert_allclose(biased.bearings_b, straight.bearings_b @ turn.T, atol=1e-12)
+
+
+def test_the_bias_of_a_beacon_turns_its_bearings_alone() -> None:
+    position, q = swing(1.3)
+    plain = one_frame(position, q)
+    biased = one_frame(position, q, beacon_bias="2 3 -2 5; 4 0 0 1; 99 1 1 1")
+    for id, one, other in zip(plain.beacon_ids, plain.bearings_b, biased.bearings_b, strict=True):
+        vector = {2: (3.0, -2.0, 5.0), 4: (0.0, 0.0, 1.0)}.get(int(id), (0.0, 0.0, 0.0))
+        turn = matrix_of(turned(LEVEL, np.radians(vector).tolist()))
+        np.testing.assert_allclose(other, turn @ one, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "text", ["2", "2 1 1", "two 1 1 1", "2 1 1 nan", "2 21 0 0", "2 1 0 0; 2 0 1 0", "-1 1 1 1"]
+)
+def test_a_text_that_is_no_bias_of_beacons_is_refused(text: str) -> None:
+    with pytest.raises(OutOfBoundsError, match="beacon_bias"):
+        BearingParameters(beacon_bias=text)
+
+
+def test_an_error_of_the_stamps_moves_nothing_else() -> None:
+    plain, early = (fly(hover, EVERY_10_MS, asked(stamp_error=e)) for e in (0.0, -0.02))
+    assert [b.stamp_ns - a.stamp_ns for a, b in zip(plain, early, strict=True)] == (
+        [-20_000_000] * len(plain)
+    )
+    for a, b in zip(plain, early, strict=True):
+        np.testing.assert_array_equal(a.bearings_b, b.bearings_b)
 
 
 def test_what_is_too_near_or_too_far_is_not_seen() -> None:

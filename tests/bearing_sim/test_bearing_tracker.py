@@ -92,3 +92,33 @@ def test_turning_by_a_vector_is_the_rotation_about_it() -> None:
     np.testing.assert_allclose(
         matrix_of(q).T @ matrix_of(tiny) @ [0, 1, 0], [0, 1, 1e-9], atol=1e-15
     )
+
+
+def test_outliers_take_their_share_and_leave_the_other_poses_as_they_are() -> None:
+    plain = track(TrackerParameters(), 20.0)
+    some = track(TrackerParameters(outliers=0.1, outlier_position=0.5, outlier_attitude=30.0), 20.0)
+    off = [np.linalg.norm(b.position_w - a.position_w) for a, b in zip(plain, some, strict=True)]
+    turned_by = [
+        np.degrees(2.0 * np.arccos(min(1.0, abs(float(a.quaternion_wb @ b.quaternion_wb)))))
+        for a, b in zip(plain, some, strict=True)
+    ]
+    outlying = np.array(off) > 0.0
+    assert 0.07 < outlying.mean() < 0.13
+    np.testing.assert_allclose(np.array(off)[outlying], 0.5, rtol=1e-9)
+    np.testing.assert_allclose(np.array(turned_by)[outlying], 30.0, rtol=1e-6)
+    assert max(np.array(turned_by)[~outlying]) < 1e-5
+    towards = [b.position_w - a.position_w for a, b in zip(plain, some, strict=True)]
+    assert np.linalg.norm(np.array(towards)[outlying].mean(axis=0)) < 0.15  # anywhere
+    again = track(
+        TrackerParameters(outliers=0.1, outlier_position=0.5, outlier_attitude=30.0), 20.0
+    )
+    assert all((a.position_w == b.position_w).all() for a, b in zip(some, again, strict=True))
+
+
+def test_a_stamp_error_moves_the_stamps_and_neither_poses_nor_their_arrival() -> None:
+    plain, late = (track(TrackerParameters(stamp_error=error), 0.2) for error in (0.0, 0.03))
+    assert [b.stamp_ns - a.stamp_ns for a, b in zip(plain, late, strict=True)] == [30 * MS] * 20
+    assert all((a.position_w == b.position_w).all() for a, b in zip(plain, late, strict=True))
+    tracker = SimulatedTracker(TrackerParameters(stamp_error=0.03, delay=0.02))
+    tracker.observe(100 * MS, HERE, LEVEL)
+    assert tracker.next_ns == 120 * MS

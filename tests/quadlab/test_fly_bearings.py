@@ -236,3 +236,27 @@ def test_gains_whose_limits_nobody_knows_are_not_judged_with_a_status_of_their_o
     assert report["verdict"] == "not_judged"
     for name in ("position_rms_m", "estimate_position_rms_m", "estimate_attitude_rms_deg"):
         assert name in report["reason"]
+
+
+def test_one_beacon_that_is_off_is_named_once_and_left_out(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    report = fly(
+        capsys, tmp_path, "--set", "experiment.duration=10", "--seed", "7",
+        "--set", "bearings.beacon_bias=3 0 0 5", "--set", "fallback.exclude_beacon=True",
+    )  # fmt: skip
+    told = [
+        decode(message.payload, "rcl_interfaces/Log").msg
+        for message in read_log(Path(report["log"]), {"/quad1/events"})
+    ]
+    assert sum("beacon 3" in line for line in told) == 1
+    assert not any(f"beacon {id}" in line for id in (1, 2, 4) for line in told)
+    statuses = [
+        decode(message.payload, "quadlab_msgs/VehicleStatus")
+        for message in read_log(Path(report["log"]), {"/quad1/status"})
+    ]
+    off = [one for one in statuses if "beacon_off" in one.flags]
+    assert len(off) > 0.5 * sum("on_bearings" in one.flags for one in statuses)
+    assert {(one.suspect_beacon, one.suspect_left_out) for one in off} == {(3, True)}
+    assert report["metrics"]["estimate_position_rms_m"] < 0.05  # 0.09 with it
+    assert report["metrics"]["estimate_attitude_rms_deg"] < 1.0  # 2.1 with it

@@ -46,6 +46,25 @@ def test_references_on_the_line_make_it_climb() -> None:
     assert simulated.truth["position_w"][0, 2] > 0.5
 
 
+@pytest.mark.parametrize("latency", [0.0, 0.03])
+def test_a_command_acts_after_its_latency(latency: float) -> None:
+    simulated = SimulatedVehicle(SimulatorParameters(command_latency=latency))
+    mcu = Microcontroller(simulated.ports, 0)
+    mcu.set_motor_state(MotorState.ON)
+    for _ in range(100):
+        simulated.step()
+        mcu.receive()
+        mcu.command((20, 20, 20, 20))
+        mcu.service(simulated.stamp_ns * 1e-9)
+    begun_ns, before = simulated.stamp_ns, simulated.rotor_speeds[0]
+    while simulated.rotor_speeds[0] < before + 1.0:
+        mcu.command(CLIMB)
+        mcu.service(simulated.stamp_ns * 1e-9)
+        simulated.step()
+        mcu.receive()
+    assert 1e-9 * (simulated.stamp_ns - begun_ns) == pytest.approx(latency, abs=0.005)
+
+
 def test_silence_stops_the_motors_and_is_reported() -> None:
     simulated = SimulatedVehicle(SimulatorParameters())
     mcu = Microcontroller(simulated.ports, 0)

@@ -154,6 +154,8 @@ def test_status_carries_texts_and_statistics() -> None:
     ticks["status"]["lateness_histogram"] = range(8)
     for number, name in enumerate(("overruns", "missed_frames", "damaged_frames"), start=1):
         ticks["status"][name] = number
+    ticks["status"]["suspect_offset"], ticks["status"]["suspect_beacon"] = 0.07, -1
+    ticks["status"]["suspect_left_out"] = 1
     payload = encode_status(ticks, "armed", "hover", ["link_degraded", "saturated"])
     message = decode(payload, "quadlab_msgs/VehicleStatus")
     assert (message.mode, message.behavior) == ("armed", "hover")
@@ -162,6 +164,8 @@ def test_status_carries_texts_and_statistics() -> None:
     assert message.lateness_p99 == ticks["status"]["lateness_p99"][0]
     assert message.lateness_histogram.tolist() == list(range(8))
     assert (message.overruns, message.missed_frames, message.damaged_frames) == (1, 2, 3)
+    assert (message.suspect_offset, message.suspect_beacon) == (0.07, -1)
+    assert message.suspect_left_out
 
 
 def test_a_status_without_flags_has_the_same_fields() -> None:

@@ -177,6 +177,10 @@ class SimulatorParameters(VehicleModel):
     battery_resistance: float = parameter(
         0.06, unit="ohm", ge=0.0, le=0.5, step=0.01, description="inner resistance and cables"
     )
+    command_latency: float = parameter(
+        0.0, unit="s", ge=0.0, le=0.1, step=0.001,
+        description="from a command's arrival at the microcontroller to its acting on the motors",
+    )  # fmt: skip
     unplugged_port: str = parameter(
         "none", choices=("none", "first", "second", "both"),
         description="serial port whose adapter is pulled out; plugged in again it is a new device, "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +23,8 @@ from vehicle.simulator.wires import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 
+Command = tuple[int, int, int, int]
+"""Four bytes of a command."""
 PORTS = 2
 _MIRROR_PERIOD = int(Id.MIRROR_PERIOD)
 
@@ -83,6 +86,7 @@ class SimulatedVehicle:
         self.firmware = Firmware(len(ports))
         self.stamp_ns = 0
         self._wires = new_wires(ports, parameters)
+        self._commands: deque[tuple[int, Command]] = deque([(0, self.firmware.command)])
         self._plant = new_plant(parameters)
         self._holder = new_holder()
         configure_holder(self._holder, self._plant, parameters)
@@ -154,12 +158,13 @@ class SimulatedVehicle:
     def _advance(self, periods: int) -> None:
         """Move by so many periods, the last of which may send a sample."""
         firmware, noise, first = self.firmware, self._noise, not self._count
+        command = self._acting()
         last = self._count + periods - 1
         self.stamp_ns = stamp_ns = self._time_ns(last)
         firmware.advance(stamp_ns // 1_000_000)
         arguments = (
             self._plant, self._sensors, noise.block, noise.next_rows(periods), firmware.program,
-            firmware.registers, firmware.command,
+            firmware.registers, command,
         )  # fmt: skip
         if first:
             _begin(*arguments, self._period)
@@ -170,6 +175,16 @@ class SimulatedVehicle:
         if last % self._periods == 0:
             port_index, frame = firmware.next_data()
             self._wires[port_index].write(frame)
+
+    def _acting(self) -> Command:
+        """The newest command that is as old as the latency asks."""
+        commands = self._commands
+        if self.firmware.command != commands[-1][1]:
+            commands.append((self.stamp_ns, self.firmware.command))
+        old_ns = self.stamp_ns - round(1e9 * self.parameters.command_latency)
+        while len(commands) > 1 and commands[1][0] <= old_ns:
+            commands.popleft()
+        return commands[0][1]
 
     def due_ns(self, most: int = 1) -> int:
         """Time up to which `step_periods` would go."""

@@ -40,7 +40,7 @@ _UNITS: dict[str, dict[str, str]] = {
     "quadlab_msgs/msg/BearingArray": {"sigma": "rad"},
     "quadlab_msgs/msg/VehicleStatus": {
         "tick_rate": "Hz", "lateness_p50": "s", "lateness_p99": "s", "lateness_max": "s",
-        "nominal_rate": "Hz",
+        "nominal_rate": "Hz", "suspect_offset": "rad",
     },
     "quadlab_msgs/msg/StationStatus": {
         "recording_duration": "s", "recording_bytes": "B", "free_bytes": "B", "tracker_rate": "Hz",

@@ -21,7 +21,7 @@ DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
 _STATUS_FIELDS = (
     "armed", "airborne", "parameter_revision", "tick_rate", "lateness_p50", "lateness_p99",
     "lateness_max", "missed_share", "lateness_histogram", "overruns", "missed_frames",
-    "damaged_frames", "nominal_rate",
+    "damaged_frames", "nominal_rate", "suspect_offset", "suspect_beacon", "suspect_left_out",
 )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ export class Beacons {
   constructor({ events, history, description, gains, isOperator, ages }) {
     const shared = { events, gains, isOperator, ages };
     this.ages = ages;
+    this.events = events;
     this.gains = gains;
     this.isOperator = isOperator;
     this.presets = {};
@@ -104,6 +105,7 @@ export class Beacons {
     if (document.hidden) return;
     const isStale = this.ages.isOld("comparison"), { comparison } = this;
     this.session.draw();
+    this.residuals.mark(this.events.summary.status, this.ages.isOld("status"));
     if (!comparison) return;
     const names = comparison.estimators.map(({ name }) => name);
     if (names.join() !== this.names) {

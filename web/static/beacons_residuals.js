@@ -12,7 +12,9 @@ export class Residuals {
     this.limit = element("span", { className: "limit", title: "three standard deviations of the sensor's noise on one axis; 1.1 % of good bearings are farther off" });
     this.list = element("div", { className: "residuals" });
     this.rows = new Map();
-    place.append(element("h2", {}, "Residuals", this.of, this.limit), this.list);
+    this.note = element("p", { className: "offset", role: "status", hidden: true });
+    this.note.dataset.topic = "status";
+    place.append(element("h2", {}, "Residuals", this.of, this.limit), this.list, this.note);
   }
 
   // ids: of the confirmed layout
@@ -25,6 +27,17 @@ export class Residuals {
       this.rows.set(id, { line, fill, value });
     }
     this.list.replaceChildren(...[...this.rows.values()].map(({ line }) => line));
+  }
+
+  // What the vehicle finds of the mean residuals: the beacon whose bearings are off, by its status.
+  mark(status, isOld) {
+    const isOff = Boolean(status?.flags?.includes("beacon_off")) && !isOld, id = status?.suspect_beacon;
+    for (const [one, { line }] of this.rows) line.classList.toggle("off", isOff && Number(one) === id);
+    this.note.hidden = !isOff;
+    if (!isOff) return;
+    const offset = `${fixed((status.suspect_offset * 180) / Math.PI, 1)}° off on average`;
+    set(this.note, id < 0 ? `One beacon is ${offset}; which one cannot be told without the tracker or a fifth beacon.`
+      : `Beacon ${id} is ${offset}${status.suspect_left_out ? ", left out" : ""}.`);
   }
 
   // one: an estimator of the comparison, or undefined; sigma in degrees

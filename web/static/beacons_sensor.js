@@ -6,9 +6,9 @@ import { GainRow } from "./gain_row.js";
 const PREFIX = "station.bearings.";
 const GROUPS = [
   ["Frames and noise", ["rate", "sigma", "distribution", "degrees_of_freedom", "seed"]],
-  ["Latency", ["delay", "jitter"]],
+  ["Latency", ["delay", "jitter", "stamp_error"]],
   ["What is not seen", ["drop_out", "swap", "lost", "occlusion", "occlusion_spell"]],
-  ["Optics and mounting", ["field_of_view", "range_min", "range_max", "mount_roll", "mount_pitch", "mount_yaw", "bias_x", "bias_y", "bias_z"]],
+  ["Optics and mounting", ["field_of_view", "range_min", "range_max", "mount_roll", "mount_pitch", "mount_yaw", "bias_x", "bias_y", "bias_z", "beacon_bias"]],
 ];
 const ELSEWHERE = ["layout"];
 

@@ -76,6 +76,22 @@ def test_a_beacon_that_is_not_seen_is_grey_and_keeps_its_last_value(
     look.has_no_class(".residual[data-id='1']", "stale")
 
 
+def test_a_beacon_whose_bearings_are_off_is_marked_with_its_mean_offset(
+    tab: Any, look: Any, station: Any
+) -> None:
+    look.has_no_class(".residual[data-id='2']", "off")
+    off = {"flags": ["on_bearings", "beacon_off"], "suspect_offset": 0.0733}
+    station.said = {**off, "suspect_beacon": 2, "suspect_left_out": True}
+    look.has_class(".residual[data-id='2']", "off")
+    look.has_no_class(".residual[data-id='1']", "off")
+    look.text("#beacons-residuals .offset", r"^Beacon 2 is 4\.2°.*left out")
+    station.said = {**off, "suspect_beacon": -1}
+    look.has_no_class(".residual[data-id='2']", "off")
+    look.text("#beacons-residuals .offset", r"^One beacon is 4\.2°")
+    station.said = {}
+    tab.wait_for_selector("#beacons-residuals .offset", state="hidden")
+
+
 def test_without_a_comparison_all_of_it_is_grey(tab: Any, look: Any, station: Any) -> None:
     look.has_no_class("#beacons-errors table", "stale")
     station.compared = False
