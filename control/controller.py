@@ -12,11 +12,12 @@ import numpy.typing as npt
 from control.allocation import allocate
 from control.attitude_law import attitude_error, attitude_torque
 from control.desired_attitude import attitude_of_force, axes_of_force
+from control.disturbance_observer import DISTURBANCE
 from control.parameters import ControlParameters, Item, control_record
 from control.position_law import desired_force, force_rates, limit_force
 from quadrotor.compiled import compiled
 from quadrotor.records import ACTUATORS, Record, new_reference, new_state
-from quadrotor.vectors import Axes, Vector, axes_of, dot, quaternion, scale, subtract, vector
+from quadrotor.vectors import Axes, Vector, along, axes_of, dot, quaternion, scale, subtract, vector
 from quadrotor.vehicle_model import GRAVITY, Four, reference_of_thrust, wrench_of_thrusts
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +31,7 @@ CONTROL_MEMORY = np.dtype(
         ("attitude_integral_b", "f8", 3),  # rad s
         ("desired_attitude", "f8", (3, 3)),  # R_d of the last tick that had one
         ("tilt_limited", "i8"),  # 1 while the force limits act
+        ("disturbance", DISTURBANCE),  # taken off force and torque
     ],
     align=True,
 )
@@ -69,6 +71,51 @@ def _remember(memory: Item, axes: Axes) -> None:
 
 
 @compiled(inner=True)
+def fed_forward(
+    disturbance: Item, reference: Item, model: Item
+) -> tuple[Vector, Vector, Vector, Vector]:
+    """What the motors are to do beside the feedback, and the torque (N m) to be taken off.
+
+    The acceleration (m/s^2) that force over mass has to give, with its two derivatives: that of
+    the reference, the drag of its velocity, less the disturbing force that was found.
+    """
+    by_mass = 1.0 / model.mass
+    drag = model.drag * by_mass
+    acceleration_w, jerk_w = vector(reference.acceleration_w), vector(reference.jerk_w)
+    pushed = along(acceleration_w, drag, vector(reference.velocity_w))
+    pushed_dot = along(jerk_w, drag, acceleration_w)
+    return (
+        along(pushed, -by_mass, vector(disturbance.force_w)),
+        along(pushed_dot, -by_mass, vector(disturbance.force_rate_w)),
+        along(vector(reference.snap_w), drag, jerk_w),
+        vector(disturbance.torque_b),
+    )
+
+
+@compiled(inner=True)
+def hand_over(memory: Item, gains: Item, model: Item) -> None:
+    """What the observer begins and ends to take off leaves the integrals and comes back to them."""
+    d, mass, J = memory.disturbance, model.mass, model.inertia_b
+    if d.force_begun > 0.0 or d.torque_begun > 0.0:
+        for i in range(3):
+            memory.position_integral_w[i] *= 1.0 - d.force_begun
+            memory.attitude_integral_b[i] *= 1.0 - d.torque_begun
+        d.force_begun = d.torque_begun = 0.0
+    for i in range(3):
+        integral, bound = memory.position_integral_w, gains.position_integral_max
+        _give_back(integral, i, d.force_ended_w[i], mass * gains.ki[i], bound)
+        integral, bound = memory.attitude_integral_b, gains.attitude_integral_max
+        _give_back(integral, i, d.torque_ended_b[i], J[i] * gains.kf[i], bound)
+        d.force_ended_w[i] = d.torque_ended_b[i] = 0.0
+
+
+@compiled(inner=True)
+def _give_back(integral: Array, i: int, ended: float, stiffness: float, bound: float) -> None:
+    if ended != 0.0 and stiffness > 0.0:
+        integral[i] = min(bound, max(-bound, integral[i] - ended / stiffness))
+
+
+@compiled(inner=True)
 def step_one(
     memory: Item,
     state: Item,
@@ -84,10 +131,11 @@ def step_one(
     weight = mass * GRAVITY
     axes = axes_of(quaternion(state.quaternion_wb))
     omega_b = vector(state.angular_velocity_b)
-    acceleration_w = vector(reference.acceleration_w)
+    acceleration_w, jerk_w, snap_w, off = fed_forward(memory.disturbance, reference, model)
     e_p = subtract(vector(reference.position_w), vector(state.position_w))
     e_v = subtract(vector(reference.velocity_w), vector(state.velocity_w))
 
+    hand_over(memory, gains, model)
     integral_w = vector(memory.position_integral_w)
     wanted = desired_force(e_p, e_v, integral_w, acceleration_w, gains, mass)
     force, limited = limit_force(wanted, weight, gains.tan_tilt_max)
@@ -104,12 +152,12 @@ def step_one(
         # ("derivatives up to the fourth order"); from the exact one as an option.
         if gains.exact_rates == 1:
             f = force
-            f_dot, f_ddot = force_rates(e_p, e_v, reference, gains, mass, axes, omega_b, force)
+            nominal = acceleration_w, jerk_w, snap_w
+            f_dot, f_ddot = force_rates(e_p, e_v, nominal, gains, mass, axes, omega_b, force)
         else:
             f = (acceleration_w[0], acceleration_w[1], acceleration_w[2] + GRAVITY)
-            f_dot, f_ddot = vector(reference.jerk_w), vector(reference.snap_w)
             f = scale(mass, f)
-            f_dot, f_ddot = scale(mass, f_dot), scale(mass, f_ddot)
+            f_dot, f_ddot = scale(mass, jerk_w), scale(mass, snap_w)
         if f[2] >= DIRECTION_MIN * weight:
             _, omega_d, omega_dot_d = attitude_of_force(
                 f, f_dot, f_ddot, yaw, reference.yaw_rate, reference.yaw_acceleration
@@ -127,6 +175,7 @@ def step_one(
     x, y, z = attitude_torque(
         axes, omega_b, desired, omega_d, omega_dot_d, e_R, integral_b, gains, J
     )
+    x, y, z = x - off[0], y - off[1], z - off[2]
     # Departs from print: yaw has a thirtieth of the others' authority, and through the common
     # scaling an unbounded yaw torque would take theirs.
     bound = gains.yaw_torque_max
@@ -252,6 +301,12 @@ class GeometricController:
     def reset(self) -> None:
         """Empty the integrals."""
         self.memory[...] = new_control_memory()
+
+    @property
+    def disturbance(self) -> Record:
+        """DISTURBANCE (1,), to be written before a step: what it takes off force and torque."""
+        found: Record = self.memory["disturbance"]
+        return found
 
     @property
     def tilt_limited(self) -> bool:

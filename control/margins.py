@@ -11,6 +11,19 @@ the laws neglect (Sec. 5.3). Sideways, with g theta the acceleration a tilt give
 
 broken at the desired tilt; the same closed loop broken at the motors is what a slower motor or a
 delay there meets. Height and yaw are one loop each.
+
+A disturbance observer (control.disturbance_observer) of low pass Q = a / (s + a) has the model's
+motors G = 1 / (tau s + 1) beside the true ones. Broken there, L becomes (L + Q G) / (1 - Q G): the
+torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
+against the measured tilt, neither of which is behind the desired tilt or the motors: those two
+cuts do not see it. The loop `estimate` does, broken at the measured motion: with T the position
+loop's tilt over the desired one, and T_o that of what the observer takes off, whose rate is fed
+forward behind a low pass b / (s + b),
+
+    L = (T P + T_o Q s^2) / (s^2 (1 - Q T_o))
+    T_o = (A + k_w s b / (s + b)) / ((tau s + 1) s^2 + A + k_w s)
+
+which is L of the position loop without an observer.
 """
 
 from __future__ import annotations
@@ -21,10 +34,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from control.disturbance_observer import RATE_POLE
 from control.parameters import ControlParameters
 
 Complex = npt.NDArray[np.complex128]
 Real = npt.NDArray[np.float64]
+Polynomial = np.polynomial.Polynomial
 
 FREQUENCIES = np.logspace(-2.0, 3.0, 400)
 """rad/s, between which crossovers are sought."""
@@ -53,28 +68,51 @@ class Margin:
 
 
 def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[Margin, ...]:
-    """Margins of the position, motor, height and yaw loops of these gains.
+    """Margins of the position, motor, height, yaw and estimate loops of these gains.
 
     Args:
         motor_time_constant: s, > 0.
     """
-    p, a = parameters.position, parameters.attitude
-    lag = np.polynomial.Polynomial([1.0, motor_time_constant])
-    s = np.polynomial.Polynomial([0.0, 1.0])
+    p, a, d = parameters.position, parameters.attitude, parameters.disturbance
+    lag = Polynomial([1.0, motor_time_constant])
+    s = Polynomial([0.0, 1.0])
     # All times s, so that integral gains are coefficients too.
-    position = np.polynomial.Polynomial([p.ki_xy, p.kp_xy, p.kv_xy])
-    attitude = np.polynomial.Polynomial([a.ki_xy, a.kr_xy])
-    damped = np.polynomial.Polynomial([a.ki_xy, a.kr_xy, a.kw_xy])
+    position = Polynomial([p.ki_xy, p.kp_xy, p.kv_xy])
+    attitude = Polynomial([a.ki_xy, a.kr_xy])
+    damped = Polynomial([a.ki_xy, a.kr_xy, a.kw_xy])
     feed_forward = damped + s**3 if a.rates == "exact" else attitude
     tilt = lag * s**3 + damped
-    height = np.polynomial.Polynomial([p.ki_z, p.kp_z, p.kv_z])
-    yaw = np.polynomial.Polynomial([a.ki_z, a.kr_z, a.kw_z])
+    height = Polynomial([p.ki_z, p.kp_z, p.kv_z])
+    yaw = Polynomial([a.ki_z, a.kr_z, a.kw_z])
+    force = d.force_bandwidth if d.force else 0.0
+    torque = d.torque_bandwidth if d.torque else 0.0
+    motors = damped * s**3 + position * feed_forward
+    # Q T_o, a ratio; what is taken off has the nominal rates and its own, whatever the others have.
+    rate = Polynomial([RATE_POLE, 1.0])
+    taken = force * (attitude * rate + RATE_POLE * a.kw_xy * s**2)
+    left = tilt * rate * Polynomial([force, 1.0])
+    estimate = (
+        (position * feed_forward * left + taken * tilt * s**3, s**3 * tilt * (left - taken))
+        if force
+        else (position * feed_forward, s**3 * tilt)
+    )
     return (
         _margin("position", position * feed_forward, s**3 * tilt),
-        _margin("motors", damped * s**3 + position * feed_forward, lag * s**6),
-        _margin("height", height, lag * s**3),
-        _margin("yaw", yaw, lag * s**3),
+        _margin("motors", *_observed(motors, lag * s**6, torque, lag)),
+        _margin("height", *_observed(height, lag * s**3, force, lag)),
+        _margin("yaw", *_observed(yaw, lag * s**3, torque, lag)),
+        _margin("estimate", *estimate),
     )
+
+
+def _observed(
+    above: Polynomial, below: Polynomial, bandwidth: float, lag: Polynomial
+) -> tuple[Polynomial, Polynomial]:
+    """The loop above / below with an observer of this bandwidth (rad/s); 0: as it is."""
+    if bandwidth == 0.0:
+        return above, below
+    low_pass = Polynomial([bandwidth, 1.0]) * lag
+    return above * low_pass + bandwidth * below, below * (low_pass - bandwidth)
 
 
 def smallest(found: tuple[Margin, ...]) -> Margin:
@@ -82,7 +120,7 @@ def smallest(found: tuple[Margin, ...]) -> Margin:
     return min(found, key=lambda one: one.phase)
 
 
-def _margin(loop: str, above: np.polynomial.Polynomial, below: np.polynomial.Polynomial) -> Margin:
+def _margin(loop: str, above: Polynomial, below: Polynomial) -> Margin:
     """Of the loop above / below; its closed loop is stable when above + below has no root right."""
 
     def response(frequency: Real) -> Complex:
@@ -101,6 +139,6 @@ def _margin(loop: str, above: np.polynomial.Polynomial, below: np.polynomial.Pol
             worst, where = phase, float(crossover[0])
     closed = (above + below).coef
     while closed[0] == 0.0 and below.coef[0] == 0.0:  # no integral gain: s cancels
-        closed, below = closed[1:], np.polynomial.Polynomial(below.coef[1:])
+        closed, below = closed[1:], Polynomial(below.coef[1:])
     stable = bool(np.polynomial.Polynomial(closed).roots().real.max() < 0.0)
     return Margin(loop, abs(worst) if stable else -abs(worst), where)

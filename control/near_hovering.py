@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from control.allocation import allocate
-from control.controller import GeometricController, command, wind
+from control.controller import GeometricController, command, fed_forward, hand_over, wind
 from control.parameters import Item
 from control.position_law import desired_force, limit_force
 from quadrotor.compiled import compiled
@@ -83,10 +83,9 @@ def hover_one(
     omega_b = vector(state.angular_velocity_b)
     e_p = subtract(vector(reference.position_w), vector(state.position_w))
     e_v = subtract(vector(reference.velocity_w), vector(state.velocity_w))
-    integral_w, acceleration_w = (
-        vector(memory.position_integral_w),
-        vector(reference.acceleration_w),
-    )
+    hand_over(memory, gains, model)
+    integral_w = vector(memory.position_integral_w)
+    acceleration_w, _, _, off = fed_forward(memory.disturbance, reference, model)
     force = desired_force(e_p, e_v, integral_w, acceleration_w, gains, model.mass)
     force, limited = limit_force(force, weight, gains.tan_tilt_max)
     memory.tilt_limited = 1 if limited else 0
@@ -99,6 +98,7 @@ def hover_one(
     error = (wanted[1] - roll, wanted[2] - pitch, wanted[3] - omega_b[2])
     integral_b, J = vector(memory.attitude_integral_b), vector(model.inertia_b)
     x, y, z = hovering_torque(error, omega_b, integral_b, gains, J)
+    x, y, z = x - off[0], y - off[1], z - off[2]
     bound = gains.yaw_torque_max
     thrusts, scaling = allocate((wanted[0], x, y, min(bound, max(-bound, z))), model)
 

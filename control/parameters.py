@@ -98,6 +98,42 @@ class ControlLimits(Parameters):
     )
 
 
+class DisturbanceParameters(Parameters):
+    """What the disturbance observer finds and the law takes off."""
+
+    force: bool = parameter(
+        False,
+        description="take the disturbing force found (wind, payload, weak motors) off the desired "
+        "one; faded in and out",
+    )
+    torque: bool = parameter(
+        False,
+        description="take the disturbing torque found (a weak motor, a load off the centre) off "
+        "the one of the law; faded in and out",
+    )
+    force_bandwidth: float = parameter(
+        14.0, unit="rad/s", ge=0.1, le=20.0, step=0.1, flight_step=5.0,
+        description="low pass of the force found",
+    )  # fmt: skip
+    torque_bandwidth: float = parameter(
+        0.8, unit="rad/s", ge=0.05, le=15.0, step=0.05, flight_step=3.0,
+        description="low pass of the torque found; costs margin at the motors",
+    )  # fmt: skip
+    force_max: float = parameter(
+        4.0, unit="N", ge=0.0, le=10.0, step=0.1, flight_step=2.0,
+        description="largest force taken off, each world axis",
+    )  # fmt: skip
+    torque_max: float = parameter(
+        0.2, unit="N m", ge=0.0, le=1.0, step=0.01, flight_step=0.2,
+        description="largest torque taken off, each body axis",
+    )  # fmt: skip
+    fade: float = parameter(
+        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        description="time to fade in after take-off or switching on, and out after switching off; "
+        "at least three time constants of the low pass",
+    )  # fmt: skip
+
+
 class ControlParameters(Parameters):
     """Everything the controller is tuned by."""
 
@@ -110,6 +146,7 @@ class ControlParameters(Parameters):
     position: PositionGains = PositionGains()
     attitude: AttitudeGains = AttitudeGains()
     limits: ControlLimits = ControlLimits()
+    disturbance: DisturbanceParameters = DisturbanceParameters()
 
 
 def control_record(parameters: ControlParameters) -> Record:

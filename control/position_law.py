@@ -61,7 +61,7 @@ def limit_force(force_w: Vector, weight: float, tan_tilt_max: float) -> tuple[Ve
 def force_rates(
     e_p: Vector,
     e_v: Vector,
-    reference: Item,
+    nominal: tuple[Vector, Vector, Vector],
     gains: Item,
     mass: float,
     axes: Axes,
@@ -75,20 +75,22 @@ def force_rates(
     a' = (u_1' z_B + u_1 z_B') / m with u_1' = f_d' . z_B + f_d . z_B'.
 
     Args:
+        nominal: acceleration, jerk and snap fed forward.
         axes: columns of R_wb. omega_b: rad/s, body axes. force_w: f_d, N.
     """
     kp, kv, ki = vector(gains.kp), vector(gains.kv), vector(gains.ki)
+    acceleration_w, jerk_w, snap_w = nominal
     x_b, y_b, z_b = axes
     z_b_dot = subtract(scale(omega_b[1], x_b), scale(omega_b[0], y_b))
     thrust = dot(force_w, z_b)
     acceleration = scale(thrust / mass, z_b)
-    e_a = subtract(vector(reference.acceleration_w), acceleration)
+    e_a = subtract(acceleration_w, acceleration)
     e_a = (e_a[0], e_a[1], e_a[2] + GRAVITY)
     rate = add(add(times(kp, e_v), times(ki, e_p)), times(kv, e_a))
-    force_dot = scale(mass, add(vector(reference.jerk_w), rate))
+    force_dot = scale(mass, add(jerk_w, rate))
     thrust_dot = dot(force_dot, z_b) + dot(force_w, z_b_dot)
     jerk = scale(1.0 / mass, along(scale(thrust_dot, z_b), thrust, z_b_dot))
-    e_j = subtract(vector(reference.jerk_w), jerk)
+    e_j = subtract(jerk_w, jerk)
     rate = add(add(times(kp, e_a), times(ki, e_v)), times(kv, e_j))
-    force_ddot = scale(mass, add(vector(reference.snap_w), rate))
+    force_ddot = scale(mass, add(snap_w, rate))
     return force_dot, force_ddot

@@ -25,6 +25,15 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
         "position.kv_z": 4.0,
         "position.ki_z": 1.0,
     },
+    # Wind, payload, a weak motor: found by the disturbance observer and taken off. The attitude
+    # integral has nothing left to do, and what the observer costs at the motors comes from k_R.
+    "observer": {
+        "disturbance.force": True,
+        "disturbance.torque": True,
+        "attitude.kr_xy": 55.0,
+        "attitude.ki_xy": 0.0,
+        "attitude.ki_z": 0.0,
+    },
     # Desired rates from the exact force: damped, but softer against a constant force by
     # 1 + k_w k_v / k_R.
     "damped": {"attitude.rates": "exact"},

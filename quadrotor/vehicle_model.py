@@ -31,6 +31,7 @@ MODEL = np.dtype(
         ("motor_offset", "f8"),  # counts
         ("thrust_min", "f8"),  # N a motor
         ("thrust_max", "f8"),  # N a motor
+        ("drag", "f8"),  # N s/m
     ],
     align=True,
 )
@@ -66,6 +67,11 @@ class VehicleModel(Parameters):
     motor_time_constant: float = parameter(
         0.047, unit="s", ge=0.001, le=0.5, step=0.001,
         description="first-order lag of rotor speed",
+    )  # fmt: skip
+    drag: float = parameter(
+        0.0, unit="N s/m", ge=0.0, le=2.0, step=0.01, flight_step=0.2,
+        description="linear drag, fed forward by the reference's velocity; 0: none. The experiment "
+        "`drag` finds it",
     )  # fmt: skip
     motor_slope: float = parameter(
         0.0126403, unit="√N", ge=0.001, le=0.1, step=1e-7, flight_step=0.001,
@@ -110,6 +116,7 @@ class VehicleModel(Parameters):
         out["motor_time_constant"] = self.motor_time_constant
         out["motor_slope"] = slope
         out["motor_offset"] = self.motor_offset
+        out["drag"] = self.drag
         out["thrust_min"] = thrust_of_reference(self.motor_reference_min, slope, self.motor_offset)
         out["thrust_max"] = thrust_of_reference(self.motor_reference_max, slope, self.motor_offset)
         return out

@@ -24,10 +24,12 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 def _controller() -> None:
     from control.controller import GeometricController
-    from control.parameters import ControlParameters
+    from control.disturbance_observer import DisturbanceObserver
+    from control.parameters import ControlParameters, DisturbanceParameters
     from quadrotor.vehicle_model import VehicleModel
 
     GeometricController().configure(ControlParameters(), VehicleModel().record())
+    DisturbanceObserver(DisturbanceParameters())
 
 
 def _estimator() -> None:

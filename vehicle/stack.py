@@ -76,6 +76,7 @@ class FlightStack(StackOnGround):
         self.mass.step(self.state, self.actuators, self._weighs(airborne), since, self.estimate)
         if self.mass.used:
             self._fly_on(self.mass.mass)
+        self._observe(airborne, dt)
         if self.steering.follow_battery(sample.battery_voltage, dt):
             self.behaviors.model = self.steering.model
 
@@ -184,6 +185,12 @@ class FlightStack(StackOnGround):
         if self.control_mode is not ControlMode.DIRECT:  # thrusts are the microcontroller's own
             return False
         return airborne and not (self.ground.carried and self.behaviors.name in LANDING)
+
+    def _observe(self, airborne: bool, dt: float) -> None:
+        """Disturbances, by what the law itself commanded; the ground's reaction is none."""
+        flying = airborne and self.control_mode is ControlMode.DIRECT and self.mode in FLYING
+        carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
+        self.steering.observe(self.state, self.actuators, flying, carried, dt)
 
     def _fly_on(self, mass: float) -> None:
         """One mass (kg) for law, feed-forward and touch-down."""

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol, runtime_checkable
 
 from control.controller import Controller, GeometricController
+from control.disturbance_observer import DisturbanceObserver
 from control.near_hovering import NearHoveringController
 from control.parameters import GEOMETRIC, NEAR_HOVERING, ControlParameters
 from quadrotor.errors import RefusedError
@@ -39,8 +40,18 @@ class Weighed(Protocol):
         ...
 
 
+@runtime_checkable
+class Compensating(Protocol):
+    """A law that takes off what the disturbance observer found; others fly without."""
+
+    @property
+    def disturbance(self) -> Record:
+        """DISTURBANCE, shape (1,), written before each step."""
+        ...
+
+
 class Steering:
-    """The controller of one vehicle and its model.
+    """The controller of one vehicle, its model and what disturbs it.
 
     Args:
         control, model: read again by each `configure`.
@@ -49,6 +60,7 @@ class Steering:
     Attributes:
         model: MODEL, shape (1,), with the mass that is flown on; followed, not kept, by others.
         mass: kg, the same.
+        observer: of disturbances; off unless the parameters switch it on.
     """
 
     def __init__(
@@ -59,6 +71,7 @@ class Steering:
         self._voltage: float | None = None  # V, filtered; None before the first reading
         self._modelled: float | None = None  # V, that the model was made for
         self.mass = model.mass
+        self.observer = DisturbanceObserver(control.disturbance)
         self.configure(control, model)
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
@@ -72,6 +85,7 @@ class Steering:
         """Take the present parameters; `check` has seen them."""
         self._control, self._parameters = control, model
         self.mass = model.mass
+        self.observer.configure(control.disturbance)
         if control.law != self._name:
             self._name = control.law
             self.controller = LAWS[self._name]()
@@ -88,6 +102,13 @@ class Steering:
             return False
         self._remodel()
         return True
+
+    def observe(
+        self, state: Record, actuators: Record, flying: bool, carried: bool, dt: float
+    ) -> None:
+        """Look for disturbances; see `control.disturbance_observer.observe_one`."""
+        if self._disturbance is not None and not self.observer.idle:
+            self.observer.step(state, actuators, self.model, flying, carried, dt, self._disturbance)
 
     def weigh(self, mass: float) -> None:
         """Fly on this mass (kg) from now on, until the next `configure`."""
@@ -110,4 +131,6 @@ class Steering:
     def _hand_over(self) -> None:
         self._configured = self.mass
         self._weighed = self.controller if isinstance(self.controller, Weighed) else None
+        law = self.controller
+        self._disturbance = law.disturbance if isinstance(law, Compensating) else None
         self.controller.configure(self._control, self.model)

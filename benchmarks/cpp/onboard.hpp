@@ -118,13 +118,18 @@ inline double largest_share(double rest, double low, double high) {
     return std::isnan(rest) ? 0.0 : 1.0;
 }
 
-// Nominal rates only (the project's default).
+// Nominal rates only and no disturbance observer (the project's defaults).
 inline void control(ControlMemory& m, const State& state, const Reference& r, const ControlGains& g,
                     const Model& model, bool airborne, double dt, Actuators& out) {
     const double mass = model.mass, weight = mass * kGravity;
     const double* quat = state.quaternion_wb;
     Axes R = axes_of({quat[0], quat[1], quat[2], quat[3]});
-    Vec omega = load(state.angular_velocity_b), acceleration = load(r.acceleration_w);
+    Vec omega = load(state.angular_velocity_b);
+    const double by_mass = 1.0 / mass, drag = model.drag * by_mass;
+    Vec reference_acceleration = load(r.acceleration_w), reference_jerk = load(r.jerk_w);
+    Vec acceleration = reference_acceleration + drag * load(r.velocity_w) - by_mass * load(m.disturbing_force_w);
+    Vec jerk = reference_jerk + drag * reference_acceleration - by_mass * load(m.disturbing_force_rate_w);
+    Vec snap = load(r.snap_w) + drag * reference_jerk;
     Vec e_p = load(r.position_w) - load(state.position_w);
     Vec e_v = load(r.velocity_w) - load(state.velocity_w);
     Vec f = load(g.kp) * e_p + load(g.kv) * e_v + load(g.ki) * load(m.position_integral_w);
@@ -148,8 +153,8 @@ inline void control(ControlMemory& m, const State& state, const Reference& r, co
         store(D.x, columns[0]), store(D.y, columns[1]), store(D.z, columns[2]);
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) last[i][j] = columns[j][i];
-        Moving n{mass * (acceleration + Vec{0, 0, kGravity}), mass * load(r.jerk_w),
-                 mass * load(r.snap_w)};
+        Moving n{mass * (acceleration + Vec{0, 0, kGravity}), mass * jerk,
+                 mass * snap};
         if (n.a.z >= 0.1 * weight) {
             Moving y_c{{-s, c, 0},
                        {-c * r.yaw_rate, -s * r.yaw_rate, 0},
@@ -176,6 +181,7 @@ inline void control(ControlMemory& m, const State& state, const Reference& r, co
                    load(g.kw) * (wanted - omega);
     Vec forward = to_body(R, to_world(D, omega_dot_d)) - cross(omega, wanted);
     Vec torque = J * (feedback + forward) + cross(omega, J * omega);
+    torque = torque - load(m.disturbing_torque_b);
     torque.z = std::clamp(torque.z, -g.yaw_torque_max, g.yaw_torque_max);
 
     double low = model.thrust_min, high = model.thrust_max;

@@ -17,11 +17,22 @@ struct ControlGains {
 
 struct Model {
     double mass, inertia_b[3], arm, torque_ratio, motor_time_constant, motor_slope, motor_offset;
-    double thrust_min, thrust_max;
+    double thrust_min, thrust_max, drag;
 };
 
 struct Eight {
     double center[4], amplitude[4], rate, ramp, total;
+};
+
+struct Observer {
+    int64_t force, torque;
+    double force_bandwidth, torque_bandwidth, force_max, torque_max, fade;
+};
+
+struct ObserverMemory {
+    int64_t running;
+    double rotor_speeds[4], velocity_w[3], angular_velocity_b[3], acceleration_w[3];
+    double slow_acceleration_w[3], turn_b[3], force_share, torque_share;
 };
 
 struct Settings {
@@ -29,6 +40,7 @@ struct Settings {
     ControlGains control;
     Model model;
     Eight eight;
+    Observer observer;
 };
 
 constexpr int kHistory = 256;
@@ -50,6 +62,8 @@ struct EstimatorMemory {
 struct ControlMemory {
     double position_integral_w[3], attitude_integral_b[3], desired_attitude[3][3];
     int64_t tilt_limited;
+    double disturbing_force_w[3], disturbing_force_rate_w[3], disturbing_torque_b[3];
+    double force_begun, torque_begun, force_ended_w[3], torque_ended_b[3];
 };
 
 struct ImuSample {
@@ -88,6 +102,7 @@ struct Onboard {
     Reference reference;
     Actuators actuators;
     Estimate estimate;
+    ObserverMemory observer;
 };
 
 struct Plant {

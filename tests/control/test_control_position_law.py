@@ -130,7 +130,8 @@ def test_exact_rates_are_the_derivatives_of_the_force_along_the_model(rng):
     e_p, e_v = errors_of(state, reference)
     axes = axes_of(tuple(state["quaternion_wb"][0]))
     omega_b = tuple(state["angular_velocity_b"][0])
-    first, other = force_rates(e_p, e_v, reference[0], gains[0], MASS, axes, omega_b, tuple(f_0))
+    nominal = tuple(tuple(reference[f"{name}_w"][0]) for name in ("acceleration", "jerk", "snap"))
+    first, other = force_rates(e_p, e_v, nominal, gains[0], MASS, axes, omega_b, tuple(f_0))
     np.testing.assert_allclose(first, (f_plus - f_minus) / (2 * h), rtol=2e-4, atol=2e-4)
     second = (f_plus - 2 * f_0 + f_minus) / h**2
     np.testing.assert_allclose(other, second, rtol=5e-3, atol=5e-2)

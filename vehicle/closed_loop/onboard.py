@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from control.controller import CONTROL_MEMORY, new_control_memory, step_one
+from control.disturbance_observer import OBSERVER, OBSERVER_MEMORY, observe_one, observer_record
 from control.parameters import CONTROL, ControlParameters, control_record
 from control.trajectories.figure_eight import FIGURE_EIGHT, FigureEight, figure_eight_at
 from estimation.complementary_filter import predict_one
@@ -31,6 +32,7 @@ SETTINGS = np.dtype(
         ("control", CONTROL),
         ("model", MODEL),  # what the controller believes
         ("eight", FIGURE_EIGHT),
+        ("observer", OBSERVER),
     ],
     align=True,
 )
@@ -45,6 +47,7 @@ ONBOARD = np.dtype(
         ("reference", REFERENCE),
         ("actuators", ACTUATORS),
         ("estimate", ESTIMATE),
+        ("observer", OBSERVER_MEMORY),
     ],
     align=True,
 )
@@ -63,6 +66,7 @@ def new_settings(
     out["control"] = control_record(control)
     out["model"] = model.record()
     out["eight"] = trajectory._eight
+    out["observer"] = observer_record(control.disturbance)
     return out
 
 
@@ -78,6 +82,11 @@ def new_onboard() -> Record:
 @compiled(inner=True)
 def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
     """Actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
+    if s.observer.force == 1 or s.observer.torque == 1:
+        found, carried = v.controller.disturbance, False
+        observe_one(
+            v.observer, v.state, v.actuators, s.observer, s.model, airborne, carried, dt, found
+        )
     figure_eight_at(s.eight, t, v.reference)
     step_one(v.controller, v.state, v.reference, s.control, s.model, airborne, dt, v.actuators)
 

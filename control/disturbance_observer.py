@@ -1,0 +1,305 @@
+"""What pushes and twists the vehicle beside its motors: a disturbance observer.
+
+Motion as the model has it, driven by the thrusts commanded (through the rotors' lag) and by the
+disturbance found, is held against the motion measured: with w' = u_1 z_B / m - g z_W + d and
+d = a (v - w), the disturbance found is the true one behind a low pass a / (s + a). The same of the
+rotation, with J omega' + omega x J omega = tau + J t. Velocity and angular velocity are the
+estimator's, so what its attitude or its accelerometer is wrong by counts as a disturbance too and
+is taken back in the same frame. No reference and no gain of the law appears: thrusts at their
+limits wind nothing up.
+
+The law takes the force off f_d (eq. 4) and the torque off tau (eq. 5), each faded in and out and
+within its bound; what the bound cuts is left to the law's integrals. A mass flown on
+(`mass.used_by`) changes the model: the observer takes what that mass leaves.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from control.parameters import DisturbanceParameters, Item
+from quadrotor.compiled import compiled
+from quadrotor.records import ACTUATORS, Record, new_state
+from quadrotor.rigid_body import gyroscopic_ratios, motor_share, rotors
+from quadrotor.vectors import Vector, along, scale, times, vector
+from quadrotor.vehicle_model import GRAVITY, Four, VehicleModel
+
+Array = npt.NDArray[np.float64]
+
+RATE_POLE = 20.0
+"""rad/s, low pass of the force's rate, which turns the vehicle before its tilt is wrong."""
+SETTLED = 3.0
+"""Time constants of a low pass over which it is faded in at least: it must have found something
+before the law's integral is taken."""
+
+OBSERVER = np.dtype(
+    [
+        ("force", "i8"),  # 1: taken off the desired force
+        ("torque", "i8"),  # 1: taken off the torque
+        ("force_bandwidth", "f8"),  # rad/s
+        ("torque_bandwidth", "f8"),  # rad/s
+        ("force_max", "f8"),  # N, each axis
+        ("torque_max", "f8"),  # N m, each axis
+        ("fade", "f8"),  # s
+    ],
+    align=True,
+)
+
+OBSERVER_MEMORY = np.dtype(
+    [
+        ("running", "i8"),  # 1 once the model's motion has begun at the measured one
+        ("rotor_speeds", "f8", 4),  # counts, as the model has them
+        ("velocity_w", "f8", 3),  # m/s, the model's
+        ("angular_velocity_b", "f8", 3),  # rad/s, the model's
+        ("acceleration_w", "f8", 3),  # m/s^2, the disturbing force over the mass
+        ("slow_acceleration_w", "f8", 3),  # m/s^2, the same behind RATE_POLE
+        ("turn_b", "f8", 3),  # rad/s^2, the disturbing torque over the inertia
+        ("force_share", "f8"),  # 0..1, how far the force is faded in
+        ("torque_share", "f8"),  # 0..1
+    ],
+    align=True,
+)
+
+DISTURBANCE = np.dtype(
+    [
+        ("force_w", "f8", 3),  # N, world axes
+        ("force_rate_w", "f8", 3),  # N/s
+        ("torque_b", "f8", 3),  # N m, body axes
+        ("force_begun", "f8"),  # 0..1, share of the law's integral that it now takes over
+        ("torque_begun", "f8"),
+        ("force_ended_w", "f8", 3),  # N, that it no longer takes off: the integral's again
+        ("torque_ended_b", "f8", 3),  # N m
+    ],
+    align=True,
+)
+"""What a law takes off its force and torque; the last four act once, on its integrals, so that
+nothing jumps when the observer is faded in or out."""
+
+
+def observer_record(parameters: DisturbanceParameters) -> Record:
+    """The parameters as one OBSERVER record, shape (1,)."""
+    out = np.zeros(1, OBSERVER)
+    for name in OBSERVER.names or ():
+        out[name] = getattr(parameters, name)
+    return out
+
+
+@compiled(inner=True)
+def observe_one(
+    memory: Item,
+    state: Item,
+    actuators: Item,
+    settings: Item,
+    model: Item,
+    flying: bool,
+    carried: bool,
+    dt: float,
+    out: Item,
+) -> None:
+    """One step of one vehicle, from records: what the law is to take off.
+
+    Args:
+        actuators: what was commanded over the last dt (s).
+        flying: airborne on this law's own thrusts. False forgets all at once.
+        carried: the ground bears part of it: what was found is held.
+    """
+    m = memory
+    n = m.rotor_speeds
+    target = vector4(actuators.motor_references)
+    if not flying:
+        _forget(m, target, out)
+        return
+    if not math.isfinite(_sum(state.velocity_w) + _sum(state.angular_velocity_b)):
+        return  # a NaN would stay
+    pole, spin = settings.force_bandwidth, settings.torque_bandwidth
+    keep, keep_spin = -math.expm1(-pole * dt), -math.expm1(-spin * dt)
+    if m.running == 0 or carried:
+        m.running = 1
+        for i in range(4):
+            n[i] = target[i]
+        for i in range(3):  # the model's motion that goes on with what was found
+            away = m.acceleration_w[i] * dt * (1.0 - keep) / keep
+            m.velocity_w[i] = state.velocity_w[i] - away
+            away = m.turn_b[i] * dt * (1.0 - keep_spin) / keep_spin
+            m.angular_velocity_b[i] = state.angular_velocity_b[i] - away
+    else:
+        push_w, turn = _modelled(m, state, target, model, dt)
+        blur = -math.expm1(-RATE_POLE * dt)
+        for i in range(3):
+            w, v = m.velocity_w, m.angular_velocity_b
+            w[i] += dt * push_w[i]
+            away = keep * (state.velocity_w[i] - w[i])
+            w[i] += away
+            m.acceleration_w[i] = away / dt
+            m.slow_acceleration_w[i] += blur * (m.acceleration_w[i] - m.slow_acceleration_w[i])
+            v[i] += dt * turn[i]
+            away = keep_spin * (state.angular_velocity_b[i] - v[i])
+            v[i] += away
+            m.turn_b[i] = away / dt
+    _take(m, settings, model, dt, out)
+
+
+@compiled(inner=True)
+def vector4(a: Array) -> Four:
+    """The four numbers of an array."""
+    return a[0], a[1], a[2], a[3]
+
+
+@compiled(inner=True)
+def _sum(a: Array) -> float:
+    total: float = a[0] + a[1] + a[2]
+    return total
+
+
+@compiled(inner=True)
+def _towards(share: float, target: int, step: float) -> float:
+    return min(1.0, share + step) if target == 1 else max(0.0, share - step)
+
+
+@compiled(inner=True)
+def _forget(m: Item, target: Four, out: Item) -> None:
+    m.running = 0
+    m.force_share = m.torque_share = 0.0
+    for i in range(4):
+        m.rotor_speeds[i] = target[i]
+    for i in range(3):
+        m.acceleration_w[i] = m.slow_acceleration_w[i] = m.turn_b[i] = 0.0
+        out.force_w[i] = out.force_rate_w[i] = out.torque_b[i] = 0.0
+        out.force_ended_w[i] = out.torque_ended_b[i] = 0.0
+    out.force_begun = out.torque_begun = 0.0
+
+
+@compiled(inner=True)
+def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tuple[Vector, Vector]:
+    """Accelerations by the model: linear (m/s^2, world axes), angular (rad/s^2, body axes).
+
+    The rotors' speeds are those of the middle of the step.
+    """
+    n = m.rotor_speeds
+    before = n[0], n[1], n[2], n[3]
+    share = motor_share(model.motor_time_constant, dt)
+    for i in range(4):
+        n[i] += share * (target[i] - n[i])
+    middle = (
+        0.5 * (before[0] + n[0]), 0.5 * (before[1] + n[1]),
+        0.5 * (before[2] + n[2]), 0.5 * (before[3] + n[3]),
+    )  # fmt: skip
+    thrust, x, y, z = rotors(
+        middle, model.motor_slope, model.motor_offset, model.arm, model.torque_ratio
+    )
+    q, lift = state.quaternion_wb, thrust / model.mass
+    pushed_w = (
+        2.0 * lift * (q[1] * q[3] + q[0] * q[2]),
+        2.0 * lift * (q[2] * q[3] - q[0] * q[1]),
+        lift * (1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2])) - GRAVITY,
+    )
+    push_w = along(pushed_w, -model.drag / model.mass, vector(state.velocity_w))
+    J, o = vector(model.inertia_b), vector(state.angular_velocity_b)
+    inverse = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
+    ratios = gyroscopic_ratios(J, inverse)
+    turn = times((x, y, z), inverse)
+    return push_w, (
+        turn[0] - ratios[0] * o[1] * o[2],
+        turn[1] - ratios[1] * o[2] * o[0],
+        turn[2] - ratios[2] * o[0] * o[1],
+    )
+
+
+@compiled(inner=True)
+def _take(m: Item, settings: Item, model: Item, dt: float, out: Item) -> None:
+    """Within the bounds, as far as it is faded in; a force at its bound has no rate.
+
+    Fading in by d from a share s leaves the integral (1 - s - d) / (1 - s) of what it was: it has
+    held against the same disturbance. Fading out gives back what is no longer taken off.
+    """
+    force_before, torque_before = m.force_share, m.torque_share
+    slowness = max(settings.fade, SETTLED / settings.force_bandwidth)
+    m.force_share = _towards(force_before, settings.force, dt / slowness)
+    slowness = max(settings.fade, SETTLED / settings.torque_bandwidth)
+    m.torque_share = _towards(torque_before, settings.torque, dt / slowness)
+    out.force_begun = _begun(force_before, m.force_share)
+    out.torque_begun = _begun(torque_before, m.torque_share)
+    force_ended = max(0.0, force_before - m.force_share)
+    torque_ended = max(0.0, torque_before - m.torque_share)
+    force = scale(model.mass, vector(m.acceleration_w))
+    slow = scale(model.mass, vector(m.slow_acceleration_w))
+    bound, twist, J = settings.force_max, settings.torque_max, model.inertia_b
+    for i in range(3):
+        free = abs(force[i]) < bound
+        found = min(bound, max(-bound, force[i]))
+        out.force_w[i] = m.force_share * found
+        out.force_ended_w[i] = force_ended * found
+        out.force_rate_w[i] = m.force_share * RATE_POLE * (force[i] - slow[i]) if free else 0.0
+        found = min(twist, max(-twist, J[i] * m.turn_b[i]))
+        out.torque_b[i] = m.torque_share * found
+        out.torque_ended_b[i] = torque_ended * found
+
+
+@compiled(inner=True)
+def _begun(before: float, after: float) -> float:
+    return (after - before) / (1.0 - before) if after > before else 0.0
+
+
+@compiled
+def observe(
+    memory: Record,
+    state: Record,
+    actuators: Record,
+    settings: Record,
+    model: Record,
+    flying: bool,
+    carried: bool,
+    dt: float,
+    out: Record,
+) -> None:
+    """`observe_one` for Python: records of shape (1,)."""
+    observe_one(
+        memory[0], state[0], actuators[0], settings[0], model[0], flying, carried, dt, out[0]
+    )
+
+
+class DisturbanceObserver:
+    """Holds the memory of one vehicle; compiles when made, since it may be switched on in flight.
+
+    Attributes:
+        memory: OBSERVER_MEMORY, shape (1,).
+    """
+
+    def __init__(self, parameters: DisturbanceParameters) -> None:
+        self.memory = np.zeros(1, OBSERVER_MEMORY)
+        self._wanted = False
+        self.configure(parameters)
+        model, actuators, state = VehicleModel().record(), np.zeros(1, ACTUATORS), new_state()
+        self.step(state, actuators, model, False, False, 0.002, np.zeros(1, DISTURBANCE))
+
+    def configure(self, parameters: DisturbanceParameters) -> None:
+        """Take new settings; what was found is kept."""
+        self._settings = observer_record(parameters)
+        wanted = bool(parameters.force or parameters.torque)
+        if wanted and self.idle:  # what it knew is old
+            self.memory[...] = 0
+        self._wanted = wanted
+
+    @property
+    def idle(self) -> bool:
+        """Switched off and faded out: nothing need be done."""
+        if self._wanted:
+            return False
+        share = self.memory["force_share"].item() + self.memory["torque_share"].item()
+        return not share > 0.0
+
+    def step(
+        self,
+        state: Record,
+        actuators: Record,
+        model: Record,
+        flying: bool,
+        carried: bool,
+        dt: float,
+        out: Record,
+    ) -> None:
+        """One tick into the DISTURBANCE `out`; see `observe_one`. All records of shape (1,)."""
+        observe(self.memory, state, actuators, self._settings, model, flying, carried, dt, out)
