@@ -7,6 +7,7 @@ from collections.abc import Callable
 from console.experiments.accelerometer import Accelerometer
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.client import Experiment
+from console.experiments.drag import DragExperiment
 from console.experiments.figure_eight import FigureEight
 from console.experiments.gyroscope import Gyroscope
 from console.experiments.hover import Hover
@@ -24,6 +25,7 @@ EXPERIMENTS: dict[str, Callable[[str], Experiment]] = {
     "motor_bench": MotorBench,
     "mass": MassExperiment,
     "inertia": InertiaExperiment,
+    "drag": DragExperiment,
 }
 
 

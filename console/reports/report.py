@@ -31,7 +31,7 @@ MARK = html.GENERATOR.encode()
 NAMES = {
     "mass": "Mass estimation", "figure_eight": "Figure 8", "bearings": "Flight on bearings",
     "hover": "Hover", "inertia": "Inertia", "accelerometer": "Accelerometer",
-    "motor_bench": "Motor bench", "gyroscope": "Gyroscope",
+    "motor_bench": "Motor bench", "drag": "Drag", "gyroscope": "Gyroscope",
 }  # fmt: skip
 
 

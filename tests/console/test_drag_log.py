@@ -1,0 +1,51 @@
+"""The experiment `drag`: the coefficient from circles, in whatever else is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from console.experiments.drag_log import PIECES, RAMP, estimate_drag
+from console.experiments.log_columns import FlownParameters
+from quadrotor.errors import MeasurementError
+from quadrotor.vehicle_model import GRAVITY
+
+LAG, MASS, DT = 0.047, 1.308, 0.002
+PARAMETERS = FlownParameters(
+    {"model.mass": MASS, "model.motor_time_constant": LAG, "model.drag": 0.0}, {"drag": 0.3}
+)
+
+
+def circled(drag: float, mass: float, speed: float = 1.0, seconds: float = 25.0):
+    """Ticks of a circle of radius 0.8 m, flown with the tilt that drag and a push ask for."""
+    time = np.arange(0.0, seconds, DT)
+    turn = speed / 0.8
+    angle = turn * time
+    velocity_w = np.stack([-np.sin(angle), np.cos(angle), 0.0 * time], axis=1) * speed
+    pull = -speed * turn * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    force = np.empty((len(time), 3))
+    force[:, :2] = mass * pull + drag * velocity_w[:, :2] + [0.3, -0.2]
+    force[:, 2] = mass * GRAVITY
+    thrust = np.linalg.norm(force, axis=1)
+    thrusts = np.repeat(0.25 * thrust[:, None], 4, axis=1)
+    return time, velocity_w, force / thrust[:, None], thrusts
+
+
+@pytest.mark.parametrize("mass", [MASS, 1.2 * MASS])
+def test_a_wrong_mass_and_a_steady_push_do_not_look_like_drag(mass: float) -> None:
+    time, velocity_w, z_b, thrusts = circled(0.3, mass)
+    flight = estimate_drag(time, velocity_w, z_b, thrusts, RAMP, PARAMETERS)
+    assert flight.found == pytest.approx(0.3, abs=0.003)
+    assert flight.constant_w == pytest.approx([-0.3, 0.2], abs=0.02)
+    record = flight.record()
+    assert record.values == {"model.drag": pytest.approx(0.3, abs=0.003)}
+    assert record.good
+    assert len(record.residuals) == PIECES
+
+
+def test_what_shows_nothing_is_refused() -> None:
+    slow = circled(0.3, MASS, speed=0.2)
+    with pytest.raises(MeasurementError, match="too slow"):
+        estimate_drag(*slow, RAMP, PARAMETERS)
+    with pytest.raises(MeasurementError, match="none the model takes"):
+        estimate_drag(*circled(-0.2, MASS), RAMP, PARAMETERS).record()
