@@ -50,7 +50,8 @@ OBSERVER = np.dtype(
 
 OBSERVER_MEMORY = np.dtype(
     [
-        ("running", "i8"),  # 1 once the model's motion has begun at the measured one
+        ("running", "i8"),  # 1 once the model's motion has begun at the measured one, 2 while it
+        # is first faded in after take-off, -1 on the ground
         ("rotor_speeds", "f8", 4),  # counts, as the model has them
         ("velocity_w", "f8", 3),  # m/s, the model's
         ("angular_velocity_b", "f8", 3),  # rad/s, the model's
@@ -116,8 +117,9 @@ def observe_one(
         return  # a NaN would stay
     pole, spin = settings.force_bandwidth, settings.torque_bandwidth
     keep, keep_spin = -math.expm1(-pole * dt), -math.expm1(-spin * dt)
-    if m.running == 0 or carried:
-        m.running = 1
+    if m.running <= 0 or carried:
+        if m.running <= 0:
+            m.running = 1 if m.running == 0 else 2
         for i in range(4):
             n[i] = target[i]
         for i in range(3):  # the model's motion that goes on with what was found
@@ -161,7 +163,7 @@ def _towards(share: float, target: int, step: float) -> float:
 
 @compiled(inner=True)
 def _forget(m: Item, target: Four, out: Item) -> None:
-    m.running = 0
+    m.running = -1
     m.force_share = m.torque_share = 0.0
     for i in range(4):
         m.rotor_speeds[i] = target[i]
@@ -216,10 +218,14 @@ def _take(m: Item, settings: Item, model: Item, dt: float, out: Item) -> None:
     held against the same disturbance. Fading out gives back what is no longer taken off.
     """
     force_before, torque_before = m.force_share, m.torque_share
-    slowness = max(settings.fade, SETTLED / settings.force_bandwidth)
+    # After take-off the integrals hold nothing yet that would have to be taken over slowly.
+    settled = SETTLED if m.running == 1 else 0.0
+    slowness = max(settings.fade, settled / settings.force_bandwidth)
     m.force_share = _towards(force_before, settings.force, dt / slowness)
-    slowness = max(settings.fade, SETTLED / settings.torque_bandwidth)
+    slowness = max(settings.fade, settled / settings.torque_bandwidth)
     m.torque_share = _towards(torque_before, settings.torque, dt / slowness)
+    if m.force_share == settings.force and m.torque_share == settings.torque:
+        m.running = 1
     out.force_begun = _begun(force_before, m.force_share)
     out.torque_begun = _begun(torque_before, m.torque_share)
     force_ended = max(0.0, force_before - m.force_share)
