@@ -50,6 +50,9 @@ SETTLED = 0.1
 """A step that promises to lower the cost by less than the square of so many sigma is the last."""
 UNSEEN = 1e-12
 """Share of the information below which rounding has taken the rest."""
+NEAR = 2.0
+"""Deviations of the position. A beacon nearer than that is seen from a distance, and perhaps from a
+side, that is not known: what it tells is no longer linear, and promises too much."""
 NEAREST = 1e-9
 """m; distances are taken as at least this."""
 
@@ -64,7 +67,7 @@ def refine(
 
     Args:
         frame: (13 + N, 6), see `bearing_frame`; its first six rows are written: (J^T J)^-1 at the
-            pose found (for sigma 1).
+            pose found (for sigma 1), with what NEAR says.
         r: m, from the plane's centre. q: unit.
         sigma: rad, the size of the noise, which says when to stop.
         steps: at most; 0 evaluates the pose given.
@@ -73,7 +76,9 @@ def refine(
     kept_r, kept_q, cost = r, q, math.inf
     enough = (SETTLED * sigma) ** 2
     determined = False
-    for k in range(steps + 1):
+    none = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    S, E, F = none, none, none
+    for _ in range(steps + 1):
         trial, distance, A, B, D, g_r, g_phi = normal_equations(frame, r, q)
         if not trial <= cost:
             move, turn = scale(0.5, move), scale(0.5, turn)
@@ -86,25 +91,30 @@ def refine(
             move = apply(S, g)
             turn = scale(-1.0, add(apply(F, g_phi), transposed(E, move)))
             promise = -dot(move, g_r) - dot(turn, g_phi)
-            if promise <= enough or k == steps:
-                store_inverse(S, E, F, frame)
-                if steps > 0 and promise <= enough:
-                    kept_r, kept_q = add(r, move), tilted(q, turn)
-                    cost = max(0.0, cost - promise)
-                    break
+            if promise <= enough and steps > 0:
+                kept_r, kept_q = add(r, move), tilted(q, turn)
+                cost = max(0.0, cost - promise)
+                break
             s = 1.0 / max(1.0, length(move) / (MAX_MOVE * distance), length(turn) / MAX_TURN)
             move, turn = scale(s, move), scale(s, turn)
         r, q = add(kept_r, move), tilted(kept_q, turn)
+    if determined:  # by the newest pose that was kept, whatever became of the steps behind it
+        blur2 = sigma * sigma * (S[0][0] + S[1][1] + S[2][2])
+        if nearest2(frame, kept_r) < NEAR * NEAR * blur2:
+            _, _, A, B, D, _, _ = normal_equations(frame, kept_r, kept_q, blur2)
+            determined, S, E, F = inverse(A, B, D)
+        store_inverse(S, E, F, frame)
     return determined, cost, kept_r, kept_q
 
 
 @compiled(inner=True)
 def normal_equations(
-    frame: Array, r: Vector, q: Quaternion
+    frame: Array, r: Vector, q: Quaternion, blur2: float = 0.0
 ) -> tuple[float, float, tuple[Vector, Vector], Rows, tuple[Vector, Vector], Vector, Vector]:
     """Cost (rad^2), mean distance (m), blocks of J^T J and parts of J^T e, as the module says.
 
-    Symmetric blocks come as ((xx, yy, zz), (xy, xz, yz)).
+    Symmetric blocks come as ((xx, yy, zz), (xy, xz, yz)). What bearings tell of the position is
+    taken as from distances larger by the variance blur2 (m^2).
     """
     axes = axes_of(q)
     zero = (0.0, 0.0, 0.0)
@@ -119,6 +129,8 @@ def normal_equations(
         rho = max(length(ray), NEAREST)
         s = 1.0 / rho
         d = scale(s, ray)
+        if blur2 > 0.0:
+            s = 1.0 / math.sqrt(rho * rho + blur2)
         v = cross(d, x)
         e = subtract(x, d)
         cost += dot(e, e)
@@ -141,6 +153,16 @@ def normal_equations(
         add(B_z, (lever[1], -lever[0], 0.0)),
     )
     return cost, total / count, A, B, D, g_r, g_phi
+
+
+@compiled(inner=True)
+def nearest2(frame: Array, r: Vector) -> float:
+    """Squared distance (m^2) to the nearest beacon."""
+    least = math.inf
+    for k in range(len(frame) - SIGHTS):
+        ray = subtract(vector(frame[SIGHTS + k]), r)
+        least = min(least, dot(ray, ray))
+    return least
 
 
 @compiled(inner=True)

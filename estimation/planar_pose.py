@@ -31,6 +31,7 @@ from estimation.frame_solution import (
     SHAPE,
     SOLVED,
     UNIT,
+    chi_square,
     solve_frame,
 )
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
@@ -174,11 +175,12 @@ class PlanarPoseSolver:
                 "give a finite one, or none"
             )
         if code == NO_FIT:
-            residual, expected = frame[POSITION, 3], math.sqrt(2.0) * sigma
+            residual = frame[POSITION, 3]
+            allowed = sigma * math.sqrt(chi_square(2.0 * count - 6.0) / count)
             return MeasurementError(
                 f"no pose fits the bearings: {math.degrees(residual):.3g} deg rms remain where "
-                f"{math.degrees(expected):.3g} are expected; check the beacons' identities and "
-                "positions, or give a predicted pose to start from"
+                f"noise leaves at most {math.degrees(allowed):.3g}; check the beacons' identities "
+                "and positions, or give a predicted pose to start from"
             )
         if code == NO_START and not self.plane.spanned:
             return DegenerateGeometryError(

@@ -54,7 +54,7 @@ def test_normal_equations_are_those_of_finite_differences(
     blocks[:3, 3:], blocks[3:, :3] = np.array(B), np.array(B).T
     np.testing.assert_allclose(blocks, J.T @ J, atol=1e-8)
     frame = frame_of(x)
-    seen, _, _, _ = refine(frame, tuple(r.tolist()), q, 1.0, 0)
+    seen, _, _, _ = refine(frame, tuple(r.tolist()), q, 1e-3, 0)
     assert seen
     np.testing.assert_allclose(frame[:6] @ blocks, np.eye(6), atol=1e-8)
 
@@ -82,3 +82,19 @@ def test_steps_are_clamped_and_never_raise_the_cost(rng: np.random.Generator) ->
             assert cost <= before + 1e-12
         _, _, moved, _ = refine(frame_of(x), tuple(r), tuple(q), math.radians(1.5), 1)
         assert np.linalg.norm(np.array(moved) - r) <= 0.5 * distance + 1e-9
+
+
+def test_close_to_a_beacon_its_distance_is_not_taken_for_known(rng: np.random.Generator) -> None:
+    """The nearest beacon at 1 mm: with noise its bearing says next to nothing of the position."""
+    r = SQUARE[0] + np.array([0.0, 0.0, 1e-3])
+    R = Rotation.from_rotvec(rng.normal(size=3))
+    d = SQUARE - r
+    x = R.inv().apply(d / np.linalg.norm(d, axis=1)[:, None])
+    q = tuple(np.roll(R.as_quat(), 1).tolist())
+    deviations = []
+    for sigma in (1e-9, math.radians(1.5)):
+        frame = frame_of(x)
+        assert refine(frame, tuple(r.tolist()), q, sigma, 0)[0]
+        deviations.append(np.sqrt(np.linalg.eigvalsh(frame[:3, :3])))
+    assert 0.5e-3 < deviations[0][0] < 2e-3  # m a rad: the distance itself
+    assert deviations[1][0] > 0.05  # what the deviation of the distance makes of it
