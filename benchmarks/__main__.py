@@ -27,7 +27,7 @@ NAMES = (
     "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
     "replay", "sticks", "parameter_page", "run_list", "loop_rate", "faults", "loop", "fleet",
     "serial_line", "failures", "identification", "link", "page_notice", "onboard_log",
-    "killed_logs", "logs", "disturbances",
+    "killed_logs", "logs", "disturbances", "starved",
 )  # fmt: skip
 
 
