@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+import sys
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -22,8 +23,10 @@ ROWS = 20_000
 """Written at once."""
 MAT_NAME = 63
 """Characters MATLAB allows for a name."""
-MAT_BYTES = 2**31
-"""Of one variable in the file's version 5."""
+MAT_BYTES = 250_000_000
+"""Of values in a .mat file, all topics together."""
+COMPRESSED_BYTES = 20_000_000
+"""Of a topic in it; a larger one is not compressed, for which it would be held three times more."""
 
 
 class Format(Protocol):
@@ -132,42 +135,69 @@ class ColumnFiles:
 
 
 class MatFile:
-    """One .mat of version 5: a struct a topic, with a struct `units` in it, and `run`."""
+    """One .mat of version 5: a struct a topic, with a struct `units` in it, and `run`.
+
+    The format wants a topic whole, so all rows are held until the end.
+    """
 
     def __init__(self, folder: Path, stem: str, run: Mapping[str, str]) -> None:
         self._path = folder / f"{stem}.mat"
         self._aside = folder / f".{stem}.mat.new"
         self._run = run
         self._pieces: dict[str, list[Piece]] = {}
+        self._size = 0
 
     def write(self, piece: Piece) -> None:
+        """Raises StorageError when it is more than can be held."""
         self._pieces.setdefault(piece.topic, []).append(piece)
+        self._size += sum(map(_held, piece.columns.values()))
+        if self._size > MAT_BYTES:
+            raise StorageError(
+                f"up to {100 * piece.share:.0f} % of the log are more than {MAT_BYTES // 10**6} MB "
+                "of values, the most a .mat file is made of; choose topics with --topics, a time "
+                "with --from and --to, or parquet, which holds any length"
+            )
 
     def finish(self) -> list[Path]:
-        """Raises StorageError when a topic is too large for this format."""
         from scipy.io import savemat
 
-        content: dict[str, Any] = {"run": {_mat_name(k): v for k, v in self._run.items()}}
-        for topic, pieces in self._pieces.items():
-            names = _mat_names(pieces[0].columns)
-            table: dict[str, Any] = {}
-            for name, short in names.items():
-                column = _concatenated(pieces, name)
-                if column.nbytes >= MAT_BYTES:
-                    raise StorageError(
-                        f"{topic} has more rows than a .mat file holds; export less at once with "
-                        "--from and --to, or to parquet"
-                    )
-                table[short] = column
-            units = pieces[0].units
-            table["units"] = {short: units.get(name, "") for name, short in names.items()}
-            content[_mat_name(topic)] = table
-        savemat(self._aside, content, do_compression=True, long_field_names=True, oned_as="column")
+        run = {_mat_name(name): text for name, text in self._run.items()}
+        with self._aside.open("wb") as file:
+            savemat(file, {"run": run}, long_field_names=True)
+            for topic in list(self._pieces):
+                table, size = _table(self._pieces.pop(topic))
+                savemat(
+                    file,
+                    {_mat_name(topic): table},
+                    do_compression=size < COMPRESSED_BYTES,
+                    long_field_names=True,
+                    oned_as="column",
+                )
         self._aside.replace(self._path)
         return [self._path]
 
     def discard(self) -> None:
         self._aside.unlink(missing_ok=True)
+
+
+def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
+    """A topic's columns and their units, and how many bytes; the pieces are given up."""
+    names, units = _mat_names(pieces[0].columns), pieces[0].units
+    table: dict[str, Any] = {}
+    size = 0
+    for name, short in names.items():
+        table[short] = _concatenated(pieces, name)
+        size += table[short].nbytes
+        for piece in pieces:
+            del piece.columns[name]
+    table["units"] = {short: units.get(name, "") for name, short in names.items()}
+    return table, size
+
+
+def _held(column: Array) -> int:
+    """Bytes of a column; of texts, the places where they stand and each text once."""
+    texts = set(column.tolist()) if column.dtype.kind == "O" else ()
+    return column.nbytes + sum(map(sys.getsizeof, texts))
 
 
 def _concatenated(pieces: list[Piece], name: str) -> Array:

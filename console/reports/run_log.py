@@ -15,7 +15,7 @@ from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.log.attached import json_value, literal_value
 from vehicle_link.log.column_spool import ColumnSpool, gather
-from vehicle_link.log.message_times import common_stamps, gaps
+from vehicle_link.log.message_times import common_stamps, gaps, seconds_since
 from vehicle_link.log.topic_columns import ColumnReader, text_fields
 
 Array = npt.NDArray[np.float64]
@@ -54,6 +54,8 @@ LINES = ("/events", "/marks", "/parameter_changes")
 IMU = {"imu": (*_axes("linear_acceleration"), *_axes("angular_velocity"))}
 """Read when the figures need it."""
 MOST_LINES = 2000
+MOST_BYTES = 180_000_000
+"""Of stamps and values together: more than an hour's flight, and ten million bare stamps."""
 ON_CHANGE = ("events", "marks", "parameter_changes", "parameter_events", "joy", "stick")
 """Silent by nature: no gap of theirs is one."""
 WARNING = 30  # level of rcl_interfaces/Log
@@ -161,7 +163,7 @@ class RunLog:
 def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
     """Raises StorageError or LogFormatError when there is nothing in it to report on."""
     reader = ColumnReader(path, LINES, wanted)
-    spools = gather(reader, MOST_LINES)
+    spools = gather(reader, MOST_LINES, most_bytes=MOST_BYTES)
     if not spools:
         tear, unread = reader.log.tear, next(iter(reader.problems.items()), None)
         why = f"{unread[0]}: {unread[1]}" if unread else f"it {tear or 'has no message'}"
@@ -174,7 +176,8 @@ def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunL
     changes: dict[str, ParameterValue] = {}
     for topic in sorted(spools):
         spool = spools.pop(topic)
-        time: Array = (stamps.pop(topic) - start_ns).astype(np.float64) * 1e-9
+        time: Array = seconds_since(stamps.pop(topic), start_ns)
+        spool.give_up_stamps()
         if topic.endswith(LINES):
             lines += _lines(topic, spool, time, changes)
         known = (one.time for one in topics.values() if np.array_equal(one.time, time))
@@ -229,9 +232,12 @@ def _series(spool: ColumnSpool, time: Array) -> Series:
         for name, told in spool.texts.items()
     }
     numbers = spool.numbers
-    if len(time) > 1 and not (np.diff(time) >= 0.0).all():
-        order = np.argsort(time, kind="stable")
-        time, numbers = time[order], {name: one[order] for name, one in numbers.items()}
+    if len(time) > 1 and not (time[1:] >= time[:-1]).all():
+        if numbers:
+            order = np.argsort(time, kind="stable")
+            numbers = {name: one[order] for name, one in numbers.items()}
+            del order
+        time.sort()
     return Series(spool.type_name, time, numbers, texts)
 
 

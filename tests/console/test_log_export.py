@@ -85,7 +85,11 @@ def test_csv_names_units_and_a_range_is_cut(log: Path, tmp_path: Path) -> None:
     assert "twist.twist.angular.z [rad/s]" in rows[0]
 
 
-def test_matlab_has_a_struct_a_topic_with_units(log: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("compressed", [0, 10**9])
+def test_matlab_has_a_struct_a_topic_with_units(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compressed: int
+) -> None:
+    monkeypatch.setattr(formats, "COMPRESSED_BYTES", compressed)
     [path] = export(log, tmp_path / "out", "mat").files
     content = loadmat(path, simplify_cells=True)
     state = content["state"]
@@ -94,6 +98,17 @@ def test_matlab_has_a_struct_a_topic_with_units(log: Path, tmp_path: Path) -> No
     assert state["units"]["pose_pose_position_x"] == "m"
     assert content["run"]["experiment"] == "hover"
     assert content["status"]["mode"][150] == "armed"
+
+
+def test_more_than_a_matlab_file_is_made_of_is_refused_before_it_is_held(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(formats, "MAT_BYTES", 200_000)
+    with pytest.raises(StorageError, match=r"0 MB of values.*--topics.*parquet") as refusal:
+        export(log, tmp_path / "out", "mat")
+    assert "\n" not in str(refusal.value)
+    assert not (tmp_path / "out").exists()
+    assert export(log, tmp_path / "out", "mat", ["status"], end=1.0).rows == 101
 
 
 def test_a_wrong_word_makes_nothing(log: Path, tmp_path: Path) -> None:

@@ -14,8 +14,10 @@ from tests.crafted_logs import CRAFTED, TINY, at_the_limit, chunk, many_tiny, me
 from vehicle_link.log import read_attachments, read_log, summarize
 from vehicle_link.log.blocks import BLOCK_BYTES, BlockReader
 from vehicle_link.log.check import check_log
+from vehicle_link.log.column_spool import gather
 from vehicle_link.log.limits import MOST_BYTES
 from vehicle_link.log.topic import read_topic
+from vehicle_link.log.topic_columns import ColumnReader
 
 MOST = 500_000_000
 READERS = """
@@ -104,6 +106,16 @@ def test_a_log_without_an_index_is_counted_block_by_block(tmp_path: Path) -> Non
     assert (found.message_count, found.closed) == (1_000_000, False)
     assert len(shares) > 5
     assert shares == sorted(shares)
+
+
+def test_columns_are_gathered_up_to_a_bound(tmp_path: Path) -> None:
+    log = many_tiny(tmp_path / "a.mcap", 50_000)
+    [spool] = gather(ColumnReader(log), most_bytes=50_000 * (8 + 8 + 4)).values()
+    assert (len(spool), spool.size) == (50_000, 50_000 * (8 + 8 + 4))
+    with pytest.raises(LogFormatError, match="more than 1 MB of times and values"):
+        gather(ColumnReader(log), most_bytes=999_999)
+    spool.give_up_stamps()
+    assert spool.size == 50_000 * 4
 
 
 def test_a_block_of_the_smallest_messages_is_given_in_pieces(tmp_path: Path) -> None:

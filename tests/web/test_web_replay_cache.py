@@ -35,6 +35,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_run(tmp_path_factory.mktemp("runs") / "a.mcap", RUN)
 
 
+def test_a_log_of_more_messages_than_are_held_is_refused(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("web.replay.build.MOST_MESSAGES", 1000)
+    with pytest.raises(LogFormatError, match="at most 1000 are replayed"):
+        build(log, tmp_path / "cache", lambda share: None)
+
+
 @pytest.fixture(scope="module")
 def replay(log: Path) -> Replay:
     told: list[float] = []

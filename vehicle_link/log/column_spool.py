@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -9,10 +10,14 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.errors import LogFormatError
 from vehicle_link.log.topic_columns import ColumnReader, Columns
 
 Floats = npt.NDArray[np.float32]
 Stamps = npt.NDArray[np.int64]
+
+OBJECT_BYTES = 80
+"""Of a text or payload besides its letters."""
 
 
 class ColumnSpool:
@@ -34,13 +39,16 @@ class ColumnSpool:
         self._received = received
         self._log_ns, self._publish_ns = array("q"), array("q")
         self._numbers: dict[str, array[float]] = {}
+        self._written = 0  # bytes of payloads and texts
 
     def __len__(self) -> int:
         return len(self._publish_ns)
 
     def extend(self, columns: Columns) -> None:
         begin, count = len(self), len(columns.log_ns)
-        self.payloads += columns.payloads[: self._most_payloads - len(self.payloads)]
+        payloads = columns.payloads[: self._most_payloads - len(self.payloads)]
+        self.payloads += payloads
+        self._written += sum(len(one) + OBJECT_BYTES for one in payloads)
         self._publish_ns.frombytes(columns.publish_ns.tobytes())
         if self._received:
             self._log_ns.frombytes(columns.log_ns.tobytes())
@@ -53,6 +61,14 @@ class ColumnSpool:
             column.frombytes(values.tobytes())
         for name, told in columns.texts.items():
             self.texts.setdefault(name, []).extend((begin + index, text) for index, text in told)
+            self._written += sum(len(text) + 2 * OBJECT_BYTES for _, text in told)
+
+    @property
+    def size(self) -> int:
+        """Bytes it holds; texts as they change."""
+        stamps = self._publish_ns.itemsize * (len(self._publish_ns) + len(self._log_ns))
+        numbers = sum(one.itemsize * len(one) for one in self._numbers.values())
+        return stamps + numbers + self._written
 
     @property
     def log_ns(self) -> Stamps:
@@ -63,6 +79,10 @@ class ColumnSpool:
     def publish_ns(self) -> Stamps:
         """(N,) the source's stamp."""
         return np.frombuffer(self._publish_ns, np.int64)
+
+    def give_up_stamps(self) -> None:
+        """After their last use: of a long log they are most of it."""
+        self._log_ns, self._publish_ns = array("q"), array("q")
 
     @property
     def numbers(self) -> dict[str, Floats]:
@@ -79,10 +99,18 @@ class ColumnSpool:
 
 
 def gather(
-    reader: ColumnReader, most_payloads: int = 1_000_000, *, received: bool = True
+    reader: ColumnReader,
+    most_payloads: int = 1_000_000,
+    *,
+    received: bool = True,
+    most_bytes: float = math.inf,
 ) -> dict[str, ColumnSpool]:
-    """Everything that `reader` gives, by topic. Raises as it does."""
+    """Everything that `reader` gives, by topic.
+
+    Raises as it does, and LogFormatError when it is more than `most_bytes`.
+    """
     spools: dict[str, ColumnSpool] = {}
+    name = reader.log.path.name
     for batch in reader:
         for columns in batch.columns:
             if columns.topic not in spools:
@@ -90,6 +118,12 @@ def gather(
                     columns.type_name, most_payloads, received=received
                 )
             spools[columns.topic].extend(columns)
+        if sum(one.size for one in spools.values()) > most_bytes:
+            raise LogFormatError(
+                f"{name} has more than {most_bytes / 1e6:.0f} MB of times and values to hold at "
+                "once: cut it with `mcap filter --output-compression lz4 --start … --end …`, or "
+                "export it with `quadlab log export`"
+            )
     return spools
 
 

@@ -48,7 +48,7 @@ def check_chunk(name: str, stored: int, claimed: int) -> None:
         raise LogFormatError(
             f"{name} has a chunk of {stored / 1e6:.1f} MB that opens to {claimed / 1e6:.0f} MB; at "
             f"most {MOST_BYTES // 10**6} MB are opened: write it anew in smaller ones with "
-            "`mcap compress --chunk-size 4194304`"
+            "`mcap compress --compression lz4 --chunk-size 4194304`"
         )
 
 

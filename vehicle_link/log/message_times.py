@@ -14,6 +14,8 @@ STEPPED = 5_000_000_000
 GAP_PERIODS = 4.0
 SHORTEST_GAP = 0.05  # s
 MOST_GAPS = 20_000
+PIECE = 100_000
+"""Stamps at once."""
 
 
 def common_stamps(log_ns: Stamps, publish_ns: Stamps) -> Stamps:
@@ -23,11 +25,13 @@ def common_stamps(log_ns: Stamps, publish_ns: Stamps) -> Stamps:
     clock of its own is brought onto the recorder's by the shortest delay seen.
     """
     delay = log_ns - publish_ns
-    if not publish_ns.any() or int(delay.max() - delay.min()) > STEPPED:
+    shortest = delay.min()
+    if not publish_ns.any() or int(delay.max() - shortest) > STEPPED:
         return log_ns
-    if abs(float(np.median(delay))) < OTHER_CLOCK:
+    if abs(float(np.median(delay, overwrite_input=True))) < OTHER_CLOCK:
         return publish_ns
-    moved: Stamps = publish_ns + delay.min()
+    del delay  # of a long log as large as the stamps
+    moved: Stamps = publish_ns + shortest
     return moved
 
 
@@ -35,6 +39,15 @@ def gaps(times: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
     """Indices behind which a topic was silent for longer than it usually is, shape (G,)."""
     if len(times) < 3:
         return np.zeros(0, np.int64)
-    steps = np.diff(times)
-    limit = max(GAP_PERIODS * float(np.median(steps)), SHORTEST_GAP)
-    return np.flatnonzero(steps > limit)[:MOST_GAPS]
+    usual = float(np.median(np.diff(times), overwrite_input=True))
+    limit = max(GAP_PERIODS * usual, SHORTEST_GAP)
+    return np.flatnonzero(np.diff(times) > limit)[:MOST_GAPS]
+
+
+def seconds_since(stamps_ns: Stamps, start_ns: int) -> npt.NDArray[np.float64]:
+    """(N,) s; piece by piece, a long log's stamps are held twice only."""
+    out = np.empty(len(stamps_ns))
+    for begin in range(0, len(out), PIECE):
+        piece = slice(begin, begin + PIECE)
+        out[piece] = (stamps_ns[piece] - start_ns).astype(np.float64) / 1e9
+    return out

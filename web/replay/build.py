@@ -25,6 +25,8 @@ from web.replay.spool import TopicSpool
 NICENESS = 10
 """Below everything that flies; somebody waits for it all the same."""
 MOST_COLUMNS = 4000
+MOST_MESSAGES = 12_000_000
+"""Their times and order are held."""
 READING = 0.8  # of the progress; the rest is sorting
 
 
@@ -44,6 +46,11 @@ def build(log: Path, folder: Path, tell: Callable[[float], None]) -> None:
                 spool = spools[columns.topic] = TopicSpool(place, columns.topic, columns.type_name)
             if spool.type_name == columns.type_name:
                 room -= spool.extend(columns, room)
+        if (count := sum(one.count for one in spools.values())) > MOST_MESSAGES:
+            raise LogFormatError(
+                f"{log.name} has more than {count} messages; at most {MOST_MESSAGES} are replayed: "
+                "cut it with `mcap filter --output-compression lz4 --start … --end …`"
+            )
         tell(READING * batch.share)
     if not spools:
         why = next(iter(reader.problems.values()), reader.log.tear or "no message in it")

@@ -13,7 +13,7 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle_link.log.message_times import common_stamps, gaps
+from vehicle_link.log.message_times import common_stamps, gaps, seconds_since
 from vehicle_link.log.topic_columns import ColumnReader
 from web.replay import derived, timeline
 from web.replay.pyramid import FACTOR, edges, pyramid
@@ -103,10 +103,10 @@ class CacheWriter:
         for topic, spool in self._spools.items():
             spool.close()
             stamps[topic] = common_stamps(*spool.stamps())
-        start_ns = min(int(one.min()) for one in stamps.values())
-        for topic, one in stamps.items():
-            times = (one - start_ns) / 1e9
-            is_sorted = bool((np.diff(times) >= 0.0).all())
+        start_ns = min(int(stamps[topic].min()) for topic in stamps)
+        for topic in list(stamps):
+            times = seconds_since(stamps.pop(topic), start_ns)
+            is_sorted = bool((times[1:] >= times[:-1]).all())
             order = None if is_sorted else np.argsort(times, kind="stable")
             self._orders[topic] = order
             self._times[topic] = times if order is None else times[order]
@@ -115,7 +115,7 @@ class CacheWriter:
 
     def _base(self, times: Times) -> int:
         """Topics of the same ticks share their times."""
-        digest = hashlib.sha1(times.tobytes(), usedforsecurity=False).hexdigest()
+        digest = hashlib.sha1(np.ascontiguousarray(times), usedforsecurity=False).hexdigest()
         if digest not in self._bases:
             self._bases[digest] = len(self._base_rows)
             sizes = [FACTOR**k for k in range(1, 1 + len(pyramid(times.astype(np.float32))))]
