@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadlab.replay.errors import rotated
+from quadlab.replay.gathered import Gathered
 from quadlab.simulated_flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
@@ -80,37 +81,54 @@ class Recording:
 def read_recording(path: Path) -> Recording:
     """Raises StorageError or LogFormatError that say what is missing or how to mend it."""
     vehicle, found = _messages(path)
-    imu = layout("sensor_msgs/Imu", body_frame(vehicle)).decode_many(
-        [message.payload for message in found["imu"]]
-    )
-    samples = np.zeros(len(imu), IMU_SAMPLE)
-    samples["stamp_ns"] = _stamps(imu)
-    samples["specific_force_b"] = imu["linear_acceleration"]
-    samples["angular_velocity_b"] = imu["angular_velocity"]
-    samples = samples[_newer(samples["stamp_ns"])]
-    state_ns, state = _odometries(found["state"], vehicle)
-    truth_ns, truth = _odometries(found["truth"], vehicle)
-    newer = _newer(truth_ns)
-    truth_ns, truth = truth_ns[newer], truth[newer]
+    [samples] = found.records("imu")
+    samples = _newest(samples["stamp_ns"], samples)
+    state_ns, state = found.records("state")
+    truth_ns, truth = found.records("truth")
+    truth = _newest(truth_ns, truth)
+    truth_ns = _newest(truth_ns, truth_ns)
+    whole = found.whole
     return Recording(
         path, vehicle, samples, state_ns, state, truth_ns, truth,
-        poses=_arrivals(found["tracker_pose"], _pose),
-        bearings=_arrivals(found["bearings"], _bearings),
+        poses=_arrivals(whole["tracker_pose"], _pose),
+        bearings=_arrivals(whole["bearings"], _bearings),
         parameters=_parameters(path),
-        changes=sorted(map(_change, found["parameter_changes"]), key=lambda one: one[:2]),
-        resets=_calibrations(found["events"]),
-        airborne=[_airborne(message) for message in found["status"]],
+        changes=sorted(map(_change, whole["parameter_changes"]), key=lambda one: one[:2]),
+        resets=_calibrations(whole["events"]),
+        airborne=[_airborne(message) for message in whole["status"]],
     )  # fmt: skip
 
 
-def _messages(path: Path) -> tuple[str, dict[str, list[LogMessage]]]:
+def _messages(path: Path) -> tuple[str, Gathered]:
     """The vehicle of the log's IMU, and its messages by topic without namespace."""
-    all_of: dict[tuple[str, str], list[LogMessage]] = defaultdict(list)
+    read = ReadState()
+    spaces = (
+        message.topic.rpartition("/")[0]
+        for message in read_log(path, state=read)
+        if message.topic.rpartition("/")[2] == "imu"
+    )
+    space = next(spaces, None)
+    if space is None:
+        _check_whole(path, read)
+        raise LogFormatError(
+            f"{path} has no IMU samples (topic /…/imu); "
+            "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
+        )
+    vehicle = space.strip("/")
+    odometries = partial(_odometries, vehicle=vehicle)
+    samples = partial(_samples, vehicle=vehicle)
+    found = Gathered(path, {"imu": samples, "state": odometries, "truth": odometries})
     read = ReadState()
     for message in read_log(path, state=read):
-        space, _, name = message.topic.rpartition("/")
-        if name in WANTED:
-            all_of[space.strip("/"), name].append(message)
+        of, _, name = message.topic.rpartition("/")
+        if name in WANTED and of.strip("/") == vehicle:
+            found.add(name, message)
+    _check_whole(path, read)
+    return vehicle, found
+
+
+def _check_whole(path: Path, read: ReadState) -> None:
+    """Raises LogFormatError when something of the log could not be read."""
     if not read.closed:
         raise LogFormatError(
             f"{path} is torn: it {read.tear}; "
@@ -121,14 +139,6 @@ def _messages(path: Path) -> tuple[str, dict[str, list[LogMessage]]]:
             f"{path} is damaged ({read.damaged_chunks} chunks, {read.damaged_records} other "
             "records), so a replay would not be of this flight; see: quadlab log check"
         )
-    vehicles = [space for space, name in all_of if name == "imu"]
-    if not vehicles:
-        raise LogFormatError(
-            f"{path} has no IMU samples (topic /…/imu); "
-            "replay a log of `quadlab fly`, or one of the vehicle's folder onboard/"
-        )
-    vehicle = vehicles[0]
-    return vehicle, {name: all_of[vehicle, name] for name in WANTED}
 
 
 def _parameters(path: Path) -> FlightParameters:
@@ -151,22 +161,32 @@ def _parameters(path: Path) -> FlightParameters:
     return parameters
 
 
-def _odometries(messages: list[LogMessage], vehicle: str) -> tuple[Stamps, Record]:
+def _samples(payloads: list[bytes], vehicle: str) -> list[Record]:
+    """IMU_SAMPLE (N,)."""
+    imu = layout("sensor_msgs/Imu", body_frame(vehicle)).decode_many(payloads)
+    samples = np.zeros(len(imu), IMU_SAMPLE)
+    samples["stamp_ns"] = _stamps(imu)
+    samples["specific_force_b"] = imu["linear_acceleration"]
+    samples["angular_velocity_b"] = imu["angular_velocity"]
+    return [samples]
+
+
+def _odometries(payloads: list[bytes], vehicle: str) -> list[Record]:
     """Stamps (N,) and STATE (N,)."""
-    states = np.zeros(len(messages), STATE)
-    if not messages:
-        return np.zeros(0, np.int64), states
-    payloads = [message.payload for message in messages]
+    states = np.zeros(len(payloads), STATE)
+    if not payloads:
+        return [np.zeros(0, np.int64), states]
     try:
         read = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle)).decode_many(payloads)
     except LinkError:  # other frames: a foreign node's
         each = [decode_odometry(payload, vehicle) for payload in payloads]
-        return np.array([stamp for stamp, _ in each]), np.concatenate([one for _, one in each])
+        stamps = np.array([stamp for stamp, _ in each], np.int64)
+        return [stamps, np.concatenate([one for _, one in each])]
     states["position_w"] = read["pose.pose.position"]
     states["quaternion_wb"] = read["pose.pose.orientation"][:, FROM_ROS]
     states["velocity_w"] = rotated(states["quaternion_wb"], read["twist.twist.linear"])
     states["angular_velocity_b"] = read["twist.twist.angular"]
-    return _stamps(read), states
+    return [_stamps(read), states]
 
 
 def _stamps(messages: Record) -> Stamps:
@@ -175,10 +195,11 @@ def _stamps(messages: Record) -> Stamps:
     return stamps
 
 
-def _newer(stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
+def _newest(stamps_ns: Stamps, rows: Record) -> Record:
     """Those newer than all before them; the vehicle's tick passes over the others too."""
     newest = np.maximum.accumulate(stamps_ns)
-    return np.concatenate([np.ones(min(1, len(newest)), bool), newest[1:] > newest[:-1]])
+    newer = np.concatenate([np.ones(min(1, len(newest)), bool), newest[1:] > newest[:-1]])
+    return rows if newer.all() else rows[newer]
 
 
 def _arrivals(messages: list[LogMessage], read: Any) -> list[Arrival]:

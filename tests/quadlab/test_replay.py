@@ -16,6 +16,7 @@ from estimation import registry
 from estimation.complementary import ComplementaryEstimator
 from quadlab.__main__ import main
 from quadlab.flight_log import FlightLog
+from quadlab.replay import gathered
 from quadlab.replay.errors import Truth, angles, errors, rotated
 from quadlab.replay.flown import flown_choices
 from quadlab.replay.log import Recording, read_recording
@@ -23,7 +24,7 @@ from quadlab.replay.measurements import MeasurementStore, emulated_bearings, emu
 from quadlab.replay.run import replay
 from quadlab.replay.words import plan_runs
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
-from quadrotor.errors import MeasurementError
+from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import STATE
 from vehicle.kernels import prepare
@@ -72,6 +73,20 @@ def flown(path: Path, handed_over: bool) -> Path:
 @pytest.fixture(scope="session")
 def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return flown(tmp_path_factory.mktemp("replay") / "tracker.mcap", handed_over=False)
+
+
+def test_a_recording_is_decoded_piece_by_piece_and_held_up_to_a_bound(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = read_recording(log)
+    monkeypatch.setattr(gathered, "AT_ONCE", 7)
+    pieces = read_recording(log)
+    for name in ("imu", "state_ns", "state", "truth_ns", "truth"):
+        assert getattr(pieces, name).tobytes() == getattr(whole, name).tobytes(), name
+    held = whole.imu.nbytes + whole.state.nbytes + whole.truth.nbytes
+    monkeypatch.setattr(gathered, "MOST_BYTES", held)
+    with pytest.raises(LogFormatError, match="that a replay holds: cut it"):
+        read_recording(log)
 
 
 @pytest.fixture(scope="session")

@@ -28,6 +28,8 @@ from web.scene import Scene
 from web.view_server import ViewServer
 
 RATE = 20.0  # Hz
+MOST_FRAMES = 12_000
+"""Ten minutes at the full rate; a longer log has fewer frames a second. They are held."""
 SHOWN = ("state", "reference", "truth", "actuators", "status", "bearings", "bearing_pose")
 CHANGES = "parameter_changes"
 NICENESS = 15
@@ -70,6 +72,7 @@ class _Flight:
         """Args: `duration` of the log, s."""
         recording = self._server.viser.get_scene_serializer()
         start = due = told = 0.0
+        period, frames = max(1.0 / RATE, duration / MOST_FRAMES), 0
         for message in read_log(self._log):
             name = message.topic.rpartition("/")[2]
             if name not in SHOWN and name != CHANGES:
@@ -79,8 +82,11 @@ class _Flight:
             due = due or now
             # A clock that jumps must not make hours of frames; a gap is shown as one long frame.
             if now >= due:
-                recording.insert_sleep(min(now - due + 1.0 / RATE, 1.0))
-                due = now + 1.0 / RATE
+                if frames >= 2 * MOST_FRAMES:
+                    break  # longer than its index says
+                frames += 1
+                recording.insert_sleep(min(now - due + period, max(1.0, period)))
+                due = now + period
                 self._scene.update(self._now)
                 share = min(1.0, (now - start) / duration) if duration > 0.0 else 1.0
                 if share - told >= LEAST_PROGRESS:
