@@ -27,7 +27,7 @@ NAMES = (
     "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
     "replay", "sticks", "parameter_page", "run_list", "loop_rate", "faults", "loop", "fleet",
     "serial_line", "failures", "identification", "link", "page_notice", "onboard_log",
-    "killed_logs", "logs", "disturbances", "starved",
+    "killed_logs", "logs", "disturbances", "starved", "fuzz_logs",
 )  # fmt: skip
 
 
@@ -35,18 +35,24 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
     parser.add_argument("--quick", action="store_true", help="fewer samples: a look, not a result")
+    parser.add_argument("--count", type=int, help="of fuzz_logs: how many logs")
+    parser.add_argument("--seed", type=int, help="of fuzz_logs: number of the first mutated log")
     parser.add_argument("--out", type=Path, help="folder for performance.md, JSON and plots")
     options = parser.parse_args()
     unknown = [name for name in options.names if name not in NAMES]
     if unknown:
         parser.error(f"no benchmark is called {unknown[0]!r}: there are {', '.join(NAMES)}")
+    chosen = {name: getattr(options, name) for name in ("count", "seed")}
+    more = {name: value for name, value in chosen.items() if value is not None}
+    if more and options.names != ["fuzz_logs"]:
+        parser.error("--count and --seed belong to fuzz_logs alone")
     conditions = machine()
     reports: list[Report] = []
     asked = options.names or NAMES
     for name in asked:
         print(f"{name} …", file=sys.stderr, flush=True)
         began = time.perf_counter()
-        made = importlib.import_module(f"benchmarks.{name}").run(quick=options.quick)
+        made = importlib.import_module(f"benchmarks.{name}").run(quick=options.quick, **more)
         for report in [made] if isinstance(made, Report) else made:  # a long one tells its parts
             print(f"{report.name}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
             print(report.as_markdown(), flush=True)

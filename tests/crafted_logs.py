@@ -1,10 +1,11 @@
-"""Logs that claim or hold more than a reader may hold, and logs that lead in circles.
+"""Logs that claim or hold more than a reader may hold, logs that lead in circles, mutated logs.
 
 Written byte by byte: no writer makes such files. `CRAFTED` has one maker for each kind.
 """
 
 from __future__ import annotations
 
+import random
 import struct
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -13,6 +14,9 @@ from typing import BinaryIO
 import lz4.frame
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
+
+from vehicle_link.log import LogWriter
+from vehicle_link.messages import encode, header, new
 
 START = 1_769_851_842_000_000_000
 GIGABYTES = 3 * 10**9
@@ -205,6 +209,40 @@ def repeated_places(path: Path) -> Path:
     entries = struct.pack("<QQ", START, 0) * 200_000
     index = record(Opcode.MESSAGE_INDEX, struct.pack("<HI", 1, len(entries)) + entries)
     return write(path, chunk(packed([body]), len(body)), index, count=1)
+
+
+def mutated(data: bytes, number: int) -> bytes:
+    """By its number: bits turned, lengths made huge, pieces cut, doubled or swapped."""
+    chance = random.Random(number)
+    out = bytearray(data)
+    for _ in range(chance.choice((1, 3, 20))):
+        place = chance.randrange(8, len(out) - 16)
+        kind = chance.randrange(4)
+        if kind == 0:
+            out[place] ^= 1 << chance.randrange(8)
+        elif kind == 1:
+            huge = chance.choice((2**32 - 1, 2**63, 2**64 - 1, 4 * 10**9, 0))
+            out[place : place + 8] = struct.pack("<Q", huge)
+        elif kind == 2:
+            del out[place : place + chance.randrange(1, 200)]
+        else:
+            piece = out[place : place + chance.randrange(1, 400)]
+            other = chance.randrange(8, len(out))
+            out[other:other] = piece
+    return bytes(out)
+
+
+def sound(path: Path) -> Path:
+    """A short log as the station records them, to be mutated."""
+    with LogWriter(path, {"vehicle": "q"}, {"parameters.json": b"{}"}) as log:
+        for k in range(300):
+            stamp = START + k * 2_000_000
+            message = encode(new("sensor_msgs/Imu", header=header(stamp, "q/body")))
+            log.write("/q/imu", "sensor_msgs/Imu", message, stamp, stamp)
+            if k % 10 == 0:
+                event = encode(new("rcl_interfaces/Log", msg=f"event {k}"))
+                log.write("/q/events", "rcl_interfaces/Log", event, stamp, stamp)
+    return path
 
 
 CRAFTED: dict[str, Callable[[Path], Path]] = {

@@ -1,0 +1,122 @@
+"""Runs commands on logs in this process and tells of each its status and most memory.
+
+Each line of the standard input is JSON [command, log, folder]; each answer a line of JSON.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import io
+import json
+import os
+import shutil
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+
+from quadlab.__main__ import main
+from quadrotor.errors import QuadlabError
+
+
+def _command(*words: str, out: bool = False, of_copy: bool = False) -> Callable[[Path, Path], int]:
+    def run(log: Path, folder: Path) -> int:
+        if of_copy:
+            log = Path(shutil.copy(log, folder))
+        return main([*words, str(log), *(["--out", str(folder / "out")] if out else [])])
+
+    return run
+
+
+def _page(log: Path, folder: Path) -> int:
+    """What *Runs* does with a log: entered, listed, made ready for replay, read."""
+    from console.catalogue import Catalogue
+    from console.run_files import tidy_runs
+    from web.replay.build import build
+    from web.replay.reader import Replay
+    from web.runs.listing import lines
+
+    catalogue = Catalogue(folder)
+    copy = Path(shutil.copy(log, folder / "runs" / "20260101T000000Z_q.mcap"))
+    try:
+        tidy_runs(catalogue)
+        assert len(lines(catalogue, catalogue.runs())) == 1
+        build(copy, folder / "cache", lambda share: None)
+        replay = Replay(folder / "cache")
+        described = replay.described()
+        names = [one["name"] for one in described["signals"]][:8]
+        if names:
+            replay.window(names, 0.0, described["duration"], 500)
+            replay.at(names, 0.0)
+    except QuadlabError as error:
+        print(error, file=sys.stderr)
+        return 1
+    finally:
+        catalogue.close()
+    return 0
+
+
+def _recording(log: Path, folder: Path) -> int:
+    """The recording for viser."""
+    from web.runs.viser_recording import record
+
+    try:
+        record(log, folder / "a.viser")
+    except QuadlabError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+COMMANDS: dict[str, Callable[[Path, Path], int]] = {
+    "info": _command("log", "info"),
+    "check": _command("log", "check"),
+    "export csv": _command("log", "export", out=True),
+    "export parquet": _command("log", "export", "--format", "parquet", out=True),
+    "export mat": _command("log", "export", "--format", "mat", out=True),
+    "recover": _command("log", "recover", of_copy=True),
+    "report": _command("log", "report", out=True),
+    "replay": _command("replay"),
+    "page": _page,
+    "recording for viser": _recording,
+}
+
+
+def _megabytes(name: str) -> float:
+    """A line of this process's status: VmHWM, the most since it was reset, or VmRSS."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith(f"{name}:"):
+            return float(line.split()[1]) * 1024e-6
+    raise OSError(f"no {name} in /proc/self/status")
+
+
+def work() -> None:
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # what libraries print is no answer
+    for line in sys.stdin:
+        command, log, out = json.loads(line)
+        folder = Path(out)
+        folder.mkdir()
+        gc.collect()
+        Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            try:
+                status = COMMANDS[command](Path(log), folder)
+            except SystemExit as end:
+                status = end.code if isinstance(end.code, int) else 1
+            except BaseException:
+                said.write(traceback.format_exc())
+                status = -1
+        told = said.getvalue()
+        if "Traceback" in told:
+            status = -1
+        peak = _megabytes("VmHWM")
+        gc.collect()
+        answer = {"status": status, "peak": peak, "rest": _megabytes("VmRSS"), "said": told[-2000:]}
+        print(json.dumps(answer), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    work()
