@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from control.parameters import ControlParameters
 from quadrotor.errors import OutOfBoundsError
-from quadrotor.parameters import ParameterValue
+from quadrotor.parameters import ParameterStore, ParameterValue
 
 PRESETS: dict[str, dict[str, ParameterValue]] = {
     # The defaults: fly the paper's vehicle at any loop rate from 60 Hz.
@@ -39,6 +39,7 @@ PRESETS: dict[str, dict[str, ParameterValue]] = {
     "damped": {"attitude.rates": "exact"},
 }
 """Name -> what differs from the defaults of `ControlParameters`."""
+DECIDED = ("position.", "attitude.", "disturbance.")
 
 
 def preset(name: str) -> ControlParameters:
@@ -50,3 +51,11 @@ def preset(name: str) -> ControlParameters:
         group, field = path.split(".")
         setattr(getattr(out, group), field, value)
     return out
+
+
+def preset_values(name: str) -> dict[str, ParameterValue]:
+    """All that a gain set decides, by the vehicle's parameter names: gains and observer, not law
+    and limits. Raises OutOfBoundsError for a name that is none.
+    """
+    values = ParameterStore(preset(name)).values()
+    return {f"control.{key}": value for key, value in values.items() if key.startswith(DECIDED)}

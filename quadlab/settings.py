@@ -14,10 +14,9 @@ from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, par
 
 def _control_preset(name: str) -> dict[str, ParameterValue]:
     """All gains of the named set, by parameter name. Raises ParameterError."""
-    from control.presets import preset
+    from control.presets import preset_values
 
-    gains = ParameterStore(preset(name)).values().items()
-    return {f"control.{k}": v for k, v in gains if k.startswith(("position.", "attitude."))}
+    return preset_values(name)
 
 
 def _estimation_preset(name: str) -> dict[str, ParameterValue]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from control.presets import PRESETS as CONTROL
-from control.presets import preset
+from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION
-from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.parameters import ParameterValue
 from vehicle_link.parameter_authority import SIMULATOR, authority_of
 from web.parameter_mirror import LAYOUT, ParameterMirror
 
 DEFAULTS, CALM = "defaults", "simulator defaults"
-GAINS = ("position.", "attitude.")
 MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
 """What was measured of this vehicle and its room; the defaults leave it alone."""
 
@@ -19,10 +18,7 @@ def built_in(mirror: ParameterMirror) -> dict[str, dict[str, ParameterValue]]:
     """Values by parameter, by the preset's name; of parameters that the vehicle has."""
     sets: dict[str, dict[str, ParameterValue]] = {}
     for name in CONTROL:
-        gains = ParameterStore(preset(name)).values()
-        sets[f"control {name}"] = {
-            f"control.{key}": value for key, value in gains.items() if key.startswith(GAINS)
-        }
+        sets[f"control {name}"] = preset_values(name)
     for name, poles in ESTIMATION.items():
         sets[f"estimation {name}"] = {f"estimation.{key}": v for key, v in poles.items()}
     known = {d.name for d in mirror.descriptions()}

@@ -18,10 +18,10 @@ from console.experiments.client import Client, Result
 from console.experiments.stick_sequences import RATE, recorded, scripted
 from console.experiments.verdict import judged
 from control.presets import PRESETS as CONTROL_PRESETS
-from control.presets import preset
+from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION_PRESETS
 from quadrotor.errors import RefusedError, UsageError
-from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
+from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 RAMP = 4.0
 """s, longer than the 8's ramp in or out."""
@@ -242,11 +242,7 @@ class BearingsExperiment:
     def _control_gains(self) -> dict[str, ParameterValue]:
         if self.parameters.control == "as_set":
             return {}
-        gains = ParameterStore(preset(self.parameters.control)).values()
-        return {
-            f"control.{name}": value for name, value in gains.items()
-            if name.startswith(("position.", "attitude."))
-        }  # fmt: skip
+        return preset_values(self.parameters.control)
 
     def _on_bearings(self, client: Client) -> bool:
         return client.parameter("estimation.source") == "bearings"

@@ -197,6 +197,10 @@ def test_a_preset_sets_all_its_gains_and_later_words_change_them() -> None:
     assert values["control.attitude.kr_xy"] == 100.0
     with pytest.raises(UsageError, match="'sporty'"):
         parse_settings(parameters, ["control.preset=sporty"])
+    parse_settings(parameters, ["control.preset=observer"])
+    assert parameters.control == preset("observer")
+    parse_settings(parameters, ["control.preset=standard"])
+    assert parameters.control == preset("standard")
     parse_settings(parameters, ["estimation.preset=paper"])
     assert parameters.estimation.position_bandwidth == 63.15
     with pytest.raises(UsageError, match="there are paper"):

@@ -227,6 +227,8 @@ def test_built_in_presets_name_parameters_of_the_vehicle_and_leave_what_was_meas
         assert "beacons.layout" not in values
     assert sets["control stiff"]["control.position.kp_xy"] == 6.0
     assert sets["control stiff"]["control.position.kp_z"] == 8.0, "the whole set, not a patch"
+    assert sets["control observer"]["control.disturbance.torque"] is True
+    assert sets["control standard"]["control.disturbance.torque"] is False
     assert "simulator defaults" not in sets, "there is no simulator"
 
 
