@@ -4,7 +4,8 @@
 
 Simulated time: real stack, simulated firmware and plant, full sensors. Each disturbance is flown
 with the gains `standard` and with the gain set `observer`, which takes off what it finds; drag also
-with the coefficient fed forward, payload also on the mass estimate.
+with the coefficient fed forward, payload also on the mass estimate, vibration also on the
+error-state filter whose noise it is, and a weak motor also without the integral of position.
 """
 
 from __future__ import annotations
@@ -33,11 +34,18 @@ MASS: Settings = {"simulator.payload": round(0.2 * VehicleModel().mass, 4)}
 OBSERVER: Settings = {f"control.{name}": value for name, value in PRESETS["observer"].items()}
 FED: Settings = {"model.drag": DRAG}
 WEIGHED: Settings = {"mass.used_by": "estimate"}
+VIBRATION = 3.0
+"""m/s^2, of each sample at 500 Hz."""
+TOLD: Settings = {
+    "estimation.estimator": "error_state",
+    "estimation.error_state.accelerometer_noise": round(VIBRATION / math.sqrt(500.0), 3),
+}
+NO_INTEGRAL: Settings = {**OBSERVER, "control.position.ki_xy": 0.0}
 NOMINAL = "nominal"
 NOT_WORSE = 1.05
 
 CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
-    NOMINAL: ({}, None, {}),
+    NOMINAL: ({}, None, {"on, no horizontal integral": NO_INTEGRAL}),
     "mass + 20 %": (
         MASS, 6.0,
         {"mass estimate": WEIGHED, "on, mass estimate": {**OBSERVER, **WEIGHED}},
@@ -49,8 +57,13 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
     "wind 5 m/s, gusts 1.5 m/s": (
         {"simulator.drag": 0.3, "simulator.wind_x": 5.0, "simulator.gust": 1.5}, 30.0, {},
     ),
-    "one motor - 10 %": ({"simulator.motor_gain_left": 0.9}, 10.0, {}),
-    "vibration 3 m/s²": ({"simulator.vibration": 3.0}, None, {}),
+    "one motor - 10 %": (
+        {"simulator.motor_gain_left": 0.9}, 10.0, {"on, no horizontal integral": NO_INTEGRAL},
+    ),
+    "vibration 3 m/s²": (
+        {"simulator.vibration": VIBRATION}, None,
+        {"error-state filter, told": TOLD, "on, error-state filter, told": {**OBSERVER, **TOLD}},
+    ),
 }  # fmt: skip
 """What disturbs, the limit (mm rms) with the observer, and further settings it is flown with."""
 
