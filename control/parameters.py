@@ -38,11 +38,16 @@ RATES = ("nominal", "exact")
 GEOMETRIC, NEAR_HOVERING = "geometric", "near_hovering"
 
 
-def _gain(default: float, largest: float, unit: str, description: str) -> float:
-    """In flight it moves by a fifth of its range at once: from any named set to any other."""
+def _gain(
+    default: float, largest: float, unit: str, description: str, flight_step: float | None = None
+) -> float:
+    """Return a gain that moves in flight by `flight_step` at once, from any named set to any other.
+
+    Without one the step is a fifth of the range.
+    """
     value: float = parameter(
         default, unit=unit, ge=0.0, le=largest, step=largest / 200.0, description=description,
-        flight_step=largest / 5.0,
+        flight_step=largest / 5.0 if flight_step is None else flight_step,
     )  # fmt: skip
     return value
 
@@ -61,7 +66,7 @@ class PositionGains(Parameters):
 class AttitudeGains(Parameters):
     """Eq. 5, per unit inertia."""
 
-    kr_xy: float = _gain(60.0, 200.0, "1/s²", "attitude gain, roll and pitch")
+    kr_xy: float = _gain(60.0, 200.0, "1/s²", "attitude gain, roll and pitch", flight_step=45.0)
     kr_z: float = _gain(12.0, 50.0, "1/s²", "attitude gain, yaw")
     kw_xy: float = _gain(12.0, 40.0, "1/s", "angular velocity gain, roll and pitch")
     kw_z: float = _gain(5.0, 20.0, "1/s", "angular velocity gain, yaw")

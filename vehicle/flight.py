@@ -62,6 +62,7 @@ def fly(config: FlightConfig) -> None:
     robot = None if ports else _in_process(config.rate, stack)
     granted = become_real_time()
     part = Part(config.name)
+    part.flies()
     if granted.refusal and not part.in_lockstep:  # there nothing is late: time waits
         say(granted.refusal)
     freeze_garbage()

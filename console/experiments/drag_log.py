@@ -23,7 +23,6 @@ from console.experiments.log_columns import (
 )
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
-from quadrotor.rotations import quaternion_to_matrix
 
 Array = npt.NDArray[np.float64]
 
@@ -146,6 +145,9 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
 
     attitude, velocity_b = table(state, first, ATTITUDE), table(state, first, VELOCITY)
     thrusts = table(actuators, second, THRUSTS)
+    # Imported here: compiled, and the station starts without a compiler.
+    from quadrotor.rotations import quaternion_to_matrix
+
     R_wb = np.array([quaternion_to_matrix(q) for q in attitude])
     velocity_w = np.einsum("nij,nj->ni", R_wb, velocity_b)
     return estimate_drag(time[inside], velocity_w, R_wb[:, :, 2], thrusts, start, parameters)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import struct
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +19,7 @@ from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 from vehicle_link import clock
-from vehicle_link.lockstep import Page, Part
+from vehicle_link.lockstep import FLIGHT, Page, Part, words_of
 from vehicle_link.serial.commands import encode_data
 
 MS = 1_000_000
@@ -133,6 +137,26 @@ def test_a_flight_process_that_is_gone_does_not_stop_time_and_may_come_back(benc
     assert bench.step() <= MS
     bench.deliver(31)
     assert bench.step() > 100 * MS  # it counts again
+    assert len(bench.said) == 2
+
+
+def test_a_flight_process_that_was_killed_is_not_waited_for_and_the_next_one_is(
+    bench: Bench,
+) -> None:
+    words = words_of(bench.page, NAME)
+    assert words is not None
+    with contextlib.ExitStack() as ended:
+        for last in (7, 11):
+            child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+            ended.callback(child.communicate)
+            words[FLIGHT] = child.pid
+            bench.deliver(last)
+            bench.part.answered(0, last)
+            assert bench.step() == MS
+            child.kill()
+            os.waitid(os.P_PID, child.pid, os.WEXITED | os.WNOWAIT)  # dead, and not collected
+            bench.deliver(last + 2)
+            assert bench.step() == MS
     assert len(bench.said) == 2
 
 

@@ -100,6 +100,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "GET /api/beacons/file": (VIEWER, None),
     "PUT /api/beacons": (OPERATOR, {"preset": "nothing"}),
     "PUT /api/beacons/view": (OPERATOR, {}),
+    "POST /api/commands/simulation": (OPERATOR, {"action": "swap_battery"}),
     "POST /api/control": (OPERATOR, {"action": "ask"}),
     "GET /api/tuning": (VIEWER, None),
     "POST /api/tuning/run": (OPERATOR, {}),

@@ -3,19 +3,24 @@
 Before the plant moves on, each part has dealt with what it was given, or is no further behind
 than it would be on a computer of its own. A part that says nothing for `PATIENCE_NS` of the
 computer's time has died or hangs: time goes on without it, and what fails then is the flight's to
-survive, until it has caught up. Time that was waited is lost: afterwards it goes on at the
+survive, until it has caught up. For a flight process that has ended nothing is waited at all: one
+that is started again would else be there before the microcontroller notices. Time that was waited
+is lost: afterwards it goes on at the
 computer's pace, never faster, but for what makes up for a late wake-up.
 """
 
 from __future__ import annotations
 
+import contextlib
+import os
+import select
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
 from vehicle.rings import fence
 from vehicle_link import clock
-from vehicle_link.lockstep import ANSWERED, LINES, STATION, TRUTH, VEHICLE, words_of
+from vehicle_link.lockstep import ANSWERED, FLIGHT, LINES, STATION, TRUTH, VEHICLE, words_of
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 
@@ -68,12 +73,47 @@ class Age:
         return now_ns - self._words[self._at] > self._allowed_ns
 
 
+class FlightProcess:
+    """A vehicle's flight process, as the page names it.
+
+    Args: `words` of the vehicle in the page.
+    """
+
+    def __init__(self, words: memoryview) -> None:
+        self._words = words
+        self._id, self._descriptor = 0, NEVER
+        words[FLIGHT] = 0
+
+    def has_ended(self) -> bool:
+        """Return whether it ran once and runs no more, also if nobody has collected it yet."""
+        named = self._words[FLIGHT]
+        if named != self._id:
+            self.close()
+            with contextlib.suppress(ProcessLookupError):  # it has ended already
+                self._descriptor = os.pidfd_open(named)
+            self._id = named
+        if self._descriptor == NEVER:
+            return self._id != 0
+        ready = select.poll()
+        ready.register(self._descriptor, select.POLLIN)
+        return bool(ready.poll(0))
+
+    def close(self) -> None:
+        if self._descriptor != NEVER:
+            os.close(self._descriptor)
+        self._descriptor = NEVER
+
+
 class Awaited:
     """One part that time waits for while it is there."""
 
-    def __init__(self, name: str, part: Line | Age) -> None:
+    def __init__(self, name: str, part: Line | Age, process: FlightProcess | None = None) -> None:
         self.name, self.is_behind = name, part.is_behind
         self.is_there = False
+        self._process = process
+
+    def has_ended(self) -> bool:
+        return self._process is not None and self._process.has_ended()
 
 
 class LockstepPace:
@@ -98,6 +138,7 @@ class LockstepPace:
         self._page, self._say = page, say
         self._wall_ns, self._sleep = wall_ns, sleep
         self._awaited: list[Awaited] = []
+        self._flights: list[FlightProcess] = []
         self.lines: dict[str, list[Line]] = {}
         for name in vehicles:
             words = words_of(page, name)
@@ -110,7 +151,9 @@ class LockstepPace:
                 ("telemetry at the station", VEHICLE, VEHICLE_BEHIND_NS),
             )
             of = f" of {name}" if len(vehicles) > 1 else ""
-            self._awaited += [Awaited(f"the flight process{of}", line) for line in lines]
+            flight = FlightProcess(words)
+            self._flights.append(flight)
+            self._awaited += [Awaited(f"the flight process{of}", line, flight) for line in lines]
             self._awaited += [
                 Awaited(what + of, Age(words, at, allowed_ns)) for what, at, allowed_ns in ages
             ]
@@ -148,7 +191,7 @@ class LockstepPace:
                     break
                 if is_over():
                     return
-                if self._wall_ns() - began_ns > PATIENCE_NS:
+                if one.has_ended() or self._wall_ns() - began_ns > PATIENCE_NS:
                     one.is_there = False
                     gone.append(one)
                     break
@@ -158,8 +201,16 @@ class LockstepPace:
             else:
                 one.is_there = True
         if gone:
-            names = ", ".join(dict.fromkeys(one.name for one in gone))
-            self._say(f"nothing from {names} for {PATIENCE_NS * 1e-9:g} s; time goes on without")
+            silent = f"nothing from {{}} for {PATIENCE_NS * 1e-9:g} s"
+            lines = [
+                ("{} has ended" if one.has_ended() else silent).format(one.name) for one in gone
+            ]
+            self._say(f"{'; '.join(dict.fromkeys(lines))}; time goes on without")
+
+    def close(self) -> None:
+        """Let go of the processes looked at."""
+        for flight in self._flights:
+            flight.close()
 
     def _lose(self, due_ns: int) -> None:
         """A lateness that is too long to be made up for; the clock stands still meanwhile."""

@@ -108,6 +108,8 @@ def run(
     finally:
         for robot in robots:
             robot.close()
+        if lockstep is not None:
+            lockstep.close()
 
 
 @dataclass(frozen=True, slots=True)
