@@ -48,7 +48,7 @@ from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics
 from vehicle_link.instance import new_instance
-from vehicle_link.lockstep import Part
+from vehicle_link.lockstep import STATION_PROCESS, Part
 from vehicle_link.messages import decode
 from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
@@ -94,6 +94,7 @@ class BaseStation:
         self._closing = threading.Event()
         self._node = Node(session, f"/{vehicle}", "station")
         self._part = Part(vehicle)
+        self._part.is_this_process(STATION_PROCESS)
         self.link = LinkMonitor(vehicle, new_instance() if instance is None else instance)
         clock = self._node.client("time_sync", time_sync.TIME_SYNC)
         self.answers = partial(time_sync.answers, clock)

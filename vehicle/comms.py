@@ -44,7 +44,7 @@ from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.clock import monotonic_ns
 from vehicle_link.end_signal import Ending, EndSignal
 from vehicle_link.heartbeat import HEARTBEAT_RATE, SELDOM
-from vehicle_link.lockstep import Part
+from vehicle_link.lockstep import COMMS_PROCESS, Part
 from vehicle_link.node import Node, Received
 from vehicle_link.session import vehicle_session
 from vehicle_link.whoami import serve_whoami
@@ -100,13 +100,15 @@ class Comms:
             self._radio, self._log, self._clock, config.name, config.packets
         )
         self._publisher.instance = config.instance
+        part = Part(config.name)
+        part.is_this_process(COMMS_PROCESS)
         self._inbound = Inbound(
             self._flight,
             self._clock,
             self._say,
             lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
             self._log_received,
-            Part(config.name).station_heard,
+            part.station_heard,
         )
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0

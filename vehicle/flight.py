@@ -24,7 +24,7 @@ from vehicle.pacing import MemoryPacer, Pacer, PortPacer
 from vehicle.process_config import FlightConfig, open_rings
 from vehicle.realtime import become_real_time, die_with_parent, freeze_garbage
 from vehicle.terminal import say, speak_for
-from vehicle_link.lockstep import Part
+from vehicle_link.lockstep import FLIGHT_PROCESS, Part
 from vehicle_link.serial.capacity import sample_period_us
 from vehicle_link.serial.port import PortError, PortProblem, SerialPort
 
@@ -62,7 +62,7 @@ def fly(config: FlightConfig) -> None:
     robot = None if ports else _in_process(config.rate, stack)
     granted = become_real_time()
     part = Part(config.name)
-    part.flies()
+    part.is_this_process(FLIGHT_PROCESS)
     if granted.refusal and not part.in_lockstep:  # there nothing is late: time waits
         say(granted.refusal)
     freeze_garbage()

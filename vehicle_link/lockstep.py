@@ -18,12 +18,12 @@ from quadrotor.errors import StorageError
 from vehicle_link import clock
 
 LINES = 2
-ANSWERED, TRUTH, STATION, VEHICLE, FLIGHT = 0, LINES, LINES + 1, LINES + 2, LINES + 3
+ANSWERED, TRUTH, STATION, VEHICLE = 0, LINES, LINES + 1, LINES + 2
+FLIGHT_PROCESS, COMMS_PROCESS, STATION_PROCESS = LINES + 3, LINES + 4, LINES + 5
 """Index in a vehicle's words. ANSWERED, one a serial line: the microcontroller's time (ms) in the
 newest sample that flight has ticked on. TRUTH: the newest truth that the station has made poses of.
 STATION: when the station sent what comms heard last of it. VEHICLE: the newest sample that the
-station has heard of. The last three in ns of `clock.monotonic_ns`. FLIGHT: id of the flight
-process."""
+station has heard of. The last three in ns of `clock.monotonic_ns`. …_PROCESS: ids."""
 WORDS, NAME = 8, 32
 """Of each vehicle: words, and bytes of its name behind those of all."""
 SHARED_MEMORY = Path("/dev/shm")
@@ -77,9 +77,9 @@ class Part:
         self._words = memoryview(bytearray(8 * WORDS)).cast("q") if found is None else found
         self._epoch_ns = 0 if words is None else words[clock.EPOCH]
 
-    def flies(self) -> None:
-        """Name this process as the vehicle's flight process, which may die."""
-        self._words[FLIGHT] = os.getpid()
+    def is_this_process(self, at: int) -> None:
+        """Name this process as the one of `at`, one of the words …_PROCESS: it may die."""
+        self._words[at] = os.getpid()
 
     def answered(self, line: int, milliseconds: int) -> None:
         """Flight has ticked on the sample of this time of the microcontroller, from this line."""

@@ -19,7 +19,7 @@ from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 from vehicle_link import clock
-from vehicle_link.lockstep import FLIGHT, Page, Part, words_of
+from vehicle_link.lockstep import FLIGHT_PROCESS, Page, Part, words_of
 from vehicle_link.serial.commands import encode_data
 
 MS = 1_000_000
@@ -149,7 +149,7 @@ def test_a_flight_process_that_was_killed_is_not_waited_for_and_the_next_one_is(
         for last in (7, 11):
             child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
             ended.callback(child.communicate)
-            words[FLIGHT] = child.pid
+            words[FLIGHT_PROCESS] = child.pid
             bench.deliver(last)
             bench.part.answered(0, last)
             assert bench.step() == MS

@@ -3,10 +3,10 @@
 Before the plant moves on, each part has dealt with what it was given, or is no further behind
 than it would be on a computer of its own. A part that says nothing for `PATIENCE_NS` of the
 computer's time has died or hangs: time goes on without it, and what fails then is the flight's to
-survive, until it has caught up. For a flight process that has ended nothing is waited at all: one
-that is started again would else be there before the microcontroller notices. Time that was waited
-is lost: afterwards it goes on at the
-computer's pace, never faster, but for what makes up for a late wake-up.
+survive, until it has caught up. A process that has ended is not waited for at all: one that is
+started again would otherwise be there before anybody notices. Time that was waited is lost:
+afterwards it goes on at the computer's pace, never faster, but for what makes up for a late
+wake-up.
 """
 
 from __future__ import annotations
@@ -20,7 +20,17 @@ from collections.abc import Callable, Sequence
 
 from vehicle.rings import fence
 from vehicle_link import clock
-from vehicle_link.lockstep import ANSWERED, FLIGHT, LINES, STATION, TRUTH, VEHICLE, words_of
+from vehicle_link.lockstep import (
+    ANSWERED,
+    COMMS_PROCESS,
+    FLIGHT_PROCESS,
+    LINES,
+    STATION,
+    STATION_PROCESS,
+    TRUTH,
+    VEHICLE,
+    words_of,
+)
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 
@@ -73,22 +83,25 @@ class Age:
         return now_ns - self._words[self._at] > self._allowed_ns
 
 
-class FlightProcess:
-    """A vehicle's flight process, as the page names it.
+class Process:
+    """One process that parts are made by, as the page names it.
 
-    Args: `words` of the vehicle in the page.
+    Args: `words` of the vehicle in the page; `at`, the index of the process's id.
     """
 
-    def __init__(self, words: memoryview) -> None:
-        self._words = words
+    def __init__(self, name: str, words: memoryview, at: int) -> None:
+        self.name = name
+        self.is_end_told = False
+        self._words, self._at = words, at
         self._id, self._descriptor = 0, NEVER
-        words[FLIGHT] = 0
+        words[at] = 0
 
     def has_ended(self) -> bool:
         """Return whether it ran once and runs no more, also if nobody has collected it yet."""
-        named = self._words[FLIGHT]
+        named = self._words[self._at]
         if named != self._id:
             self.close()
+            self.is_end_told = False
             with contextlib.suppress(ProcessLookupError):  # it has ended already
                 self._descriptor = os.pidfd_open(named)
             self._id = named
@@ -105,15 +118,16 @@ class FlightProcess:
 
 
 class Awaited:
-    """One part that time waits for while it is there."""
+    """One part that time waits for while it is there, and while its `processes` run."""
 
-    def __init__(self, name: str, part: Line | Age, process: FlightProcess | None = None) -> None:
+    def __init__(self, name: str, part: Line | Age, *processes: Process) -> None:
         self.name, self.is_behind = name, part.is_behind
         self.is_there = False
-        self._process = process
+        self._processes = processes
 
-    def has_ended(self) -> bool:
-        return self._process is not None and self._process.has_ended()
+    def ended(self) -> Process | None:
+        """Return the process of its that has ended, if any."""
+        return next((one for one in self._processes if one.has_ended()), None)
 
 
 class LockstepPace:
@@ -138,24 +152,26 @@ class LockstepPace:
         self._page, self._say = page, say
         self._wall_ns, self._sleep = wall_ns, sleep
         self._awaited: list[Awaited] = []
-        self._flights: list[FlightProcess] = []
+        self._processes: list[Process] = []
         self.lines: dict[str, list[Line]] = {}
         for name in vehicles:
             words = words_of(page, name)
             if words is None:
                 raise KeyError(name)
             self.lines[name] = lines = [Line(words, line) for line in range(LINES)]
-            ages = (
-                ("the station's tracker", TRUTH, truth_period_ns + TRUTH_BEHIND_NS),
-                ("the station's word on board", STATION, truth_period_ns + STATION_BEHIND_NS),
-                ("telemetry at the station", VEHICLE, VEHICLE_BEHIND_NS),
-            )
             of = f" of {name}" if len(vehicles) > 1 else ""
-            flight = FlightProcess(words)
-            self._flights.append(flight)
-            self._awaited += [Awaited(f"the flight process{of}", line, flight) for line in lines]
+            flight = Process(f"the flight process{of}", words, FLIGHT_PROCESS)
+            comms = Process(f"the comms process{of}", words, COMMS_PROCESS)
+            station = Process("the station", words, STATION_PROCESS)
+            tracker = Age(words, TRUTH, truth_period_ns + TRUTH_BEHIND_NS)
+            station_heard = Age(words, STATION, truth_period_ns + STATION_BEHIND_NS)
+            vehicle_heard = Age(words, VEHICLE, VEHICLE_BEHIND_NS)
+            self._processes += [flight, comms, station]
             self._awaited += [
-                Awaited(what + of, Age(words, at, allowed_ns)) for what, at, allowed_ns in ages
+                *(Awaited(flight.name, line, flight) for line in lines),
+                Awaited(f"the station's tracker{of}", tracker, station),
+                Awaited(f"the station's word on board{of}", station_heard, station, comms),
+                Awaited(f"telemetry at the station{of}", vehicle_heard, flight, comms, station),
             ]
         self._told: deque[tuple[int, int]] = deque()  # (wall, simulated)
 
@@ -191,7 +207,7 @@ class LockstepPace:
                     break
                 if is_over():
                     return
-                if one.has_ended() or self._wall_ns() - began_ns > PATIENCE_NS:
+                if one.ended() or self._wall_ns() - began_ns > PATIENCE_NS:
                     one.is_there = False
                     gone.append(one)
                     break
@@ -200,17 +216,21 @@ class LockstepPace:
                 self._lose(due_ns)
             else:
                 one.is_there = True
-        if gone:
-            silent = f"nothing from {{}} for {PATIENCE_NS * 1e-9:g} s"
-            lines = [
-                ("{} has ended" if one.has_ended() else silent).format(one.name) for one in gone
-            ]
-            self._say(f"{'; '.join(dict.fromkeys(lines))}; time goes on without")
+        lines = []
+        for one in gone:
+            process = one.ended()
+            if process is None:
+                lines.append(f"nothing from {one.name} for {PATIENCE_NS * 1e-9:g} s")
+            elif not process.is_end_told:
+                process.is_end_told = True
+                lines.append(f"{process.name} has ended")
+        if lines:
+            self._say(f"{', '.join(dict.fromkeys(lines))}; time goes on without")
 
     def close(self) -> None:
         """Let go of the processes looked at."""
-        for flight in self._flights:
-            flight.close()
+        for process in self._processes:
+            process.close()
 
     def _lose(self, due_ns: int) -> None:
         """A lateness that is too long to be made up for; the clock stands still meanwhile."""
