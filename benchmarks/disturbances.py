@@ -65,7 +65,7 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
         {"error-state filter, told": TOLD, "on, error-state filter, told": {**OBSERVER, **TOLD}},
     ),
 }  # fmt: skip
-"""What disturbs, the limit (mm rms) with the observer, and further settings it is flown with."""
+"""A disturbance, the limit (mm rms) with the observer, and further settings of the flight."""
 
 
 def run(quick: bool = False) -> Report:

@@ -24,7 +24,7 @@ from tests.crafted_logs import CRAFTED, mutated, sound
 COUNT, QUICK_COUNT = 500, 20
 MOST_MB = 500.0
 GROWN_MB = 400.0
-"""Of a worker at rest, after which the next command has one of its own."""
+"""Memory of a worker at rest above which the next command gets a new worker."""
 LONGEST = 600.0  # s of a command
 LARGE = ("at_the_limit", "many_tiny", "many_loose", "attached", "long_text", "long_array")
 """Crafted logs whose commands have a worker each."""

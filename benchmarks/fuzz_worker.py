@@ -30,7 +30,7 @@ def _command(*words: str, out: bool = False, of_copy: bool = False) -> Callable[
 
 
 def _page(log: Path, folder: Path) -> int:
-    """What *Runs* does with a log: entered, listed, made ready for replay, read."""
+    """Do what *Runs* does with a log: enter it, list it, make it ready for replay, read it."""
     from console.catalogue import Catalogue
     from console.run_files import tidy_runs
     from web.replay.build import build

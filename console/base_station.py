@@ -279,7 +279,7 @@ class BaseStation:
         self._witness.changed(change, received.received_ns)
 
     def _on_event(self, received: Received) -> None:
-        """Why it landed unheard stands on the base's terminal, too."""
+        """Print on the base's terminal why the vehicle landed while no station heard it."""
         text = str(decode(received.payload, TOPICS["events"].type_name).msg)
         if text.startswith(topics.UNHEARD):
             print(f"station: {self._vehicle}: {text}", flush=True)

@@ -37,7 +37,7 @@ class Known(Protocol):
 def in_force(
     given: Mapping[str, ParameterValue], before: Mapping[str, ParameterValue]
 ) -> dict[str, ParameterValue]:
-    """What to start with: the layout of `before`, the values known last, unless one is `given`."""
+    """Return what to start with: the layout last known (`before`), unless one is `given`."""
     return {OURS: before[OURS]} if OURS in before and OURS not in given else {}
 
 

@@ -74,7 +74,7 @@ def _remember(memory: Item, axes: Axes) -> None:
 def fed_forward(
     disturbance: Item, reference: Item, model: Item
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """What the motors are to do beside the feedback, and the torque (N m) to be taken off.
+    """Return what the motors are to do beside the feedback, and the torque (N m) to take off.
 
     The acceleration (m/s^2) that force over mass has to give, with its two derivatives: that of
     the reference, the drag of its velocity, less the disturbing force that was found.
@@ -94,7 +94,7 @@ def fed_forward(
 
 @compiled(inner=True)
 def hand_over(memory: Item, gains: Item, model: Item) -> None:
-    """What the observer begins and ends to take off leaves the integrals and comes back to them."""
+    """Hand what the observer begins or ceases to take off from the integrals, or back to them."""
     d, mass, J = memory.disturbance, model.mass, model.inertia_b
     if d.force_begun > 0.0 or d.torque_begun > 0.0:
         for i in range(3):

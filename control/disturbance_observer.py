@@ -1,4 +1,4 @@
-"""What pushes and twists the vehicle beside its motors: a disturbance observer.
+"""A disturbance observer: the force and torque on the vehicle beside its motors'.
 
 Motion as the model has it, driven by the thrusts commanded (through the rotors' lag) and by the
 disturbance found, is held against the motion measured: with w' = u_1 z_B / m - g z_W + d and
@@ -76,7 +76,7 @@ DISTURBANCE = np.dtype(
     ],
     align=True,
 )
-"""What a law takes off its force and torque; the last four act once, on its integrals, so that
+"""The force and torque a law takes off; the last four act once, on its integrals, so that
 nothing jumps when the observer is faded in or out."""
 
 

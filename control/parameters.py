@@ -104,7 +104,7 @@ class ControlLimits(Parameters):
 
 
 class DisturbanceParameters(Parameters):
-    """What the disturbance observer finds and the law takes off."""
+    """Settings of the disturbance observer, and whether the law takes off what it finds."""
 
     force: bool = parameter(
         False,

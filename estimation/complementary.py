@@ -109,7 +109,7 @@ class ComplementaryEstimator:
 
     @property
     def ignored(self) -> Counter[Outcome]:
-        """How many poses since the reset were not applied, by Outcome."""
+        """Return how many poses since the reset were not applied, by Outcome."""
         counts = self._memory["outcomes"][0].tolist()
         counts[Outcome.APPLIED] = 0
         return +Counter(dict(zip(Outcome, counts, strict=True)))

@@ -36,7 +36,7 @@ BAD_PREDICTION, NO_START, UNSEEN, NO_FIT, DOUBTFUL = 5, 6, 7, 8, 9
 
 @compiled(inner=True)
 def chi_square(freedom: float) -> float:
-    """What chi-square of so many degrees is beyond with at most FALSE_REFUSAL.
+    """Return the chi-square that so many degrees exceed with probability FALSE_REFUSAL at most.
 
     Wilson and Hilferty's cube: 36.1 where 32.2 is exact for 2 degrees, 53.9 for 52.3 for 10.
     """

@@ -24,7 +24,7 @@ class Outcome(IntEnum):
 
 
 class Agreement(IntEnum):
-    """Of the newest measurements with the estimate."""
+    """How the newest measurements agree with the estimate."""
 
     USED = 0  # the newest one was used
     REFUSED = 1  # it was refused by the gate, as too far from its prediction

@@ -52,7 +52,7 @@ RUN_SPEED, RUN_RATE = 3.0, 1.0
 DRIFT_SPEED, DRIFT_ACCELERATION, DRIFT_RATE = 0.05, 0.1, 0.02
 """m/s, m/s^2, rad/s: deviations of a prediction without poses."""
 MEDIAN = 2.366
-"""Of the sum of three squares of unit variance."""
+"""The median of the sum of three squares of unit variance."""
 PACE, PACE_RATE = 0.1, 10.0
 """By how much a running median moves at most: share a pose, share a second."""
 LARGEST = 1.0
@@ -95,7 +95,7 @@ def _moved(variance: float, square: float, pace: float, noise: float) -> float:
 
 @compiled(inner=True)
 def passes(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bool:
-    """Whether a pose may be used; if so, the gate adapts to it.
+    """Return whether a pose may be used; if so, the gate adapts to it.
 
     Args:
         offset_w: m, from the prediction. turn2: rad^2, of the attitude.
@@ -115,7 +115,7 @@ def passes(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> boo
 
 @compiled(inner=True)
 def _drifts(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bool:
-    """Whether a pose beyond the gate goes on from one that was used a moment ago."""
+    """Return whether a pose beyond the gate continues one that was used a moment ago."""
     if m.pose_stamp_ns != m.newest_ns or 1e-9 * (stamp_ns - m.pose_stamp_ns) > JUMP_INTERVAL:
         return False
     near, level = _reach(m, g)
@@ -127,7 +127,7 @@ def _drifts(m: Any, stamp_ns: int, offset_w: Triple, turn2: float, g: Any) -> bo
 
 @compiled(inner=True)
 def _reach(m: Any, g: Any) -> tuple[float, float]:
-    """How far (m, rad) the gate reaches a moment after a pose was used."""
+    """Return how far (m, rad) the gate reaches a moment after a pose was used."""
     position = max(m.position_scale, g.pose_position_noise**2)
     attitude = max(m.attitude_scale, g.pose_attitude_noise**2)
     return g.pose_gate * math.sqrt(position), g.pose_gate * math.sqrt(attitude)

@@ -118,7 +118,7 @@ def _one_line(boxed: str) -> str:
 
 
 def _nearest(said: str) -> str:
-    """What a word that is not allowed may have been meant to be; nothing if none is near."""
+    """Return the allowed words nearest to one that is not; none if none is near."""
     wrong = re.search(r"(?:Unrecognized options: |invalid choice ')([\w-]+)", said)
     allowed = re.search(r"(?:Available subcommands: |Expected one of [({])([^;)}]+)", said)
     if not wrong or not allowed or "Perhaps you meant" in said:

@@ -110,5 +110,5 @@ class AgreementWatch:
 
 
 def _size(far: float, turn: float) -> str:
-    """Of m and rad."""
+    """Return a distance (m) and a turn (rad) as text."""
     return f"{far:.2f} m, {math.degrees(turn):.1f} deg"

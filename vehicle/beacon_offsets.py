@@ -1,4 +1,4 @@
-"""Whether the bearings of one beacon are off on average, and of which one.
+"""Finds a beacon whose bearings are off on average, and names it.
 
 Noise averages out, a beacon that stands elsewhere or is seen with a bias does not. Over the last
 seconds each beacon has a mean residual e (tangent, 2 numbers of variance sigma^2 / N). An error
@@ -31,13 +31,13 @@ Array = npt.NDArray[np.float64]
 FALSE_ALARM = 1e-6
 """Probability that good Gaussian bearings exceed the bound of one window."""
 _DEVIATIONS = 4.753
-"""Of a Gaussian that exceeds so many with that probability."""
+"""Standard deviations that a Gaussian exceeds with that probability."""
 MARGIN = 20.0
 """By which a beacon must explain more chi-square than any other: odds of e^10."""
 TRACKER = np.repeat([0.02, math.radians(1.0)], 3)
 """Deviations (m, rad) of the tracker's pose, its delay and its alignment to the body included."""
 ANYWHERE = np.repeat([1.0, 1.0], 3)
-"""Of a pose of which nothing is known but that it is near."""
+"""Variance of a pose of which only is known that it is near."""
 LEAST = 4
 """Beacons with which residuals say something at all."""
 FEWEST_FRAMES = 15.0
@@ -195,7 +195,7 @@ class _Fit:
         self._costs = (self.e**2).sum(axis=1) * weights
 
     def chi_square(self, deviations: Array) -> float:
-        """What no pose error of these deviations (6,) explains."""
+        """Return what no pose error of these deviations (6,) explains."""
         A = self._information.sum(axis=0) + np.diag(1.0 / deviations**2)
         g = self._gradient.sum(axis=0)
         return float(self._costs.sum() - g @ np.linalg.solve(A, g))
@@ -212,7 +212,7 @@ class _Fit:
 
 
 def _bound(freedom: int) -> float:
-    """What a chi-square of so many degrees exceeds with FALSE_ALARM (Wilson and Hilferty, 1931)."""
+    """Return what a chi-square exceeds with probability FALSE_ALARM (Wilson and Hilferty, 1931)."""
     if freedom <= 0:
         return math.inf
     share = 2.0 / (9.0 * freedom)

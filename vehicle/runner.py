@@ -66,7 +66,7 @@ class Runner:
         self.estimator.initialize(pose)
 
     def unused(self, now_ns: int) -> str | None:
-        """What it does not use for its time, when that is news."""
+        """Return what it did not use because of its time, when that is news."""
         return self._unused.look(str(self), self.estimator, now_ns)
 
     def restarts(self, now_ns: int) -> str | None:

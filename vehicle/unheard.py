@@ -1,4 +1,4 @@
-"""Why the vehicle braked or landed while no station heard it: told once one hears it again.
+"""Publish why the vehicle braked or landed while no station heard it, once one hears it again.
 
 What it says at such a moment reaches its log and its terminal; the link it could be heard by is the
 very thing that is gone, and a station that is started anew was not there.
@@ -21,14 +21,14 @@ SETTLED = 3.0
 
 
 class Unheard:
-    """Of one thread; times in s of one monotonic clock."""
+    """Used by one thread; times in s of one monotonic clock."""
 
     def __init__(self) -> None:
         self._kept: deque[tuple[int, str]] = deque(maxlen=MOST)
         self._heard_since = math.inf
 
     def said(self, event: mailbox.Event, silence: float) -> bool:
-        """Whether it is kept: a warning that may not be heard.
+        """Return whether it is kept: a warning that may not be heard.
 
         Args:
             silence: since the station was heard; inf before the first time.

@@ -1,4 +1,4 @@
-"""What an estimator does not use for its time, told before anybody wonders why the filter drifts.
+"""Reports measurements that an estimator does not use because of their time, before it drifts.
 
 A measurement beyond the gate is told by the estimator's own flag; one that is none is refused with
 its reason. A clock that is off, or a link that is slow, shows here only.
@@ -26,7 +26,7 @@ class UnusedMeasurements:
         self._told: Counter[Outcome] = Counter()
 
     def look(self, name: str, estimator: object, now_ns: int) -> str | None:
-        """What is to be told of it, mostly None.
+        """Return what is to be reported of it, mostly None.
 
         Args:
             estimator: with counts `ignored` by Outcome; nothing is told of one without.

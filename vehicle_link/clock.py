@@ -57,12 +57,12 @@ def open_page(path: str | Path) -> memoryview:
 
 
 def page() -> memoryview | None:
-    """What is followed; None: the computer's clock."""
+    """Return the page that is followed; None: the computer's clock."""
     return _followed.page
 
 
 def monotonic_ns() -> int:
-    """As time.monotonic_ns."""
+    """Return the flight's steady clock in ns, as time.monotonic_ns."""
     words = _followed.page
     if words is None:
         return time.monotonic_ns()
@@ -72,18 +72,18 @@ def monotonic_ns() -> int:
 
 
 def monotonic() -> float:
-    """As time.monotonic."""
+    """Return the flight's steady clock in s, as time.monotonic."""
     return monotonic_ns() * 1e-9
 
 
 def time_ns() -> int:
-    """As time.time_ns; in a simulation not set with the computer's clock while it lasts."""
+    """Return the epoch time in ns, as time.time_ns; a simulation keeps its own while it lasts."""
     words = _followed.page
     return time.time_ns() if words is None else monotonic_ns() + words[EPOCH]
 
 
 def wall_time() -> float:
-    """As time.time."""
+    """Return the epoch time in s, as time.time."""
     return time_ns() * 1e-9
 
 

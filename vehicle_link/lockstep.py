@@ -25,7 +25,7 @@ newest sample that flight has ticked on. TRUTH: the newest truth that the statio
 STATION: when the station sent what comms heard last of it. VEHICLE: the newest sample that the
 station has heard of. The last three in ns of `clock.monotonic_ns`. …_PROCESS: ids."""
 WORDS, NAME = 8, 32
-"""Of each vehicle: words, and bytes of its name behind those of all."""
+"""Words of each vehicle, and bytes of its name behind the words of all."""
 SHARED_MEMORY = Path("/dev/shm")
 
 
@@ -63,7 +63,7 @@ class Page:
 
 
 class Part:
-    """Where one process tells how far it has come with one vehicle; where there is no lockstep,
+    """How far one process has come with one vehicle, for the simulator; where there is no lockstep,
     nobody looks.
 
     Attributes:

@@ -174,7 +174,7 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/commands/simulation")
     async def simulation(body: commands.SimulationBody, session: Operator) -> dict[str, Any]:
-        """Of a simulated vehicle with its motors off: `swap_battery` puts a full one in, `reset`
+        """Serve a simulated vehicle with its motors off: `swap_battery` puts a full one in, `reset`
         puts the vehicle back where it stood at the start, with a full battery."""
         await station.command("simulation", session.label, action=body.action, **body.fields)
         return {"accepted": True}

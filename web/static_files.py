@@ -31,7 +31,7 @@ LARGEST = 1_000_000
 VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
 FOR_GOOD = {"cache-control": "private, max-age=31536000, immutable"}
 JOINED = "joined/"
-"""Where scripts (`app.js`, with `app.js.map`) and styles (`index.css`, of index.html) are."""
+"""Return where scripts (`app.js`, with `app.js.map`) and styles (`index.css`) are."""
 _STYLES = re.compile(rf'<link rel="stylesheet" href="{PLACE}([^"]+)">\n?')
 _SCRIPT = re.compile(rf'<script type="module" src="{PLACE}([^"]+)"></script>')
 _JOINED = re.compile(rf"{JOINED}[a-z0-9_]{{1,60}}(\.css|\.js|\.js\.map)")

@@ -292,7 +292,7 @@ def _values(log: Path, changes: ColumnSpool, until: float) -> dict[str, Paramete
 
 
 def _places(values: Mapping[str, ParameterValue]) -> dict[int, list[float]]:
-    """Where the vehicle believes the beacons, m, by id; empty when that is not known."""
+    """Return where the vehicle believes the beacons to be (m, by id); empty when unknown."""
     try:
         beacons = parse_layout(str(values["beacons.layout"]))
     except (KeyError, MeasurementError):
@@ -301,7 +301,7 @@ def _places(values: Mapping[str, ParameterValue]) -> dict[int, list[float]]:
 
 
 def _noise(values: Mapping[str, ParameterValue]) -> ErrorStateParameters:
-    """What the vehicle assumes of its IMU; the default for what the log does not name."""
+    """Return the IMU noise the vehicle assumes; defaults for what the log does not name."""
     noise = ErrorStateParameters()
     for name, default in ErrorStateParameters():
         told = values.get(f"estimation.error_state.{name}", default)

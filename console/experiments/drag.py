@@ -50,7 +50,7 @@ class DragExperiment:
         """Nothing can be chosen wrongly; what is too quick the vehicle refuses."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """What is missing before it may start, in words."""
+        """Return what is missing before it may start, in words."""
         return missing_place(view)
 
     def fly(self, client: Client) -> None:

@@ -49,7 +49,7 @@ DRAG_BOUNDS = (0.0, 2.0)
 
 @dataclass(frozen=True, slots=True)
 class DragFlight:
-    """What the circles say.
+    """Return the drag that the circles show.
 
     Attributes:
         found: N s/m. pieces: (PIECES,) the same of each third of the time.

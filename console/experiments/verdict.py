@@ -1,4 +1,4 @@
-"""What makes a verdict: figures against limits, and figures that need a limit to be judged at all.
+"""The verdict: figures against limits, and figures that need a limit to be judged at all.
 
 A figure beyond its limit fails the flight. A flight that keeps to every limit there is, but has
 none for a figure that decides, is neither good nor bad: it is not judged, and the reason says

@@ -24,9 +24,9 @@ ROWS = 20_000
 MAT_NAME = 63
 """Characters MATLAB allows for a name."""
 MAT_BYTES = 250_000_000
-"""Of values in a .mat file, all topics together."""
+"""Largest size of the values in a .mat file, all topics together."""
 COMPRESSED_BYTES = 20_000_000
-"""Of a topic in it; a larger one is not compressed, for which it would be held three times more."""
+"""Largest topic that is compressed: to compress a larger one would hold it three times more."""
 
 
 class Format(Protocol):

@@ -55,7 +55,7 @@ IMU = {"imu": (*_axes("linear_acceleration"), *_axes("angular_velocity"))}
 """Read when the figures need it."""
 MOST_LINES = 2000
 MOST_BYTES = 180_000_000
-"""Of stamps and values together: more than an hour's flight, and ten million bare stamps."""
+"""Largest size of stamps and values: above an hour's flight, and ten million bare stamps."""
 ON_CHANGE = ("events", "marks", "parameter_changes", "parameter_events", "joy", "stick")
 """Silent by nature: no gap of theirs is one."""
 WARNING = 30  # level of rcl_interfaces/Log

@@ -91,7 +91,7 @@ class ErrorStateEstimator:
 
     @property
     def ignored(self) -> Counter[Outcome]:
-        """How many measurements since the reset were not applied, by Outcome."""
+        """Return how many measurements since the reset were not applied, by Outcome."""
         counts = self._memory["outcomes"][0].tolist()
         counts[Outcome.APPLIED] = 0
         return +Counter(dict(zip(Outcome, counts, strict=True)))

@@ -127,7 +127,7 @@ def reset(P: Array, phi: Array) -> None:
 
 @compiled(inner=True)
 def shift(m: Any, pairs: int, first: int, all_of_them: bool) -> Vector:
-    """What bearings alone say of three of the pose errors, 0:3 (m) or 3:6 (rad), the others right.
+    """Return three pose errors, 0:3 (m) or 3:6 (rad), by bearings alone, the others being right.
 
     The most probable one if no more was known of it than BROAD on each axis: what they leave open,
     as a single bearing does the distance, stays near 0. It is not drawn to the filter's own

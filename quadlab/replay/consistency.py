@@ -1,4 +1,4 @@
-"""Whether an estimator's errors and innovations are as large as its own covariance says.
+"""Consistency: are an estimator's errors and innovations as large as its covariance says?
 
 NIS is the square of a measurement's innovation, NEES that of the estimate's error against the
 truth, each normalised by the covariance the estimator states; both are divided by how many numbers
@@ -42,7 +42,7 @@ class Consistency:
 
 
 def of_innovations(nis: Array, freedom: Array) -> Consistency | None:
-    """Of measurements (N,): `nis` a number, and how many numbers each gave. None of none."""
+    """Return the mean NIS of measurements (N,): `nis` a number, and how many numbers each gave."""
     known = np.isfinite(nis)
     total = int(freedom[known].sum())
     if total == 0:
@@ -52,7 +52,7 @@ def of_innovations(nis: Array, freedom: Array) -> Consistency | None:
 
 
 def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
-    """Of estimates where the truth covers them; without true velocities, of the pose alone."""
+    """Return the NEES of estimates that the truth covers; without true velocities, of the pose."""
     stamps: Stamps = np.array([one.stamp_ns for one in posteriors], np.int64)
     covered = truth.covers(stamps) if len(stamps) else np.zeros(0, bool)
     chosen = [one for one, known in zip(posteriors, covered, strict=True) if known]
@@ -94,7 +94,7 @@ def turns(true_wb: Array, estimated_wb: Array) -> Array:
 
 
 def _bounds(degrees: int) -> tuple[float, float]:
-    """Of a chi-square over its degrees of freedom."""
+    """Return the bounds of a chi-square over its degrees of freedom."""
     from scipy.stats import chi2
 
     low, high = chi2.ppf(BOUNDS, degrees) / degrees

@@ -15,9 +15,9 @@ from vehicle_link.log import LogMessage
 AT_ONCE = 4096
 """Messages decoded together."""
 MOST_BYTES = 200_000_000
-"""Of records and messages that are held: half an hour's flight at 400 Hz."""
+"""Largest size of what is held: half an hour's flight at 400 Hz."""
 MESSAGE_BYTES = 400
-"""Of one that is held whole, or as an object, besides its payload."""
+"""Size of one that is held whole, or as an object, besides its payload."""
 
 Decode = Callable[[list[bytes]], list[Record]]
 
@@ -46,7 +46,7 @@ class Gathered:
             self._flush(name)
 
     def records(self, name: str) -> list[Record]:
-        """What `decode` gave for all messages of a topic; (N,) each, N may be 0."""
+        """The decoded messages of a topic as columns; (N,) each, N may be 0."""
         self._flush(name)
         made = zip(self._records[name], self._types[name], strict=True)
         return [np.frombuffer(data, kind) for data, kind in made]

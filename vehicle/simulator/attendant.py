@@ -1,4 +1,4 @@
-"""What a person does at a vehicle on the ground, asked for by a service and done by the loop."""
+"""Do what a person does at a vehicle on the ground: asked for by a service, done by the loop."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ TRUTH_BEHIND_NS, STATION_BEHIND_NS, VEHICLE_BEHIND_NS = 15_000_000, 30_000_000, 
 """Beyond the period of the truth: how old what the station has handled of it may be, and what
 comms has heard of the station. And how old what the station has heard of the vehicle."""
 WINDOW_NS, TOLD_EVERY_NS = 2_000_000_000, 250_000_000
-"""Of the real-time factor."""
+"""Window of the real-time factor, and how often it is published."""
 NEVER = -1
 
 Say = Callable[[str], None]
@@ -73,7 +73,7 @@ class Line:
 
 
 class Age:
-    """What a part has dealt with is not to be older than `allowed_ns`."""
+    """An age: what a part has dealt with must not be older than `allowed_ns`."""
 
     def __init__(self, words: memoryview, at: int, allowed_ns: int) -> None:
         self._words, self._at, self._allowed_ns = words, at, allowed_ns

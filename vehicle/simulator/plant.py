@@ -264,7 +264,7 @@ def ground_gain(share: float, height: float) -> float:
 
 @compiled(inner=True)
 def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tuple[float, Vector]:
-    """What rotors at these speeds (counts) do: thrust over mass (m/s^2), torque over inertia."""
+    """Return thrust over mass (m/s^2), torque over inertia of rotors at these speeds (counts)."""
     m, e, g = p.model, p.thrust_efficiency * p.battery_share * p.ground_share, p.motor_gain
     a, b = m.motor_slope, m.motor_offset
     thrusts = (
@@ -279,7 +279,7 @@ def _driven(p: Item, speeds: Four, inverse_mass: float, inverse: Vector) -> tupl
 
 @compiled(inner=True)
 def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
-    """What the ground does to the feet: force in world axes (N), torque about body axes (N m)."""
+    """Return the ground's force in world axes (N) and torque about body axes (N m) on the feet."""
     force_w = torque_b = (0.0, 0.0, 0.0)
     axes = axes_of(motion[2])
     for lever in (FOOT, -FOOT):

@@ -128,7 +128,7 @@ FEW = 3
 
 
 def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
-    """Where `quadlab up` made a page for it; else the computer's time is gone by."""
+    """Return the pace of lockstep if `quadlab up` made a page; else None: the computer's time."""
     page = clock.page()
     if page is None:
         return None

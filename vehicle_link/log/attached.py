@@ -23,7 +23,7 @@ def json_value(data: bytes | str) -> Any:
 
 
 def literal_value(text: str) -> Any:
-    """Of a number, truth or text as `repr` writes it. Raises ValueError for anything else."""
+    """Return the number, truth or text that `repr` wrote. Raise ValueError for anything else."""
     if len(text) > LONGEST:
         raise ValueError(f"{len(text)} characters are no parameter's value")
     try:

@@ -129,7 +129,7 @@ class BlockReader:
             self.damaged_records += opcode != Opcode.CHUNK
 
     def _take_index(self, data: bytes) -> None:
-        """Of the chunk before it; one of more messages than the chunk has room for is none."""
+        """Read the index of the chunk before it; none if the chunk has no room for so many."""
         channel, length = _INDEX.unpack_from(data)
         if length and self._entries is not None:
             self._entries[channel] = data[_INDEX.size : _INDEX.size + length]
@@ -221,7 +221,7 @@ class BlockReader:
             self.metadata[record.name] = dict(record.metadata)
 
     def _blocks(self, share: float) -> Iterator[Block]:
-        """What was filled, in pieces of some BLOCK_BYTES."""
+        """Return what was filled, in pieces of some BLOCK_BYTES."""
         if not self._filled:
             return
         data = np.frombuffer(b"".join(self._parts), np.uint8)
@@ -249,7 +249,7 @@ def _claimed(chunk: bytes) -> int:
 
 
 def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:
-    """Whether each place is where a message of its channel begins, and none is within another."""
+    """Return whether a message of its channel begins at each place, and none lies in another."""
     for channel, its in places.items():
         of_channel = field_at(data, its, RECORD.size, "<u2") == channel
         if not (of_channel & (data[its] == Opcode.MESSAGE)).all():

@@ -17,7 +17,7 @@ Floats = npt.NDArray[np.float32]
 Stamps = npt.NDArray[np.int64]
 
 OBJECT_BYTES = 80
-"""Of a text or payload besides its letters."""
+"""Size of a text or payload besides its letters."""
 
 
 class ColumnSpool:

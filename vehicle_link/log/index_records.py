@@ -46,7 +46,7 @@ def index_records(file: int, wanted: Collection[int]) -> Iterator[tuple[int, byt
 
 
 def _groups(file: int, wanted: Collection[int], offsets: int, end: int) -> list[tuple[int, int]]:
-    """Where the wanted ones stand, if the index tells."""
+    """Return where the wanted ones stand, if the index has them."""
     if not 0 < offsets < end or end - offsets > _MOST_OFFSETS:
         return []
     told = os.pread(file, (end - offsets) // _OFFSET.size * _OFFSET.size, offsets)

@@ -1,4 +1,4 @@
-"""How much of a log is held at once.
+"""Limits: how much of a log is held at once.
 
 Whoever made the file decides what stands in it, and a chunk of a megabyte can hold gigabytes. With
 these bounds no reader needs more than 500 MB, whatever a log claims or holds.
@@ -11,15 +11,15 @@ from collections.abc import Mapping
 from quadrotor.errors import LogFormatError
 
 MOST_BYTES = 80_000_000
-"""Of one record, and of an opened chunk: ours have 64 KiB, other writers' up to 64 MiB."""
+"""Largest record, and opened chunk: ours have 64 KiB, other writers' up to 64 MiB."""
 MOST_DESCRIPTION = 4_000_000
-"""Of one schema, channel or metadata record."""
+"""Largest schema, channel or metadata record."""
 MOST_KEPT = 64_000_000
-"""Of all descriptions, metadata and attachments of a log that are held together."""
+"""Largest size of all descriptions, metadata and attachments of a log together."""
 MOST_TIMES = 256
 """So many times lz4 can make data smaller: a chunk that claims more is damaged."""
 PAIR_BYTES = 150
-"""Of two short texts in a map, besides their letters."""
+"""Size of two short texts in a map, besides their letters."""
 FRAME = 64
 """Bytes of lz4 around the smallest piece of data."""
 
@@ -53,7 +53,7 @@ def check_chunk(name: str, stored: int, claimed: int) -> None:
 
 
 def map_bytes(words: Mapping[str, str]) -> int:
-    """Of texts by name, as Python holds them."""
+    """Return the size of texts by name, as Python holds them."""
     return sum(len(name) + len(text) + PAIR_BYTES for name, text in words.items())
 
 

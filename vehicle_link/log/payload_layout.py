@@ -29,7 +29,7 @@ MOST_MESSAGES = 1000
 MOST_PARTS = 20_000
 """Messages and texts of one payload that are walked: a type of nothing may hold any number."""
 MOST_NUMBERS = 4000
-"""Of one payload that become signals."""
+"""Most numbers of one payload that become signals."""
 MOST_TEXT = 1_000_000
 """Bytes of one text, and of a sequence's texts together."""
 _NAMELESS = frozenset({"header", "stamp"})  # times have their own way

@@ -108,7 +108,7 @@ def _damaged(opcode: int, data: bytes, end: int) -> Damaged:
 
 
 def split_chunk(data: bytes) -> Iterable[LogRecord]:
-    """What is in an opened chunk, of which all can be read. Raises one of UNREADABLE."""
+    """Return the records of an opened chunk; all can be read. Raise one of UNREADABLE."""
     if len(data) <= AT_ONCE:
         return list(_split(data))
     for _ in _split(data):  # a message takes many times its bytes: one at a time
@@ -133,7 +133,7 @@ def _split(data: bytes) -> Iterator[LogRecord]:
 
 
 def _count(record: LogRecord, kept: Kept) -> None:
-    """Of what readers keep. Raises LogFormatError when it is too much."""
+    """Count what readers keep. Raise LogFormatError when it is too much."""
     match record:
         case Schema():
             kept.add((Opcode.SCHEMA, record.id), len(record.data))

@@ -61,7 +61,7 @@ class LogSummary:
 
 
 def summarize(path: Path, progress: Callable[[float], None] = lambda share: None) -> LogSummary:
-    """Of a closed file from its index, of one without by reading it, up to the tear if it is torn.
+    """Summarise a closed file by its index, one without by reading it, up to its tear if any.
 
     Args:
         progress: told the share read, 0…1, of a file that must be.

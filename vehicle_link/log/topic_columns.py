@@ -27,7 +27,7 @@ MOST_FAILURES = 2000
 """Messages of a topic that are no such message, before the rest of it is left unread."""
 
 MOST_ROWS = 4096
-"""Of one topic in a piece: of 10 bytes a message a block has 100 000."""
+"""Most messages of a topic in a piece: at 10 bytes a message a block has 100 000."""
 MOST_VALUES = 4_000_000
 """In the pieces that are given together."""
 
@@ -52,7 +52,7 @@ class Columns:
 
 
 class Batch(NamedTuple):
-    """What one block gave, or a part of it where that is many numbers."""
+    """The columns of one block, or of a part of it where that is many numbers."""
 
     columns: list[Columns]
     share: float  # of the file read so far, 0 to 1

@@ -104,7 +104,7 @@ def _walk(name: str, stream: IO[bytes], state: WalkState) -> Iterator[tuple[int,
 
 
 def opened(name: str, content: bytes) -> bytes:
-    """What is in a chunk record, opened as far as it says it goes and no further.
+    """Return what is in a chunk record, opened as far as it says it goes and no further.
 
     Raises LogFormatError when it is too large or compressed in a way not read here, one of
     UNREADABLE when it is damaged.

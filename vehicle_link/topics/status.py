@@ -116,7 +116,7 @@ def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
 
 
 UNHEARD = "while the station was not heard: "
-"""How an event of the vehicle begins that tells what it said then."""
+"""The beginning of an event that repeats what the vehicle said while it was not heard."""
 
 
 def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
