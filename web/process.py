@@ -136,7 +136,8 @@ def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> 
 
     Until then a line in WAITING_PERIOD says what is waited for, for `longest` s at most.
     """
-    began = told = time.monotonic()
+    began = time.monotonic()
+    told = began - WAITING_PERIOD
     heard = 0.0
     while (now := time.monotonic()) - began < longest and not 0.0 < heard < now - CHECKS_TOLD:
         if not heard and all(live.current("status") is not None for live in lives):

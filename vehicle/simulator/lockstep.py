@@ -94,7 +94,6 @@ class Process:
         self.is_end_told = False
         self._words, self._at = words, at
         self._id, self._descriptor = 0, NEVER
-        words[at] = 0
 
     def has_ended(self) -> bool:
         """Return whether it ran once and runs no more, also if nobody has collected it yet."""
