@@ -19,7 +19,7 @@ from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
 from vehicle_link import clock
-from vehicle_link.lockstep import FLIGHT_PROCESS, Page, Part, words_of
+from vehicle_link.lockstep import FLIGHT_PROCESS, STATION_PROCESS, Page, Part, words_of
 from vehicle_link.serial.commands import encode_data
 
 MS = 1_000_000
@@ -158,6 +158,19 @@ def test_a_flight_process_that_was_killed_is_not_waited_for_and_the_next_one_is(
             bench.deliver(last + 2)
             assert bench.step() == MS
     assert len(bench.said) == 2
+
+
+def test_a_process_that_was_there_before_the_simulator_is_seen_to_end(page: memoryview) -> None:
+    words = words_of(page, NAME)
+    assert words is not None
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        words[STATION_PROCESS] = child.pid
+        bench = Bench(page)
+        bench.truth()
+        assert bench.step() == MS
+        child.kill()
+    assert bench.step(50 * MS) == 50 * MS
+    assert len(bench.said) == 1
 
 
 def test_who_was_never_there_is_not_waited_for(bench: Bench) -> None:
