@@ -75,9 +75,11 @@ class _Reader:
             id = self._id(number, *cells[0])
             if id in line_of:
                 self._refuse(
-                    number, cells[0][0], f"id {id} stands on line {line_of[id]} already; "
+                    number,
+                    cells[0][0],
+                    f"id {id} stands on line {line_of[id]} already; "
                     "give each beacon an id of its own",
-                )  # fmt: skip
+                )
             line_of[id] = number
             x, y, z = (
                 self._metres(number, at, name, cell)
@@ -95,9 +97,10 @@ class _Reader:
             before = data[: error.start]
             column = error.start - (before.rfind(b"\n") + 1) + 1
             self._refuse(
-                before.count(b"\n") + 1, column,
+                before.count(b"\n") + 1,
+                column,
                 f"byte 0x{data[error.start]:02x} is no UTF-8 text; save it as a CSV file in UTF-8",
-            )  # fmt: skip
+            )
         return text.replace("\r\n", "\n").replace("\r", "\n")
 
     def _cells(self, number: int, line: str) -> list[tuple[int, str]]:
@@ -108,14 +111,16 @@ class _Reader:
             at += len(part) + 1
         if len(cells) < len(COLUMNS):
             self._refuse(
-                number, len(line.rstrip()) + 1,
+                number,
+                len(line.rstrip()) + 1,
                 f"{len(cells)} of the 4 values id,x,y,z; separate them by commas",
-            )  # fmt: skip
+            )
         if len(cells) > len(COLUMNS):
             self._refuse(
-                number, cells[len(COLUMNS)][0],
+                number,
+                cells[len(COLUMNS)][0],
                 f"{len(cells)} values; allowed are 4, id,x,y,z, with a point for decimals",
-            )  # fmt: skip
+            )
         return cells
 
     def _header(self, number: int, cells: list[tuple[int, str]]) -> None:

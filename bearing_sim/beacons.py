@@ -15,14 +15,7 @@ from bearing_sim.beacon_file import load_beacons
 from bearing_sim.beacon_set import Beacons
 from quadrotor.errors import MeasurementError
 
-__all__ = [
-    "PAPER_BEACONS",
-    "PRESETS",
-    "Beacons",
-    "format_layout",
-    "load_beacons",
-    "parse_layout",
-]
+__all__ = ["PAPER_BEACONS", "PRESETS", "Beacons", "format_layout", "load_beacons", "parse_layout"]
 
 LONGEST = 4096
 """Characters of a layout; MAX_BEACONS at full precision take half of it."""

@@ -202,9 +202,13 @@ def _adjugate(m: Symmetric) -> tuple[Array, Symmetric]:
     """Determinant, and the inverse times it."""
     xx, yy, zz, xy, xz, yz = m
     adjugate = (
-        yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy,
-        xz * yz - xy * zz, xy * yz - xz * yy, xy * xz - xx * yz,
-    )  # fmt: skip
+        yy * zz - yz * yz,
+        xx * zz - xz * xz,
+        xx * yy - xy * xy,
+        xz * yz - xy * zz,
+        xy * yz - xz * yy,
+        xy * xz - xx * yz,
+    )
     return xx * adjugate[0] + xy * adjugate[3] + xz * adjugate[4], adjugate
 
 

@@ -24,11 +24,33 @@ from benchmarks.harness import Report
 from benchmarks.line_plot import draw_lines
 
 NAMES = (
-    "onboard", "closed_loop", "pose", "filters", "start", "bearing_flights", "comparison",
-    "replay", "sticks", "parameter_page", "run_list", "loop_rate", "faults", "loop", "fleet",
-    "serial_line", "failures", "identification", "link", "page_notice", "onboard_log",
-    "killed_logs", "logs", "disturbances", "starved", "fuzz_logs",
-)  # fmt: skip
+    "onboard",
+    "closed_loop",
+    "pose",
+    "filters",
+    "start",
+    "bearing_flights",
+    "comparison",
+    "replay",
+    "sticks",
+    "parameter_page",
+    "run_list",
+    "loop_rate",
+    "faults",
+    "loop",
+    "fleet",
+    "serial_line",
+    "failures",
+    "identification",
+    "link",
+    "page_notice",
+    "onboard_log",
+    "killed_logs",
+    "logs",
+    "disturbances",
+    "starved",
+    "fuzz_logs",
+)
 
 
 def main() -> int:
@@ -143,9 +165,12 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
         axes.plot(plot["values"], plot["labels"], "o", color="#1f6f8b")
         for value, label in zip(plot["values"], plot["labels"], strict=True):
             axes.annotate(
-                f"{value:.3g}", (value, label), xytext=(8, -3), textcoords="offset points",
+                f"{value:.3g}",
+                (value, label),
+                xytext=(8, -3),
+                textcoords="offset points",
                 fontsize=8,
-            )  # fmt: skip
+            )
         axes.set_xscale("log")
         axes.margins(x=0.2)
         axes.invert_yaxis()
@@ -155,9 +180,8 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
         axes.plot([], [], color="#b3402e", linestyle="--", label=plot.get("limit_label", "limit"))
     if plot["kind"] == "scatter":
         axes.legend(
-            frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2,
-            fontsize=8,
-        )  # fmt: skip
+            frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1.2, fontsize=8
+        )
     axes.set_xlabel(plot["x_label"])
     axes.set_ylabel(plot.get("y_label", ""))
     axes.grid(True, which="major", alpha=0.3)

@@ -204,9 +204,11 @@ def run_with(seeds: int, duration: float, say: Callable[[str], object]) -> Repor
         folder = Path(name)
         for estimator, manoeuvre, gains in MANOEUVRES:
             options = {
-                "estimator": estimator, "manoeuvre": manoeuvre, "gains": gains,
+                "estimator": estimator,
+                "manoeuvre": manoeuvre,
+                "gains": gains,
                 "duration": duration,
-            }  # fmt: skip
+            }
             outcomes = [fly(folder, seed, options) for seed in range(1, seeds + 1)]
             label = f"{estimator}, {manoeuvre}" + (", the paper's gains" if gains != "auto" else "")
             _add_manoeuvre(report, label, outcomes)

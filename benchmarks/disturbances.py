@@ -47,24 +47,31 @@ NOT_WORSE = 1.05
 CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
     NOMINAL: ({}, None, {"on, no horizontal integral": NO_INTEGRAL}),
     "mass + 20 %": (
-        MASS, 6.0,
+        MASS,
+        6.0,
         {"mass estimate": WEIGHED, "on, mass estimate": {**OBSERVER, **WEIGHED}},
     ),
     "drag 0.2 N s/m": (
-        {"simulator.drag": DRAG}, 6.0,
+        {"simulator.drag": DRAG},
+        6.0,
         {"fed forward": FED, "on, fed forward": {**OBSERVER, **FED}},
     ),
     "wind 5 m/s, gusts 1.5 m/s": (
-        {"simulator.drag": 0.3, "simulator.wind_x": 5.0, "simulator.gust": 1.5}, 30.0, {},
+        {"simulator.drag": 0.3, "simulator.wind_x": 5.0, "simulator.gust": 1.5},
+        30.0,
+        {},
     ),
     "one motor - 10 %": (
-        {"simulator.motor_gain_left": 0.9}, 10.0, {"on, no horizontal integral": NO_INTEGRAL},
+        {"simulator.motor_gain_left": 0.9},
+        10.0,
+        {"on, no horizontal integral": NO_INTEGRAL},
     ),
     "vibration 3 m/s²": (
-        {"simulator.vibration": VIBRATION}, None,
+        {"simulator.vibration": VIBRATION},
+        None,
         {"error-state filter, told": TOLD, "on, error-state filter, told": {**OBSERVER, **TOLD}},
     ),
-}  # fmt: skip
+}
 """A disturbance, the limit (mm rms) with the observer, and further settings of the flight."""
 
 

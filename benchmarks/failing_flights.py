@@ -159,9 +159,11 @@ def watch_failure(
         flight.advance()
         truth = robot.truth[0]
         watch.note(
-            begun + now, truth["position_w"].tolist(), float(truth["velocity_w"][2]),
+            begun + now,
+            truth["position_w"].tolist(),
+            float(truth["velocity_w"][2]),
             truth["quaternion_wb"].tolist(),
-        )  # fmt: skip
+        )
         if failure == "comms" and not flight.heard and now > outage:
             flight.heard = True
         if now > land_at and flight.view().behavior in ("hover", "brake", "follow_trajectory"):

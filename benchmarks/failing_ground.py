@@ -186,10 +186,11 @@ class Ground:
     def change_simulator(self, **values: Any) -> None:
         """Raises LinkError."""
         request = messages.new(
-            "quadlab_msgs/srv/ChangeParameters_Request", request_id=secrets.token_hex(6),
+            "quadlab_msgs/srv/ChangeParameters_Request",
+            request_id=secrets.token_hex(6),
             requester=REQUESTER,
             parameters=to_parameters({f"simulator.{name}": v for name, v in values.items()}),
-        )  # fmt: skip
+        )
         self._simulator.call(request, 2.0)
 
     def told(self, **wanted: Any) -> bool:

@@ -32,8 +32,16 @@ from vehicle_link.serial.port import SerialPort
 
 ROOT = Path(__file__).resolve().parent.parent
 FAILURES = (
-    "web", "station", "comms", "flight", "frozen", "port 0", "port 1", "both ports", CORRUPTED,
-)  # fmt: skip
+    "web",
+    "station",
+    "comms",
+    "flight",
+    "frozen",
+    "port 0",
+    "port 1",
+    "both ports",
+    CORRUPTED,
+)
 STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8")
 WITH_STATION = ("web", "station")
 UNPLUGGED = {"port 0": "first", "port 1": "second", "both ports": "both"}
@@ -53,9 +61,12 @@ class Processes:
 
     def start(self, command: str, *words: str) -> None:
         self._started[command] = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", command, *words], cwd=ROOT,
-            stdout=self._output, stderr=self._output, stdin=subprocess.DEVNULL,
-        )  # fmt: skip
+            [sys.executable, "-m", "quadlab", command, *words],
+            cwd=ROOT,
+            stdout=self._output,
+            stderr=self._output,
+            stdin=subprocess.DEVNULL,
+        )
 
     def output(self) -> str:
         return (self._folder / "output").read_text(errors="replace")
@@ -125,14 +136,29 @@ def _set_up(
     truth = {"seed": seed, **conditions(seed)}
     words = [word for name, value in truth.items() for word in ("--set", f"{name}={value}")]
     processes.start(
-        "simulator", "--folder", str(folder), "--loopback-port", str(ground.truth_port),
-        "--name", NAME, *words,
-    )  # fmt: skip
+        "simulator",
+        "--folder",
+        str(folder),
+        "--loopback-port",
+        str(ground.truth_port),
+        "--name",
+        NAME,
+        *words,
+    )
     settings = [word for name, value in SETTINGS.items() for word in ("--set", f"{name}={value}")]
     processes.start(
-        "vehicle", "--serial", str(folder / "mcu0"), str(folder / "mcu1"), "--data", str(folder),
-        "--link-port", str(link_port), "--name", NAME, *settings,
-    )  # fmt: skip
+        "vehicle",
+        "--serial",
+        str(folder / "mcu0"),
+        str(folder / "mcu1"),
+        "--data",
+        str(folder),
+        "--link-port",
+        str(link_port),
+        "--name",
+        NAME,
+        *settings,
+    )
     if real_station:
         loopback = ("--loopback-port", str(ground.station_port), "--name", NAME)
         processes.start(

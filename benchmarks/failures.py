@@ -27,9 +27,16 @@ from benchmarks.touch_down import IMPACT_MAX, UPRIGHT, Outcome
 
 SEEDS, REAL_SEEDS = 20, 2
 REAL_FAILURES = (
-    "web", "station", "comms", "flight", "frozen", "port 0", "port 1", "both ports",
+    "web",
+    "station",
+    "comms",
+    "flight",
+    "frozen",
+    "port 0",
+    "port 1",
+    "both ports",
     failing_flights.CORRUPTED,
-)  # fmt: skip
+)
 
 
 def run(quick: bool = False) -> Report:
@@ -131,9 +138,10 @@ def _number(value: float) -> float:
 
 def main() -> int:
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.failures", description=__doc__,
+        prog="python -m benchmarks.failures",
+        description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
+    )
     parser.add_argument("--seeds", type=int, default=SEEDS, help="in simulated time")
     parser.add_argument("--real", type=int, default=REAL_SEEDS, help="seeds of real processes")
     parser.add_argument("--only", default=",".join(REAL_FAILURES), help="failures, by commas")

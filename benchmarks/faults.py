@@ -37,8 +37,9 @@ TIMEOUT_MAX = 0.3
 STEEP_PERIOD = 6.8
 """s: the 8 from rest to rest in it tilts the vehicle by 37 deg."""
 STEEP: dict[str, ParameterValue] = {
-    "behavior.trajectory_acceleration_max": 8.0, "behavior.trajectory_tilt_max": 45.0,
-}  # fmt: skip
+    "behavior.trajectory_acceleration_max": 8.0,
+    "behavior.trajectory_tilt_max": 45.0,
+}
 EMPTY = 12.6
 """V; the landing at 13.1 V is switched off on board, the microcontroller's own is not."""
 GOOD_LANDING = 0.8
@@ -61,9 +62,11 @@ def run(quick: bool = False) -> Report:
         ],
     )
     panels = [
-        _gusts(report, seeds), _payload(report, seeds), _battery(report, quick),
+        _gusts(report, seeds),
+        _payload(report, seeds),
+        _battery(report, quick),
         _timeouts(report, 0.6 if quick else 0.2),
-    ]  # fmt: skip
+    ]
     _descents(report, seeds)
     report.plot = {"kind": "lines", "panels": panels}
     report.notes += [
@@ -131,11 +134,13 @@ def _battery(report: Report, quick: bool) -> dict[str, Any]:
         flight = WatchedFlight(
             1,
             {
-                "simulator.battery_exponent": 1.0, "model.battery_exponent": known,
+                "simulator.battery_exponent": 1.0,
+                "model.battery_exponent": known,
                 "simulator.battery_charge": 0.15 if quick else 1.0,
-                "safety.battery_land": 12.0, "safety.battery_warning": 12.1,
+                "safety.battery_land": 12.0,
+                "safety.battery_warning": 12.1,
             },
-        )  # fmt: skip
+        )
         flight.hover()
         flight.forget()
         volts = []
@@ -229,9 +234,13 @@ def _timeouts(report: Report, step: float) -> dict[str, Any]:
     held = [timeout for timeout in TIMEOUTS if good[timeout] == moments]
     report.conditions.append(f"steepest of the steep 8: {math.degrees(steepest):.0f}°")
     report.targets.append(
-        Target("longest timeout that always lands well, s", max(held, default=0.0), TIMEOUT_MAX,
-               at_most=False)
-    )  # fmt: skip
+        Target(
+            "longest timeout that always lands well, s",
+            max(held, default=0.0),
+            TIMEOUT_MAX,
+            at_most=False,
+        )
+    )
     report.rows[-len(TIMEOUTS)].figures["reference"] = f"≤ {TIMEOUT_MAX:g} s lands"
     line = {"label": "largest tilt", "x": list(TIMEOUTS), "y": [most[t] for t in TIMEOUTS]}
     share = {

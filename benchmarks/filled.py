@@ -58,9 +58,10 @@ def filled(quick: bool = False) -> Report:
         _until(lambda: all(Path(port).exists() for port in ports), "the simulator")
         link.run(A, [*program, "vehicle", "--serial", *ports, "--data", str(board)], cwd=ROOT)
         base = link.run(
-            B, [*program, "station", "--vehicle", f"{A}:{PORT}", "--data", str(data), *loopback],
+            B,
+            [*program, "station", "--vehicle", f"{A}:{PORT}", "--data", str(data), *loopback],
             cwd=ROOT,
-        )  # fmt: skip
+        )
         pilot = link.run(
             B, [sys.executable, "-m", "benchmarks.filled"], cwd=ROOT, stdin=-1, stdout=-1
         )
@@ -84,9 +85,13 @@ def filled(quick: bool = False) -> Report:
 
 
 def _report(
-    outages: list[Outage], ours: npt.NDArray[np.int64], theirs: npt.NDArray[np.int64],
-    verdict: Completeness, seconds: float, memory: list[float],
-) -> Report:  # fmt: skip
+    outages: list[Outage],
+    ours: npt.NDArray[np.int64],
+    theirs: npt.NDArray[np.int64],
+    verdict: Completeness,
+    seconds: float,
+    memory: list[float],
+) -> Report:
     lacking = theirs[~np.isin(theirs, ours)]
     whole = unlogged = 0
     for outage in outages:

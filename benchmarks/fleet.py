@@ -115,12 +115,17 @@ def run(quick: bool = False) -> Report:
         time.sleep(SETTLED)
         costs, stolen = hovering(up, pilots, hover)
         report.rows = [
-            Row(name, {
-                "lowest, m": pilot.lowest, "highest, m": pilot.highest, **shares(pilot),
-                "frames missed, %": 100.0 * pilot.newest("status").missed_share,
-            })
+            Row(
+                name,
+                {
+                    "lowest, m": pilot.lowest,
+                    "highest, m": pilot.highest,
+                    **shares(pilot),
+                    "frames missed, %": 100.0 * pilot.newest("status").missed_share,
+                },
+            )
             for name, pilot in zip(names, pilots, strict=True)
-        ]  # fmt: skip
+        ]
         for pilot in pilots:
             pilot.land()
         until(lambda: not any(pilot.is_airborne for pilot in pilots), "all on the ground")

@@ -42,9 +42,12 @@ class FlightUnderTest:
     """
 
     def __init__(
-        self, folder: Path, rate: int, ports: Sequence[str] = (),
+        self,
+        folder: Path,
+        rate: int,
+        ports: Sequence[str] = (),
         poses: Callable[[], list[mailbox.Pose]] = list,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._out = folder / f"flight{rate}.npz"
         self._poses = poses
         self._descriptors = create_rings()
@@ -64,8 +67,9 @@ class FlightUnderTest:
         words = msgspec.json.encode(self._config).decode()
         self._process = subprocess.Popen(
             [sys.executable, "-m", "benchmarks.recorded_flight", words, str(self._out)],
-            cwd=ROOT, pass_fds=self._descriptors.all,
-        )  # fmt: skip
+            cwd=ROOT,
+            pass_fds=self._descriptors.all,
+        )
         return self
 
     def __exit__(

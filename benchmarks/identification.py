@@ -34,13 +34,19 @@ DRAWS = 200
 WORST = 95.0
 """Percentile of the draws that has to be within the limit."""
 SENSOR: dict[str, ParameterValue] = {
-    "simulator.accelerometer_xx": 1.02, "simulator.accelerometer_yy": 0.985,
-    "simulator.accelerometer_zz": 1.01, "simulator.accelerometer_xy": 0.012,
-    "simulator.accelerometer_xz": -0.008, "simulator.accelerometer_yx": 0.006,
-    "simulator.accelerometer_yz": 0.01, "simulator.accelerometer_zx": -0.005,
-    "simulator.accelerometer_zy": 0.004, "simulator.accelerometer_bias_x": 0.3,
-    "simulator.accelerometer_bias_y": -0.25, "simulator.accelerometer_bias_z": 0.4,
-}  # fmt: skip
+    "simulator.accelerometer_xx": 1.02,
+    "simulator.accelerometer_yy": 0.985,
+    "simulator.accelerometer_zz": 1.01,
+    "simulator.accelerometer_xy": 0.012,
+    "simulator.accelerometer_xz": -0.008,
+    "simulator.accelerometer_yx": 0.006,
+    "simulator.accelerometer_yz": 0.01,
+    "simulator.accelerometer_zx": -0.005,
+    "simulator.accelerometer_zy": 0.004,
+    "simulator.accelerometer_bias_x": 0.3,
+    "simulator.accelerometer_bias_y": -0.25,
+    "simulator.accelerometer_bias_z": 0.4,
+}
 """Crooked, as one out of its box."""
 
 
@@ -81,9 +87,11 @@ def _mass(report: Report, seeds: range) -> None:
         "true state": (True, {}, 0.003),
         "full sensors": (False, {}, 0.010),
         f"thrust efficiency {EFFICIENCY}": (
-            False, {"simulator.thrust_efficiency": EFFICIENCY}, 0.007,
+            False,
+            {"simulator.thrust_efficiency": EFFICIENCY},
+            0.007,
         ),
-    }  # fmt: skip
+    }
     for case, (true_state, settings, limit) in cases.items():
         flown = [fly("mass", settings, seed=k, true_state=true_state) for k in seeds]
         worst = _worst(flown, "error_share", "erratic_std_kg", "within_1_percent_s")
@@ -111,10 +119,14 @@ def _inertia(report: Report, seeds: range) -> None:
     for state, true_state in STATES.items():
         for excitation in EXCITATIONS:
             flown = [
-                fly("inertia", {"experiment.excitation": excitation, "experiment.seed": k},
-                    seed=k, true_state=true_state)
+                fly(
+                    "inertia",
+                    {"experiment.excitation": excitation, "experiment.seed": k},
+                    seed=k,
+                    true_state=true_state,
+                )
                 for k in (seeds if excitation == "random" else seeds[:1])
-            ]  # fmt: skip
+            ]
             errors = [_worst(flown, f"error_{a}_share")[f"error_{a}_share"] for a in AXES]
             found = [flown[0].value(f"model.inertia_{axis}") for axis in AXES]
             truth = [float(getattr(SimulatorParameters(), f"inertia_{axis}")) for axis in AXES]
@@ -166,8 +178,9 @@ def _payload(report: Report, seeds: range) -> None:
 
 def _figure_eight(report: Report, seeds: range) -> None:
     lap: dict[str, ParameterValue] = {
-        "experiment.laps": "rest_to_rest", "experiment.yaw_amplitude": 0.2,
-    }  # fmt: skip
+        "experiment.laps": "rest_to_rest",
+        "experiment.yaw_amplitude": 0.2,
+    }
     for state, true_state in STATES.items():
         flown = [fly("figure_eight", lap, seed=k, true_state=true_state) for k in seeds]
         worst = 1e3 * _worst(flown, "position_rms_m")["position_rms_m"]
@@ -187,12 +200,14 @@ def _accelerometer(report: Report, seeds: range, quick: bool) -> None:
     matrix = truth.accelerometer_matrix
     bias = np.array([getattr(truth, f"accelerometer_bias_{axis}") for axis in "xyz"])
     for method, bias_max in (("tracker", 0.06), ("faces", 0.02)):
-        flown = [fly("accelerometer", SENSOR | {"experiment.method": method}, seed=k)
-                 for k in seeds]  # fmt: skip
+        flown = [
+            fly("accelerometer", SENSOR | {"experiment.method": method}, seed=k) for k in seeds
+        ]
         errors = []
         for one in flown:
-            found = np.array([[one.value(f"imu.accelerometer_{r}{c}") for c in "xyz"]
-                              for r in "xyz"])  # fmt: skip
+            found = np.array(
+                [[one.value(f"imu.accelerometer_{r}{c}") for c in "xyz"] for r in "xyz"]
+            )
             found_bias = np.array([one.value(f"imu.accelerometer_bias_{a}") for a in "xyz"])
             errors.append(_off(found - matrix, found_bias - bias))
         what = "12 poses within 70°" if method == "tracker" else "six faces"
@@ -229,9 +244,11 @@ def _off(matrix: np.ndarray, bias: np.ndarray) -> tuple[float, float]:  # type: 
 
 
 def _computed(
-    ups: np.ndarray, matrix: np.ndarray, bias: np.ndarray,  # type: ignore[type-arg]
+    ups: np.ndarray,
+    matrix: np.ndarray,
+    bias: np.ndarray,  # type: ignore[type-arg]
     random: np.random.Generator,
-) -> tuple[float, float]:  # fmt: skip
+) -> tuple[float, float]:
     """Errors of one calibration from poses whose attitudes are wrong by 0.2° on each axis."""
     poses = []
     for up in ups:
@@ -267,15 +284,25 @@ def _motor(report: Report, quick: bool) -> None:
     lag = abs(flown.value("model.motor_time_constant") / truth.motor_time_constant - 1.0)
     report.rows += [
         Row("motor law over 17 steps", {"found": worst, "unit": "count, worst"}),
-        Row("motor torque ratio", {
-            "found": flown.value("model.torque_ratio"), "truth": truth.torque_ratio, "unit": "m",
-            "off, %": 100.0 * ratio,
-        }),
-        Row("motor time constant", {
-            "found": flown.value("model.motor_time_constant"),
-            "truth": truth.motor_time_constant, "unit": "s", "off, %": 100.0 * lag,
-        }),
-    ]  # fmt: skip
+        Row(
+            "motor torque ratio",
+            {
+                "found": flown.value("model.torque_ratio"),
+                "truth": truth.torque_ratio,
+                "unit": "m",
+                "off, %": 100.0 * ratio,
+            },
+        ),
+        Row(
+            "motor time constant",
+            {
+                "found": flown.value("model.motor_time_constant"),
+                "truth": truth.motor_time_constant,
+                "unit": "s",
+                "off, %": 100.0 * lag,
+            },
+        ),
+    ]
     report.targets += [
         Target("motor law over 17 steps: worst, count", worst, 0.2),
         Target("motor torque ratio: error, %", 100.0 * ratio, 0.5),

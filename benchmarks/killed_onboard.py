@@ -136,8 +136,10 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
     config = CommsConfig(os.getpid(), descriptors, NAME, str(data), _free_port())
     process = subprocess.Popen(
         [sys.executable, "-m", "vehicle.comms", msgspec.json.encode(config).decode()],
-        cwd=ROOT, pass_fds=descriptors.all, stdin=subprocess.DEVNULL,
-    )  # fmt: skip
+        cwd=ROOT,
+        pass_fds=descriptors.all,
+        stdin=subprocess.DEVNULL,
+    )
     with suppress(PermissionError):  # as `quadlab up` starts what flies
         os.setpriority(os.PRIO_PROCESS, process.pid, NICENESS)
     try:

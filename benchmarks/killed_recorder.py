@@ -83,11 +83,20 @@ def feed(material: Path, folder: Path) -> None:
     def started(run: Run) -> None:
         catalogue.add(
             RunEntry(
-                id=run.run_id, vehicle="quad1", start_ns=run.start_ns, duration=0.0,
-                file=run.path.name, bytes=0, messages=0, operator="", complete=False,
-                recovered=False, problem="", notes="",
+                id=run.run_id,
+                vehicle="quad1",
+                start_ns=run.start_ns,
+                duration=0.0,
+                file=run.path.name,
+                bytes=0,
+                messages=0,
+                operator="",
+                complete=False,
+                recovered=False,
+                problem="",
+                notes="",
             )
-        )  # fmt: skip
+        )
 
     def ended(end: RunEnd) -> None:
         raise RuntimeError(f"the run ended: {end.problem}")
@@ -100,9 +109,15 @@ def feed(material: Path, folder: Path) -> None:
     board = Board(folder / BOARD)
     name = run_name(datetime.now(UTC), "quad1", catalogue.folder)
     recorder.start(
-        Run(name, catalogue.folder / f"{name}{SUFFIX}", {"vehicle": "quad1"}, time.time_ns(),
-            lambda: {"parameters.json": b"{}"}, keep_free=0)
-    )  # fmt: skip
+        Run(
+            name,
+            catalogue.folder / f"{name}{SUFFIX}",
+            {"vehicle": "quad1"},
+            time.time_ns(),
+            lambda: {"parameters.json": b"{}"},
+            keep_free=0,
+        )
+    )
     count, due = 0, time.monotonic()
     while True:
         for packet in packets:

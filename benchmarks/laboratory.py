@@ -35,9 +35,14 @@ ROOT = Path(__file__).resolve().parent.parent
 GAIN = "control.position.kp_xy"
 TICK = os.sysconf("SC_CLK_TCK")
 LIMITS = {
-    "page_s": (15.0, 6.0), "vehicle_s": (15.0, 6.0), "cpu_percent": 150.0, "memory_mb": 1200.0,
-    "slider_p95_ms": 150.0, "telemetry_kB_s": 5.0, "viser_kB_s": 100.0,
-}  # fmt: skip
+    "page_s": (15.0, 6.0),
+    "vehicle_s": (15.0, 6.0),
+    "cpu_percent": 150.0,
+    "memory_mb": 1200.0,
+    "slider_p95_ms": 150.0,
+    "telemetry_kB_s": 5.0,
+    "viser_kB_s": 100.0,
+}
 
 
 @contextmanager
@@ -48,10 +53,26 @@ def started(port: int, link_port: int, *words: str) -> Iterator[tuple[int, list[
     """
     with tempfile.TemporaryDirectory(prefix="quadlab-benchmark-") as data:
         up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--real-time", "--data", data,
-             "--port", str(port), "--link-port", str(link_port), *words],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "quadlab",
+                "up",
+                "--no-browser",
+                "--real-time",
+                "--data",
+                data,
+                "--port",
+                str(port),
+                "--link-port",
+                str(link_port),
+                *words,
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
+        )
         assert up.stdout is not None
         reader, lines = up.stdout, list[str]()
         threading.Thread(
@@ -71,9 +92,13 @@ class Socket:
         self.bytes = 0
         self.messages: list[str | bytes] = []
         self._socket = connect(
-            url, additional_headers={"Cookie": cookie}, origin=_origin(url), max_size=None,
-            compression=None, **options,
-        )  # fmt: skip
+            url,
+            additional_headers={"Cookie": cookie},
+            origin=_origin(url),
+            max_size=None,
+            compression=None,
+            **options,
+        )
         if first:
             self._socket.send(first)
         threading.Thread(target=self._read, daemon=True).start()

@@ -21,21 +21,32 @@ def draw_lines(panels: list[dict[str, Any]], path: Path) -> None:
     columns = min(2, len(panels))
     rows = math.ceil(len(panels) / columns)
     figure, grid = pyplot.subplots(
-        rows, columns, figsize=(4.6 * columns + 0.4 * (columns == 1), 3.3 * rows),
-        layout="constrained", squeeze=False,
-    )  # fmt: skip
+        rows,
+        columns,
+        figsize=(4.6 * columns + 0.4 * (columns == 1), 3.3 * rows),
+        layout="constrained",
+        squeeze=False,
+    )
     for axes, panel in zip(grid.flat, panels, strict=False):
         for colour, line in zip(COLOURS, panel["lines"], strict=False):
             mark = "o-" if len(line["x"]) < 20 else "-"
             axes.plot(
-                line["x"], line["y"], mark, color=colour, label=line["label"], linewidth=1.2,
+                line["x"],
+                line["y"],
+                mark,
+                color=colour,
+                label=line["label"],
+                linewidth=1.2,
                 markersize=4,
-            )  # fmt: skip
+            )
         if "limit" in panel:
             axes.axhline(
-                panel["limit"], color="#b3402e", linestyle="--", linewidth=1.0,
+                panel["limit"],
+                color="#b3402e",
+                linestyle="--",
+                linewidth=1.0,
                 label=panel.get("limit_label", "limit"),
-            )  # fmt: skip
+            )
         if panel.get("log_x"):
             axes.set_xscale("log")
         if "ticks" in panel:

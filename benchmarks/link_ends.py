@@ -181,8 +181,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
     poses = program.note("poses", 3, POSE_RATE)
     silences = program.note("silences", 2, 1.0)
     lane.take(
-        "tracker_pose",
-        lambda r: poses.add(*_STAMP.unpack_from(r.payload), time.monotonic_ns()),
+        "tracker_pose", lambda r: poses.add(*_STAMP.unpack_from(r.payload), time.monotonic_ns())
     )
     lane.take("station_heartbeat", lambda r: heard.__setitem__(0, time.monotonic()))
     serve_time_sync(node, time.time_ns)
@@ -227,14 +226,22 @@ def station(folder: Path, plan: Plan) -> None:
 
     pose, beat = node.advertise(TOPICS["tracker_pose"]), node.advertise(TOPICS["station_heartbeat"])
     LaneIn(
-        node, A if plan.lane else "", link,
-        telemetry_came, lambda received: link.beat(received.payload), beat,
-    )  # fmt: skip
+        node,
+        A if plan.lane else "",
+        link,
+        telemetry_came,
+        lambda received: link.beat(received.payload),
+        beat,
+    )
     command, clock = node.client("arm", COMMAND), node.client("time_sync", TIME_SYNC)
     radio = Radio(
-        f"{A}:{QUIC_PORT}", program.files, LOOPBACK_PORT, link.silent,
-        beside=link.beside, answers=partial(answers, clock),
-    )  # fmt: skip
+        f"{A}:{QUIC_PORT}",
+        program.files,
+        LOOPBACK_PORT,
+        link.silent,
+        beside=link.beside,
+        answers=partial(answers, clock),
+    )
     download = Download(program, node)
 
     def ask() -> None:

@@ -70,9 +70,11 @@ def _report(taken: dict[str, Taken], duration: float, size: float) -> Report:
     plain = taken[PLAIN]
     for what, one in taken.items():
         figures: dict[str, float | str] = {
-            "s": one.seconds, "processor, s": one.busy, "MB": one.megabytes,
+            "s": one.seconds,
+            "processor, s": one.busy,
+            "MB": one.megabytes,
             "over the plain read": one.busy / plain.busy,
-        }  # fmt: skip
+        }
         report.rows.append(Row(what, figures))
         if what in LIMITED:
             report.targets.append(Target(f"{what}: s", one.seconds, MOST_S))

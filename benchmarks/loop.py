@@ -76,19 +76,27 @@ def _measure(report: Report, folder: Path, rate: int, seconds: int) -> None:
 
 
 def _add(
-    report: Report, rate: int, ticks: npt.NDArray[np.int64], rights: str,
+    report: Report,
+    rate: int,
+    ticks: npt.NDArray[np.int64],
+    rights: str,
     peer: npt.NDArray[np.int64],
-) -> None:  # fmt: skip
+) -> None:
     late = 1e-3 * (ticks[:, 2] - ticks[:, 1])
     took = 1e-3 * (ticks[:, 3] - ticks[:, 2])
     p99, kernel = float(np.percentile(late, 99)), float(np.percentile(peer, 99))
     report.rows += [
-        Row(f"flight loop, {rate} Hz", _figures(late) | {
-            "tick p50": float(np.median(took)), "tick p99": float(np.percentile(took, 99)),
-            "ticks": str(len(ticks)),
-        }),
+        Row(
+            f"flight loop, {rate} Hz",
+            _figures(late)
+            | {
+                "tick p50": float(np.median(took)),
+                "tick p99": float(np.percentile(took, 99)),
+                "ticks": str(len(ticks)),
+            },
+        ),
         Row(f"cyclictest, {rate} Hz", _figures(peer) | {"ticks": str(len(peer))}),
-    ]  # fmt: skip
+    ]
     report.targets.append(Target(f"lateness at {rate} Hz, p99, µs", p99, P99_US[rate]))
     if rate == RATES[0]:
         report.targets.append(Target(f"… over cyclictest's p99 ({rights})", p99 / kernel, RATIO))
@@ -125,9 +133,15 @@ def _hogs() -> Iterator[None]:
 @contextmanager
 def _cyclictest(interval_us: int, seconds: int) -> Iterator[subprocess.Popen[str]]:
     words: Sequence[object] = (
-        "cyclictest", "--mlockall", "--quiet", "--threads=1", f"--priority={PRIORITY}",
-        f"--interval={interval_us}", f"--duration={seconds}", f"--histogram={LONGEST_US}",
-    )  # fmt: skip
+        "cyclictest",
+        "--mlockall",
+        "--quiet",
+        "--threads=1",
+        f"--priority={PRIORITY}",
+        f"--interval={interval_us}",
+        f"--duration={seconds}",
+        f"--histogram={LONGEST_US}",
+    )
     with subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process

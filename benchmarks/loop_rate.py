@@ -94,7 +94,7 @@ def run(quick: bool = False) -> Report:
     report.notes += [
         "below 250 Hz it is the estimate that gets worse, not the control: on the true state 120 "
         "Hz costs a few per cent, with IMU noise of one density about half of what it costs with "
-        "the same noise a sample",
+        "the same noise a sample"
     ]
     report.plot = {
         "kind": "lines",
@@ -127,10 +127,7 @@ def run(quick: bool = False) -> Report:
 
 
 def _judge(
-    report: Report,
-    eight: dict[int, float],
-    density: dict[int, float],
-    true_state: dict[int, float],
+    report: Report, eight: dict[int, float], density: dict[int, float], true_state: dict[int, float]
 ) -> None:
     """The expectation: flat from 250 Hz on, 120 Hz within 30 %, 60 Hz flies."""
     flat = [eight.get(rate, math.inf) for rate in RATES if rate >= FLAT_FROM]

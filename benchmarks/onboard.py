@@ -18,14 +18,7 @@ from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
-from quadrotor.records import (
-    ACTUATORS,
-    IMU_SAMPLE,
-    POSE_SAMPLE,
-    Record,
-    new_reference,
-    new_state,
-)
+from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, Record, new_reference, new_state
 from quadrotor.rotations import rotate_inverse
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
 from vehicle.closed_loop.batch import Scenario, fly_batch
@@ -75,13 +68,12 @@ def run(quick: bool = False) -> Report:
         methods[name] = (_twin_loop(twin, flown, settings, imu, thrusts[name]), 1)
     one, single, t = started(imu), imu[:1].copy(), 0.5
     methods["compiled step called from Python"] = (
-        lambda: onboard_step(one, settings, single, t, True, PERIOD), len(imu),
-    )  # fmt: skip
+        lambda: onboard_step(one, settings, single, t, True, PERIOD),
+        len(imu),
+    )
     composed = Composed(trajectory, model)
     composed.initialize(flown)
-    methods["Python composition of compiled parts"] = (
-        lambda: composed.step(single, t), len(imu),
-    )  # fmt: skip
+    methods["Python composition of compiled parts"] = (lambda: composed.step(single, t), len(imu))
     try:
         methods["RotorPy SE3Control.update"] = (RotorPy().update, 20 if quick else 200)
     except ImportError as error:

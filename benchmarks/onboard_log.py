@@ -155,9 +155,8 @@ def _fly(flight: FlightUnderTest, seconds: float, heard: Callable[[Record], None
 
 
 def _add(
-    report: Report, turns: dict[bool, list[Turn]], logs: list[Logged],
-    ticks: npt.NDArray[np.int64],
-) -> None:  # fmt: skip
+    report: Report, turns: dict[bool, list[Turn]], logs: list[Logged], ticks: npt.NDArray[np.int64]
+) -> None:
     share, late = {}, {}
     for with_log, its in turns.items():
         seconds = 1e-9 * sum(turn.ended_ns - turn.began_ns for turn in its)

@@ -117,14 +117,18 @@ class _Writer:
             ("reference", "quadlab_msgs/Reference", topic_ticks.reference_messages(records), 1),
             ("imu", "sensor_msgs/Imu", topic_ticks.imu_messages(records, run.vehicle), 1),
             (
-                "actuators", "quadlab_msgs/Actuators",
-                topic_ticks.actuator_messages(records, run.vehicle), 1,
+                "actuators",
+                "quadlab_msgs/Actuators",
+                topic_ticks.actuator_messages(records, run.vehicle),
+                1,
             ),
             (
-                "truth", "nav_msgs/Odometry",
-                topic_ticks.odometry_messages(log_ns + run.clock_ns, truth, run.vehicle), 5,
+                "truth",
+                "nav_msgs/Odometry",
+                topic_ticks.odometry_messages(log_ns + run.clock_ns, truth, run.vehicle),
+                5,
             ),
-        ]  # fmt: skip
+        ]
         for begin in range(0, count, PIECE):
             batches = []
             for topic, type_name, messages, every in fast:
@@ -133,10 +137,13 @@ class _Writer:
                 if len(chosen):
                     batches.append(
                         Batch(
-                            f"/{run.vehicle}/{topic}", type_name, _whole(messages)[chosen],
-                            arrival[chosen], log_ns[chosen] + run.clock_ns,
+                            f"/{run.vehicle}/{topic}",
+                            type_name,
+                            _whole(messages)[chosen],
+                            arrival[chosen],
+                            log_ns[chosen] + run.clock_ns,
                         )
-                    )  # fmt: skip
+                    )
             if batches:
                 self._log.write_batches(batches)
             self._write_slow(float(t[min(begin + PIECE, count) - 1]))
@@ -175,9 +182,12 @@ class _Writer:
             stamp = START_NS + round(1e9 * t)
             name = message.__msgtype__.replace("/msg/", "/")
             self._log.write(
-                f"/{self._run.vehicle}/{topic}", name, encode(message),
-                stamp + DELAY_NS, stamp + self._run.clock_ns,
-            )  # fmt: skip
+                f"/{self._run.vehicle}/{topic}",
+                name,
+                encode(message),
+                stamp + DELAY_NS,
+                stamp + self._run.clock_ns,
+            )
             self._next = next(self._slow, None)
 
     def _slow_messages(self) -> Iterator[tuple[float, str, Any]]:
@@ -197,22 +207,38 @@ class _Writer:
                 head_at = header(START_NS + round(1e9 * at) + run.clock_ns)
                 marked += 1
                 yield at, *_single(kind, content, head_at, marked, at)
-            pose = {"position": position_at(run, t) + run.noise * random.standard_normal(3),
-                    "orientation": (0.0, 0.0, 0.0, 1.0)}  # fmt: skip
+            pose = {
+                "position": position_at(run, t) + run.noise * random.standard_normal(3),
+                "orientation": (0.0, 0.0, 0.0, 1.0),
+            }
             yield t, "tracker_pose", new("geometry_msgs/PoseStamped", header=head, pose=pose)
             if k % 2 == 0:
-                yield t, "estimator", new(
-                    "quadlab_msgs/EstimatorStatus", header=head, estimator="complementary",
-                    mass=1.31 + 1e-3 * random.standard_normal(),
-                )  # fmt: skip
+                yield (
+                    t,
+                    "estimator",
+                    new(
+                        "quadlab_msgs/EstimatorStatus",
+                        header=head,
+                        estimator="complementary",
+                        mass=1.31 + 1e-3 * random.standard_normal(),
+                    ),
+                )
             if k % 10 == 0:
                 flying = run.take_off < t < run.duration - 1.0
-                yield t, "status", new(
-                    "quadlab_msgs/VehicleStatus", header=head,
-                    mode="armed" if t >= 1.0 else "ready", behavior=run.behavior(t),
-                    armed=t >= 1.0, airborne=flying,
-                    flags=["not_real_time"] if flying else [], tick_rate=500.0,
-                )  # fmt: skip
+                yield (
+                    t,
+                    "status",
+                    new(
+                        "quadlab_msgs/VehicleStatus",
+                        header=head,
+                        mode="armed" if t >= 1.0 else "ready",
+                        behavior=run.behavior(t),
+                        armed=t >= 1.0,
+                        airborne=flying,
+                        flags=["not_real_time"] if flying else [],
+                        tick_rate=500.0,
+                    ),
+                )
             if k % 20 == 0:
                 yield (
                     t,
@@ -232,15 +258,24 @@ def _whole(messages: Any) -> Any:
 def _single(kind: str, content: Any, head: Any, number: int, at: float) -> tuple[str, Any]:
     if kind == "mark":
         return "marks", new(
-            "quadlab_msgs/Mark", header=head, id=str(number), text=content, time=at,
+            "quadlab_msgs/Mark",
+            header=head,
+            id=str(number),
+            text=content,
+            time=at,
             requester="anna",
-        )  # fmt: skip
+        )
     if kind == "change":
         name, old, value = content
         return "parameter_changes", new(
-            "quadlab_msgs/ParameterChange", header=head, name=name, old_value=repr(old),
-            new_value=repr(value), requester="anna", revision=number,
-        )  # fmt: skip
+            "quadlab_msgs/ParameterChange",
+            header=head,
+            name=name,
+            old_value=repr(old),
+            new_value=repr(value),
+            requester="anna",
+            revision=number,
+        )
     return "events", new(
         "rcl_interfaces/Log", stamp=head.stamp, level=20, name="quad1", msg=content
     )

@@ -24,9 +24,13 @@ from benchmarks.harness import CHROMIUM, Report, Row, Target
 from benchmarks.recorded_run import MadeRun, write_run
 
 FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--no-first-run",
-]  # fmt: skip
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
 """The page needs no WebGL; an emulated GPU is many times slower than the processor itself."""
 SERVER = """
 import sys
@@ -96,8 +100,9 @@ def run(quick: bool = False) -> Report:
         report.conditions.append(f"{size / 1e6:.0f} MB a log")
         server = subprocess.Popen(
             [sys.executable, "-c", SERVER, str(data), str(DEAD_PORT)],
-            stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         try:
             assert server.stdout is not None
             url = next(line for line in server.stdout if "http" in line).split()[-1]
@@ -144,10 +149,13 @@ def _measure(report: Report, page: Any, base: str, pid: int, count: int) -> None
         p95 = sorted(took)[int(0.95 * len(took))]
         more = memory(pid) - before
         figures = {
-            "p50, ms": statistics.median(took), "p95, ms": p95, "worst, ms": max(took),
+            "p50, ms": statistics.median(took),
+            "p95, ms": p95,
+            "worst, ms": max(took),
             "web process busy, ms": 1e3 * busy[0] / count,
-            "browser busy, ms": 1e3 * busy[1] / count, "MB more": more,
-        }  # fmt: skip
+            "browser busy, ms": 1e3 * busy[1] / count,
+            "MB more": more,
+        }
         report.rows.append(Row(label, dict(figures)))
         report.targets.append(Target(f"{label}, p95 in s", 1e-3 * p95, LIMIT))
     report.targets.append(Target("memory of the web process, MB more", memory(pid) - before, ROOM))

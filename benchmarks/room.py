@@ -44,11 +44,27 @@ class Room:
 
     def __init__(self, folder: str, port: int, link_port: int) -> None:
         self.up = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--real-time", "--data", folder,
-             "--port", str(port), "--link-port", str(link_port),
-             "--set", f"simulator.battery_capacity={CHARGE}"],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-        )  # fmt: skip
+            [
+                sys.executable,
+                "-m",
+                "quadlab",
+                "up",
+                "--no-browser",
+                "--real-time",
+                "--data",
+                folder,
+                "--port",
+                str(port),
+                "--link-port",
+                str(link_port),
+                "--set",
+                f"simulator.battery_capacity={CHARGE}",
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
+        )
         self.lines: list[str] = []
         reader = self.up.stdout
         assert reader is not None
@@ -83,9 +99,12 @@ class Room:
 
 def options_of(base: str, cookie: str) -> dict[str, Any]:
     return {
-        "additional_headers": {"Cookie": cookie}, "origin": base, "max_size": None,
-        "compression": None, "proxy": None,
-    }  # fmt: skip
+        "additional_headers": {"Cookie": cookie},
+        "origin": base,
+        "max_size": None,
+        "compression": None,
+        "proxy": None,
+    }
 
 
 def view(base: str, cookie: str, name: str) -> Any:
@@ -141,12 +160,16 @@ async def pages(base: str, cookie: str, count: int, seconds: float) -> None:
     )
     gaps = [1e3 * np.diff([t for t in came if t > came[0] + 2.0]) for came in each]
     together = np.concatenate(gaps)
-    print(json.dumps({
-        "frames_hz": float(statistics.median(1e3 / np.mean(g) for g in gaps)),
-        "gap_p50_ms": float(np.median(together)),
-        "gap_p99_ms": float(np.percentile(together, 99)),
-        "gap_max_ms": float(np.max(together)),
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "frames_hz": float(statistics.median(1e3 / np.mean(g) for g in gaps)),
+                "gap_p50_ms": float(np.median(together)),
+                "gap_p99_ms": float(np.percentile(together, 99)),
+                "gap_max_ms": float(np.max(together)),
+            }
+        )
+    )
 
 
 @contextlib.contextmanager
@@ -166,11 +189,13 @@ def sampled(room: Room, out: list[dict[str, float]]) -> Iterator[None]:
     stop.set()
     thread.join()
     spent = cpu_seconds(pids)["web"] - before["web"]
-    out.append({
-        "web_percent": 100 * spent / (time.monotonic() - since),
-        "lateness_p99_ms": 1e3 * statistics.median(s["lateness_p99"] for s in lateness),
-        "missed_percent": 100 * statistics.median(s["missed_share"] for s in lateness),
-    })  # fmt: skip
+    out.append(
+        {
+            "web_percent": 100 * spent / (time.monotonic() - since),
+            "lateness_p99_ms": 1e3 * statistics.median(s["lateness_p99"] for s in lateness),
+            "missed_percent": 100 * statistics.median(s["missed_share"] for s in lateness),
+        }
+    )
 
 
 def full_room(room: Room, count: int, seconds: float) -> None:
@@ -183,14 +208,29 @@ def full_room(room: Room, count: int, seconds: float) -> None:
             time.sleep(seconds)
         with sampled(room, full):
             answer = subprocess.run(
-                [sys.executable, "-m", "benchmarks.room", "--be-pages", room.base, room.cookie,
-                 "--pages", str(count), "--seconds", str(seconds)],
-                capture_output=True, text=True, check=True, cwd=ROOT,
-            )  # fmt: skip
+                [
+                    sys.executable,
+                    "-m",
+                    "benchmarks.room",
+                    "--be-pages",
+                    room.base,
+                    room.cookie,
+                    "--pages",
+                    str(count),
+                    "--seconds",
+                    str(seconds),
+                ],
+                capture_output=True,
+                text=True,
+                check=True,
+                cwd=ROOT,
+            )
             gaps.append(json.loads(answer.stdout))
     for name in empty[0]:
-        print(f"{name:18} no page {_median(empty, name):8.3f}   {count} pages "
-              f"{_median(full, name):8.3f}{_limit(name)}")  # fmt: skip
+        print(
+            f"{name:18} no page {_median(empty, name):8.3f}   {count} pages "
+            f"{_median(full, name):8.3f}{_limit(name)}"
+        )
     for name in gaps[0]:
         print(f"{name:18} {_median(gaps, name):8.3f}{_limit(name)}")
 
@@ -219,9 +259,12 @@ def soak(room: Room, minutes: float) -> None:
             heap = session.send("Runtime.getHeapUsage")["usedSize"] / 1e6
             sizes = resident_mb(processes(room.up.pid))
             kept = beside.submit(asyncio.run, backlog(room.base, room.cookie)).result()
-            print(f"{sample * minutes / 10:6.1f} {heap:8.2f} {counted['nodes']:6d} "
-                  f"{counted['jsEventListeners']:10d} {sizes['web']:7.1f} "
-                  f"{sum(sizes.values()):7.1f} {kept / 1e3:14.1f}", flush=True)  # fmt: skip
+            print(
+                f"{sample * minutes / 10:6.1f} {heap:8.2f} {counted['nodes']:6d} "
+                f"{counted['jsEventListeners']:10d} {sizes['web']:7.1f} "
+                f"{sum(sizes.values()):7.1f} {kept / 1e3:14.1f}",
+                flush=True,
+            )
         browser.close()
 
 

@@ -96,13 +96,21 @@ def filled(data: Path) -> Catalogue:
     with catalogue.session() as session:
         session.add_all(
             RunRow(
-                id=name, vehicle="quad1", start_ns=now_ns - number * 3_600_000_000_000,
-                duration=300.0, file=f"{name}.mcap", bytes=75_000_000, messages=700_000,
-                operator="anna" if number % 2 else "grace", complete=True, recovered=False,
-                problem="", notes="",
+                id=name,
+                vehicle="quad1",
+                start_ns=now_ns - number * 3_600_000_000_000,
+                duration=300.0,
+                file=f"{name}.mcap",
+                bytes=75_000_000,
+                messages=700_000,
+                operator="anna" if number % 2 else "grace",
+                complete=True,
+                recovered=False,
+                problem="",
+                notes="",
             )
             for number, name in enumerate(ids)
-        )  # fmt: skip
+        )
     change_tags(catalogue, ids[::5], ["wind"], [])
     for name in ids[::10]:
         write_notes(catalogue, name, "gusty near the door, new propellers", "anna")

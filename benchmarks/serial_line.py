@@ -105,22 +105,28 @@ def run(quick: bool = False) -> Report:
     arrived = _between(robot["commands"], 2, began_ns, ended_ns)
     overruns, missed, damaged = flight["counts"].tolist()
     report.rows.append(
-        Row("rates", {
-            "samples sent, 1/s": len(sent) / seconds,
-            "ticks, 1/s": len(ticks) / seconds,
-            "commands at the motors, 1/s": len(arrived) / seconds,
-            "frames lost": float(lost),
-        })
-    )  # fmt: skip
+        Row(
+            "rates",
+            {
+                "samples sent, 1/s": len(sent) / seconds,
+                "ticks, 1/s": len(ticks) / seconds,
+                "commands at the motors, 1/s": len(arrived) / seconds,
+                "frames lost": float(lost),
+            },
+        )
+    )
     by_vehicle, by_host = latencies(flight, robot, began_ns, ended_ns)
     for clock, latency in (("microcontroller's clock", by_vehicle), ("host's clock", by_host)):
         report.rows.append(
-            Row(f"latency, {clock}", {
-                "p50, ms": float(np.median(latency)),
-                "p99, ms": float(np.percentile(latency, 99)),
-                "longest, ms": float(latency.max()),
-            })
-        )  # fmt: skip
+            Row(
+                f"latency, {clock}",
+                {
+                    "p50, ms": float(np.median(latency)),
+                    "p99, ms": float(np.percentile(latency, 99)),
+                    "longest, ms": float(latency.max()),
+                },
+            )
+        )
     report.targets = [
         Target("IMU samples a second, heard", len(ticks) / seconds, 0.999 * RATE, at_most=False),
         Target("frames lost", lost, 0),
@@ -184,10 +190,17 @@ def _fly(folder: Path, seconds: int) -> tuple[Notes, Notes, tuple[int, int], str
     """Notes of flight process and simulator, the window by the host's clock, and rights."""
     truth, out = PipedTruth(), folder / "robot.npz"
     robot = subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.recorded_simulator", str(folder), str(out),
-         str(truth.writer)],
-        cwd=ROOT, pass_fds=(truth.writer,),
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "benchmarks.recorded_simulator",
+            str(folder),
+            str(out),
+            str(truth.writer),
+        ],
+        cwd=ROOT,
+        pass_fds=(truth.writer,),
+    )
     try:
         ports = [str(folder / f"mcu{index}") for index in (0, 1)]
         _await(ports)

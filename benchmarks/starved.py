@@ -47,8 +47,11 @@ PATIENCE = 300.0  # s
 LOOK = 0.3  # s
 WARN = 30
 DRAWN_IN_SOFTWARE = (
-    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-)  # fmt: skip
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
 TOLD = ("degraded", "lost", "stale", "silent", "age", "link", "tracker")
 """In words of flags and alarms that are about link, tracker or poses."""
 
@@ -70,11 +73,28 @@ class Laboratory:
     def __init__(self, data: Path, *words: str) -> None:
         self._data = data
         self._up = subprocess.Popen(
-            [*_ordinary(), sys.executable, "-m", "quadlab", "up", "--no-browser", "--data",
-             str(data), "--port", str(PORT), "--link-port", str(LINK_PORT),
-             "--set", f"simulator.battery_capacity={CHARGE}", *words],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
-        )  # fmt: skip
+            [
+                *_ordinary(),
+                sys.executable,
+                "-m",
+                "quadlab",
+                "up",
+                "--no-browser",
+                "--data",
+                str(data),
+                "--port",
+                str(PORT),
+                "--link-port",
+                str(LINK_PORT),
+                "--set",
+                f"simulator.battery_capacity={CHARGE}",
+                *words,
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
+        )
         self.lines: list[str] = []
         assert self._up.stdout is not None
         lines = iter(self._up.stdout.readline, "")
@@ -199,9 +219,9 @@ def judge(flight: Flight, run: Path) -> None:
         return
     times, wanted_ns = truth[:, 0], reference[:, 0]
     inside = (times >= flown[0]) & (times <= flown[-1])
-    apart = np.column_stack([
-        truth[inside, k] - np.interp(times[inside], wanted_ns, reference[:, k]) for k in (1, 2, 3)
-    ])  # fmt: skip
+    apart = np.column_stack(
+        [truth[inside, k] - np.interp(times[inside], wanted_ns, reference[:, k]) for k in (1, 2, 3)]
+    )
     distances = np.linalg.norm(apart, axis=1)
     flight.error, flight.largest = float(np.sqrt(np.mean(distances**2))), float(distances.max())
     flight.is_whole = after[:1] == ["hover"] and not any(

@@ -27,9 +27,13 @@ from vehicle_link.topics import TOPICS, decode_joy
 
 ROOT = Path(__file__).resolve().parents[1]
 FLAGS = [
-    "--no-sandbox", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync", "--no-first-run", "--disable-gpu",
-]  # fmt: skip
+    "--no-sandbox",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+    "--disable-gpu",
+]
 LIMIT_P50, LIMIT_P95, LIMIT_HOLD = 5.0, 25.0, 250.0  # ms
 BOUND = 30.0  # s
 STUB = """() => {
@@ -283,9 +287,12 @@ def _processes(folder: Path) -> Iterator[tuple[str, Listener]]:
 
 def _start(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "quadlab", *arguments], cwd=ROOT, stdout=subprocess.PIPE, text=True,
+        [sys.executable, "-m", "quadlab", *arguments],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
         env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"},
-    )  # fmt: skip
+    )
 
 
 def _read(process: subprocess.Popen[str], word: str) -> str:

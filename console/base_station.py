@@ -105,14 +105,22 @@ class BaseStation:
         self._vehicle_parameters = VehicleParameters(self._node, vehicle)
         self._calibrations = Calibrations(self._node)
         self.runs = RunKeeper(
-            catalogue, self._store, self._vehicle_parameters, vehicle, operator,
+            catalogue,
+            self._store,
+            self._vehicle_parameters,
+            vehicle,
+            operator,
             self._calibrations.attachment,
-        )  # fmt: skip
+        )
         self._recorder = self.runs.recorder
         self._outbox = Outbox(
-            self._node, vehicle, self._recorder.put, self.link.vehicle_ns, self.link.standing,
+            self._node,
+            vehicle,
+            self._recorder.put,
+            self.link.vehicle_ns,
+            self.link.standing,
             speaker="station" if is_alone else f"station {vehicle}",
-        )  # fmt: skip
+        )
         # In lockstep many more beats go by the lane: the link needs none of them.
         self._outbox.beats.every = self._pace.beats_over_link * (5 if self._part.in_lockstep else 1)
         self._recorder.period = self._pace.written
@@ -123,9 +131,11 @@ class BaseStation:
         self.control = ControlDesk(self._node, self._outbox, self.link.vehicle_ns)
         parameters = self._store.parameters
         self._comparison = ComparisonFeed(
-            parameters.comparison, self._outbox.put, partial(self._outbox.say, INFO),
+            parameters.comparison,
+            self._outbox.put,
+            partial(self._outbox.say, INFO),
             lambda: is_alone or self._outbox.is_heard("comparison"),
-        )  # fmt: skip
+        )
         self._tracker = TrackerFeed(
             parameters.tracker,
             parameters.bearings,
@@ -142,47 +152,92 @@ class BaseStation:
         self._witness = ParameterWitness(history, partial(self._alarms.set, "history"))
         self._witness.begin(self._store.values())
         self.experiments = ExperimentRunner(
-            self._node, vehicle, self.link.state, self.link.vehicle_ns, self._outbox,
-            self._vehicle_parameters, self.runs, self._calibrations, catalogue,
-            settings_of(parameters), self._asked, self._permit,
-        )  # fmt: skip
+            self._node,
+            vehicle,
+            self.link.state,
+            self.link.vehicle_ns,
+            self._outbox,
+            self._vehicle_parameters,
+            self.runs,
+            self._calibrations,
+            catalogue,
+            settings_of(parameters),
+            self._asked,
+            self._permit,
+        )
         CommandGateway(
-            self._node, self._store, self.link.refusal, self.runs.by_hand, self.control.permit,
+            self._node,
+            self._store,
+            self.link.refusal,
+            self.runs.by_hand,
+            self.control.permit,
             self.experiments.commanded,
-        )  # fmt: skip
+        )
         MarkService(self._node, vehicle, catalogue, self._recorder, self._outbox, self.link)
         self._house = Housekeeping(
-            catalogue, parameters.recorder, self._recorder.status,
-            partial(self._outbox.say, INFO), self._alarms.set, purges=keeps_house,
-        )  # fmt: skip
+            catalogue,
+            parameters.recorder,
+            self._recorder.status,
+            partial(self._outbox.say, INFO),
+            self._alarms.set,
+            purges=keeps_house,
+        )
         LogWindow(self._node, self.link.state)
         serve_parameters(self._node, self._store)
         self._sticks = StickDesk(
             self._outbox, self.control.steers, self.experiments, lambda: parameters.sticks.timeout
         )
         self.checks = CheckDesk(
-            self._node, self._outbox, parameters, self.link, self._tracker,
-            self._vehicle_parameters, self._recorder, self._alarms, catalogue.folder,
+            self._node,
+            self._outbox,
+            parameters,
+            self.link,
+            self._tracker,
+            self._vehicle_parameters,
+            self._recorder,
+            self._alarms,
+            catalogue.folder,
             lambda: self._sticks.alarm is not None,
-        )  # fmt: skip
+        )
         self._status = StatusSender(
-            self._outbox, self.link, self._tracker, self._recorder, self._alarms,
+            self._outbox,
+            self.link,
+            self._tracker,
+            self._recorder,
+            self._alarms,
             lambda status: setattr(self.checks.gatherer, "link_status", status),
-        )  # fmt: skip
+        )
         questions = SlowQuestions(
-            self._node, self.link, self._recorder, self._vehicle_parameters, self._witness,
-            self._layout, self._calibrations, self._alarms,
-        )  # fmt: skip
+            self._node,
+            self.link,
+            self._recorder,
+            self._vehicle_parameters,
+            self._witness,
+            self._layout,
+            self._calibrations,
+            self._alarms,
+        )
         self._transfers = Transfers(
-            self._node, catalogue, vehicle, parameters.recorder, self.link.state,
-            self._outbox.say, self.link.vehicle_ns,
-        )  # fmt: skip
+            self._node,
+            catalogue,
+            vehicle,
+            parameters.recorder,
+            self.link.state,
+            self._outbox.say,
+            self.link.vehicle_ns,
+        )
         self.runs.on_closed = self._transfers.desk.run_closed
         introduction = Introduction(self._node, vehicle, self.link)
         self._telemetry = TelemetryIn(
-            vehicle, self.link, self._outbox, self._recorder, self._comparison,
-            self.checks.observed, self.experiments, self._part.vehicle_heard,
-        )  # fmt: skip
+            vehicle,
+            self.link,
+            self._outbox,
+            self._recorder,
+            self._comparison,
+            self.checks.observed,
+            self.experiments,
+            self._part.vehicle_heard,
+        )
         self._heard = self._subscriptions(host)
         self.checks.start()
         self._threads = [
@@ -239,9 +294,17 @@ class BaseStation:
             "bench_reading": lambda received: self.experiments.readings.bench(received.payload),
         }
         return Subscriptions(
-            self._node, self._vehicle, host, self.link, self._alarms, self.checks.observed,
-            self._recorder, acts, self._outbox.beats, self._closing,
-        )  # fmt: skip
+            self._node,
+            self._vehicle,
+            host,
+            self.link,
+            self._alarms,
+            self.checks.observed,
+            self._recorder,
+            acts,
+            self._outbox.beats,
+            self._closing,
+        )
 
     def _on_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)

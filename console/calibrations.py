@@ -138,11 +138,12 @@ class Calibrations:
         answer = f"{SERVICE}_Response"
         if request.action not in TOLD:
             return new(
-                answer, accepted=False,
+                answer,
+                accepted=False,
                 reason=f"the station serves only {' and '.join(TOLD)} here, not "
                 f"{request.action!r:.40}; calibrations are made and accepted through its "
                 "experiments",
-            )  # fmt: skip
+            )
         with self._lock:
             records, problem = self._records, self._problem
         if records is None:

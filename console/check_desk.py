@@ -37,9 +37,16 @@ class CheckDesk:
     ) -> None:
         self.observed = Observed()
         self.gatherer = Gatherer(
-            link, self.observed, tracker, vehicle, parameters, recorder, alarms, folder,
+            link,
+            self.observed,
+            tracker,
+            vehicle,
+            parameters,
+            recorder,
+            alarms,
+            folder,
             sticks_dropped,
-        )  # fmt: skip
+        )
         self.preflight = Preflight(
             self.gatherer.facts, parameters.preflight, outbox, link.vehicle_ns, vehicle.refresh
         )

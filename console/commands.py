@@ -13,12 +13,7 @@ from functools import partial
 from typing import Any
 
 from console.parameter_store import PREFIX, StationStore
-from quadrotor.errors import (
-    NoAnswerError,
-    ParameterError,
-    RefusedError,
-    StorageError,
-)
+from quadrotor.errors import NoAnswerError, ParameterError, RefusedError, StorageError
 from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
 from vehicle_link.node import Node

@@ -32,10 +32,7 @@ class LinkMonitor:
     """
 
     def __init__(
-        self,
-        vehicle: str = "quad1",
-        instance: int = 0,
-        steady_ns: Callable[[], int] = monotonic_ns,
+        self, vehicle: str = "quad1", instance: int = 0, steady_ns: Callable[[], int] = monotonic_ns
     ) -> None:
         self.standing = Standing(vehicle, instance)
         self.radio: Radio | None = None

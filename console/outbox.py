@@ -22,9 +22,16 @@ from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
 
 RECORDED = (
-    "tracker_pose", "bearings", "joy", "station_status", "link_status", "comparison",
-    "experiment_status", "preflight", "control",
-)  # fmt: skip
+    "tracker_pose",
+    "bearings",
+    "joy",
+    "station_status",
+    "link_status",
+    "comparison",
+    "experiment_status",
+    "preflight",
+    "control",
+)
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
 
 LOOK = 0.2  # s

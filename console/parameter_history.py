@@ -166,12 +166,17 @@ class ParameterHistory:
                     continue
                 session.add(
                     ChangeRow(
-                        vehicle=self._vehicle, name=change.name, old=repr(change.old),
-                        new=repr(change.new), requester=change.requester,
-                        stamp_ns=change.stamp_ns, sent_ns=change.sent_ns, flight=change.flight,
+                        vehicle=self._vehicle,
+                        name=change.name,
+                        old=repr(change.old),
+                        new=repr(change.new),
+                        requester=change.requester,
+                        stamp_ns=change.stamp_ns,
+                        sent_ns=change.sent_ns,
+                        flight=change.flight,
                         revision=change.revision,
                     )
-                )  # fmt: skip
+                )
                 session.flush()  # the order of the ids is that of the changes
                 self._know(session, {change.name: change.new})
 
@@ -222,10 +227,16 @@ class ParameterHistory:
 
 def _change(row: ChangeRow) -> ParameterChange:
     return ParameterChange(
-        id=row.id, name=row.name, old=ast.literal_eval(row.old), new=ast.literal_eval(row.new),
-        requester=row.requester, stamp_ns=row.stamp_ns, sent_ns=row.sent_ns, flight=row.flight,
+        id=row.id,
+        name=row.name,
+        old=ast.literal_eval(row.old),
+        new=ast.literal_eval(row.new),
+        requester=row.requester,
+        stamp_ns=row.stamp_ns,
+        sent_ns=row.sent_ns,
+        flight=row.flight,
         revision=row.revision,
-    )  # fmt: skip
+    )
 
 
 def _storage_error(error: SQLAlchemyError) -> StorageError:

@@ -96,9 +96,12 @@ class ParameterPresets:
             if taken is not None:
                 taken.deleted = True
             row = PresetRow(
-                vehicle=self._vehicle, name=name, requester=requester, stamp_ns=time.time_ns(),
+                vehicle=self._vehicle,
+                name=name,
+                requester=requester,
+                stamp_ns=time.time_ns(),
                 content=json.dumps(dict(values)),
-            )  # fmt: skip
+            )
             session.add(row)
             session.flush()
             return _preset(row)
@@ -119,9 +122,7 @@ class ParameterPresets:
 
     def _named(self, session: Session, name: str) -> PresetRow | None:
         query = select(PresetRow).where(
-            PresetRow.vehicle == self._vehicle,
-            PresetRow.name == name,
-            PresetRow.deleted.is_(False),
+            PresetRow.vehicle == self._vehicle, PresetRow.name == name, PresetRow.deleted.is_(False)
         )
         return session.scalars(query).first()
 

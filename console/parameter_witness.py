@@ -88,11 +88,16 @@ class ParameterWitness:
             if old != new:
                 self._put(
                     ParameterChange(
-                        name=str(change.name), old=old, new=new, requester=str(change.requester),
-                        stamp_ns=received_ns, flight=self._flight, revision=int(change.revision),
+                        name=str(change.name),
+                        old=old,
+                        new=new,
+                        requester=str(change.requester),
+                        stamp_ns=received_ns,
+                        flight=self._flight,
+                        revision=int(change.revision),
                         sent_ns=int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec),
                     )
-                )  # fmt: skip
+                )
 
     def status(self, armed: bool, run: str) -> None:
         """Each status of the vehicle; a flight lasts from arming to disarming."""
@@ -151,10 +156,16 @@ class ParameterWitness:
             if name not in unknown and self._known[name] != value:
                 self._put(
                     ParameterChange(
-                        name=name, old=self._known[name], new=value, requester=why,
-                        stamp_ns=now_ns, sent_ns=now_ns, flight=self._flight, revision=revision,
+                        name=name,
+                        old=self._known[name],
+                        new=value,
+                        requester=why,
+                        stamp_ns=now_ns,
+                        sent_ns=now_ns,
+                        flight=self._flight,
+                        revision=revision,
                     )
-                )  # fmt: skip
+                )
         self._known.update(values)
         self._heard, self._suspect = revision, None
 

@@ -58,9 +58,12 @@ class RunKeeper:
         self.on_closed: Callable[[str], None] = lambda run_id: None
         """Told the id of each run that ended, in the recorder's thread."""
         self.recorder = Recorder(
-            catalogue.folder, self._started, self._ended,
-            on_again=self._again, on_watch=lambda: catalogue.problem,
-        )  # fmt: skip
+            catalogue.folder,
+            self._started,
+            self._ended,
+            on_again=self._again,
+            on_watch=lambda: catalogue.problem,
+        )
 
     def asked(self, command: str, requester: str) -> None:
         """Somebody asked for this command; whoever arms is the run's operator."""

@@ -21,14 +21,7 @@ from sqlalchemy import delete, select
 
 from console.catalogue import SUFFIX, Catalogue
 from console.catalogue_search import NOT_DELETED
-from console.catalogue_tables import (
-    CompletenessRow,
-    MarkRow,
-    NoteRow,
-    RunRow,
-    TagRow,
-    TrashRow,
-)
+from console.catalogue_tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
 from console.run_replays import remove_replay
 from console.run_reports import report_folder
 from quadrotor.errors import RefusedError, StorageError
@@ -100,11 +93,16 @@ def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
         rows = session.execute(query.order_by(TrashRow.deleted_ns.desc(), RunRow.id.desc()))
         return [
             Deleted(
-                run.id, run.vehicle, run.start_ns, run.duration, run.bytes,
-                trash.deleted_ns, trash.requester,
+                run.id,
+                run.vehicle,
+                run.start_ns,
+                run.duration,
+                run.bytes,
+                trash.deleted_ns,
+                trash.requester,
             )
             for run, trash in rows
-        ]  # fmt: skip
+        ]
 
 
 def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:

@@ -63,18 +63,29 @@ def run_station(
     radios: list[Radio] = []
     for name, endpoint in vehicles.items():
         station = BaseStation(
-            hub, catalogue, name, operator, settings,
-            keeps_house=not stations, vehicles=len(vehicles),
-            host=parse_endpoint(endpoint)[0], instance=instance,
-        )  # fmt: skip
+            hub,
+            catalogue,
+            name,
+            operator,
+            settings,
+            keeps_house=not stations,
+            vehicles=len(vehicles),
+            host=parse_endpoint(endpoint)[0],
+            instance=instance,
+        )
         station.checks.startup.endpoints = (
             f"dials the vehicle at {endpoint}, serves page and ROS 2 at 127.0.0.1:{loopback_port}"
         )
         stations.append(station)
         radio = Radio(
-            endpoint, files, loopback_port, station.link.silent, say=station.warn,
-            beside=station.link.beside, answers=station.answers,
-        )  # fmt: skip
+            endpoint,
+            files,
+            loopback_port,
+            station.link.silent,
+            say=station.warn,
+            beside=station.link.beside,
+            answers=station.answers,
+        )
         station.link.radio = radio
         radios.append(radio)
     print(f"station: dials {_dialled(vehicles)}, serves 127.0.0.1:{loopback_port}", flush=True)

@@ -17,9 +17,17 @@ from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
 
 AS_IT_COMES = (
-    "status", "estimator", "battery", "pressure", "bearing_pose", "truth",
-    "parameter_events", "parameter_changes", "events", "bench_reading",
-)  # fmt: skip
+    "status",
+    "estimator",
+    "battery",
+    "pressure",
+    "bearing_pose",
+    "truth",
+    "parameter_events",
+    "parameter_changes",
+    "events",
+    "bench_reading",
+)
 """Recorded as received; our own parameter changes and events come this way too."""
 NEWEST = {"truth": 50}
 """Of what is worthless when late, so many wait at most: a station held up for a moment, at its
@@ -63,9 +71,12 @@ class Subscriptions:
         )
         for name, callback in callbacks.items():
             node.subscribe(
-                name, TOPICS[name].type_name, callback, qos=TOPICS[name].qos,
+                name,
+                TOPICS[name].type_name,
+                callback,
+                qos=TOPICS[name].qos,
                 newest=NEWEST.get(name, 0),
-            )  # fmt: skip
+            )
 
     def close(self) -> None:
         """The lane; the rest closes with its node."""

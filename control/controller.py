@@ -55,11 +55,7 @@ def wind(integral: Array, error: Vector, dt: float, bound: float) -> None:
 @compiled(inner=True)
 def _remembered(memory: Item) -> Axes:
     m = memory.desired_attitude
-    return (
-        (m[0, 0], m[1, 0], m[2, 0]),
-        (m[0, 1], m[1, 1], m[2, 1]),
-        (m[0, 2], m[1, 2], m[2, 2]),
-    )
+    return ((m[0, 0], m[1, 0], m[2, 0]), (m[0, 1], m[1, 1], m[2, 1]), (m[0, 2], m[1, 2], m[2, 2]))
 
 
 @compiled(inner=True)

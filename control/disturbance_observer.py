@@ -186,9 +186,11 @@ def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tup
     for i in range(4):
         n[i] += share * (target[i] - n[i])
     middle = (
-        0.5 * (before[0] + n[0]), 0.5 * (before[1] + n[1]),
-        0.5 * (before[2] + n[2]), 0.5 * (before[3] + n[3]),
-    )  # fmt: skip
+        0.5 * (before[0] + n[0]),
+        0.5 * (before[1] + n[1]),
+        0.5 * (before[2] + n[2]),
+        0.5 * (before[3] + n[3]),
+    )
     thrust, x, y, z = rotors(
         middle, model.motor_slope, model.motor_offset, model.arm, model.torque_ratio
     )

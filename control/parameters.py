@@ -46,9 +46,14 @@ def _gain(
     Without one the step is a fifth of the range.
     """
     value: float = parameter(
-        default, unit=unit, ge=0.0, le=largest, step=largest / 200.0, description=description,
+        default,
+        unit=unit,
+        ge=0.0,
+        le=largest,
+        step=largest / 200.0,
+        description=description,
         flight_step=largest / 5.0 if flight_step is None else flight_step,
-    )  # fmt: skip
+    )
     return value
 
 
@@ -84,9 +89,14 @@ class ControlLimits(Parameters):
     """What the laws may ask for."""
 
     tilt_max: float = parameter(
-        45.0, unit="°", ge=5.0, le=70.0, step=1.0, flight_step=15.0,
+        45.0,
+        unit="°",
+        ge=5.0,
+        le=70.0,
+        step=1.0,
+        flight_step=15.0,
         description="largest tilt of the desired force",
-    )  # fmt: skip
+    )
     position_integral_max: float = parameter(
         1.0, unit="m s", ge=0.0, le=5.0, step=0.05, description="bound of each axis of ∫e_p"
     )
@@ -117,26 +127,50 @@ class DisturbanceParameters(Parameters):
         "the one of the law; faded in and out",
     )
     force_bandwidth: float = parameter(
-        14.0, unit="rad/s", ge=0.1, le=20.0, step=0.1, flight_step=5.0,
+        14.0,
+        unit="rad/s",
+        ge=0.1,
+        le=20.0,
+        step=0.1,
+        flight_step=5.0,
         description="low pass of the force found",
-    )  # fmt: skip
+    )
     torque_bandwidth: float = parameter(
-        0.8, unit="rad/s", ge=0.05, le=15.0, step=0.05, flight_step=3.0,
+        0.8,
+        unit="rad/s",
+        ge=0.05,
+        le=15.0,
+        step=0.05,
+        flight_step=3.0,
         description="low pass of the torque found; costs margin at the motors",
-    )  # fmt: skip
+    )
     force_max: float = parameter(
-        4.0, unit="N", ge=0.0, le=10.0, step=0.1, flight_step=2.0,
+        4.0,
+        unit="N",
+        ge=0.0,
+        le=10.0,
+        step=0.1,
+        flight_step=2.0,
         description="largest force taken off, each world axis",
-    )  # fmt: skip
+    )
     torque_max: float = parameter(
-        0.2, unit="N m", ge=0.0, le=1.0, step=0.01, flight_step=0.2,
+        0.2,
+        unit="N m",
+        ge=0.0,
+        le=1.0,
+        step=0.01,
+        flight_step=0.2,
         description="largest torque taken off, each body axis",
-    )  # fmt: skip
+    )
     fade: float = parameter(
-        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        1.0,
+        unit="s",
+        ge=0.1,
+        le=10.0,
+        step=0.1,
         description="time to fade in after take-off or switching on, and out after switching off; "
         "at least three time constants of the low pass",
-    )  # fmt: skip
+    )
 
 
 class ControlParameters(Parameters):

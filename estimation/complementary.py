@@ -20,14 +20,7 @@ from estimation.stability import gain_warnings
 from quadrotor.errors import DegenerateGeometryError
 from quadrotor.records import MAX_BEACONS, POSE_SAMPLE, Record
 
-__all__ = [
-    "ComplementaryEstimator",
-    "correct",
-    "correct_one",
-    "predict",
-    "predict_one",
-    "report",
-]
+__all__ = ["ComplementaryEstimator", "correct", "correct_one", "predict", "predict_one", "report"]
 
 SETTLED_AFTER = 3.0
 """Time constants of its slower pole after which the filter has forgotten its start."""

@@ -13,21 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.attitude_filter import (
-    attitude_gains,
-    attitude_innovation,
-    to_world,
-    turn_pose,
-)
+from estimation.attitude_filter import attitude_gains, attitude_innovation, to_world, turn_pose
 from estimation.history import amend, recall, remember
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.pose_gate import chord2, move_to, passes, refuse, rotation_vector
 from estimation.rate_filter import low_pass
-from estimation.translation_observer import (
-    acceleration_of,
-    move_pose,
-    translation_gains,
-)
+from estimation.translation_observer import acceleration_of, move_pose, translation_gains
 from quadrotor.compiled import compiled
 from quadrotor.records import Record
 from quadrotor.vectors import dot, multiply, normalized, quaternion

@@ -63,17 +63,29 @@ class InertiaParameters(Parameters):
         2.0 * math.pi, unit="rad/s", ge=0.05, le=100.0, step=0.1, description="a of eq. 7"
     )
     washout_pole: float = parameter(
-        0.5, unit="rad/s", ge=0.01, le=10.0, step=0.05,
+        0.5,
+        unit="rad/s",
+        ge=0.01,
+        le=10.0,
+        step=0.05,
         description="slower disturbances than this do not count",
-    )  # fmt: skip
+    )
     rate: float = parameter(
-        0.5, unit="1/s", ge=0.0, le=10.0, step=0.05,
+        0.5,
+        unit="1/s",
+        ge=0.0,
+        le=10.0,
+        step=0.05,
         description="how fast the past is forgotten; 0 holds the estimate",
-    )  # fmt: skip
+    )
     torque_floor: float = parameter(
-        0.003, unit="N m", ge=0.0001, le=0.1, step=0.001,
+        0.003,
+        unit="N m",
+        ge=0.0001,
+        le=0.1,
+        step=0.001,
         description="filtered torque below which an axis learns slower",
-    )  # fmt: skip
+    )
     inertia_min: float = parameter(
         0.001, unit="kg m²", ge=1e-5, le=0.1, step=0.0001, description="lower clamp"
     )
@@ -84,15 +96,23 @@ class InertiaParameters(Parameters):
         1.0, unit="s", ge=0.05, le=30.0, step=0.05, description="window of the estimate's variance"
     )
     converged_deviation: float = parameter(
-        0.02, ge=0.001, le=0.5, step=0.001,
+        0.02,
+        ge=0.001,
+        le=0.5,
+        step=0.001,
         description="share of the estimate its deviation must stay below",
-    )  # fmt: skip
+    )
 
 
 _COPIED = (
-    "filter_pole", "washout_pole", "rate", "torque_floor", "inertia_min", "inertia_max",
+    "filter_pole",
+    "washout_pole",
+    "rate",
+    "torque_floor",
+    "inertia_min",
+    "inertia_max",
     "variance_time",
-)  # fmt: skip
+)
 
 
 def inertia_record(
@@ -182,14 +202,21 @@ class InertiaEstimator:
     """
 
     def __init__(
-        self, inertia_b: Array, *, arm: float, torque_ratio: float, motor_time_constant: float,
+        self,
+        inertia_b: Array,
+        *,
+        arm: float,
+        torque_ratio: float,
+        motor_time_constant: float,
         parameters: InertiaParameters | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._parameters = parameters or InertiaParameters()
         self._gains = inertia_record(
-            self._parameters, arm=arm, torque_ratio=torque_ratio,
+            self._parameters,
+            arm=arm,
+            torque_ratio=torque_ratio,
             motor_time_constant=motor_time_constant,
-        )  # fmt: skip
+        )
         self.reset(inertia_b)
 
     def reset(self, inertia_b: Array) -> None:

@@ -58,13 +58,23 @@ class MassParameters(Parameters):
         1.0, unit="1/(N² s)", ge=0.0, le=10.0, step=0.01, description="k_est,m of eq. 10; 0 holds"
     )
     mass_min: float = parameter(
-        0.5, unit="kg", ge=0.1, le=2.4, step=0.01, flight_step=0.2,
+        0.5,
+        unit="kg",
+        ge=0.1,
+        le=2.4,
+        step=0.01,
+        flight_step=0.2,
         description="lower clamp of the estimate",
-    )  # fmt: skip
+    )
     mass_max: float = parameter(
-        2.4, unit="kg", ge=0.5, le=5.0, step=0.01, flight_step=0.2,
+        2.4,
+        unit="kg",
+        ge=0.5,
+        le=5.0,
+        step=0.01,
+        flight_step=0.2,
         description="upper clamp of the estimate",
-    )  # fmt: skip
+    )
     variance_time: float = parameter(
         1.0, unit="s", ge=0.05, le=30.0, step=0.05, description="window of the estimate's variance"
     )

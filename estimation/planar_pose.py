@@ -103,10 +103,7 @@ class PlanarPoseSolver:
         self._kernel = _ready_kernel()
 
     def solve(
-        self,
-        bearings_b: Array,
-        sigma: float,
-        prediction: tuple[Array, Array] | None = None,
+        self, bearings_b: Array, sigma: float, prediction: tuple[Array, Array] | None = None
     ) -> PlanarPose:
         """The pose that explains the bearings best.
 
@@ -199,10 +196,7 @@ class PlanarPoseSolver:
 
 
 def planar_pose(
-    beacons_w: Array,
-    bearings_b: Array,
-    sigma: float,
-    prediction: tuple[Array, Array] | None = None,
+    beacons_w: Array, bearings_b: Array, sigma: float, prediction: tuple[Array, Array] | None = None
 ) -> PlanarPose:
     """`PlanarPoseSolver(beacons_w).solve(...)`, the solver kept by the beacons' positions.
 

@@ -26,16 +26,7 @@ from estimation.attitude_filter import Triple
 from estimation.history import amend
 from estimation.outcome import Agreement
 from quadrotor.compiled import compiled
-from quadrotor.vectors import (
-    Quaternion,
-    dot,
-    length,
-    multiply,
-    quaternion,
-    scale,
-    subtract,
-    vector,
-)
+from quadrotor.vectors import Quaternion, dot, length, multiply, quaternion, scale, subtract, vector
 
 JUMP_WAIT, DRIFT_WAIT = 0.5, 0.2
 """s after which the estimate is moved to poses that agree with each other and not with it."""

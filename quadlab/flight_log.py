@@ -50,9 +50,10 @@ class FlightLog:
         # Nothing was ever accepted by this vehicle: its parameters are all there is.
         in_force = {"in_force": {}, "problem": ""}
         attachments = {
-            "parameters.json": values, "defaults.json": json.dumps(defaults, indent=1).encode(),
+            "parameters.json": values,
+            "defaults.json": json.dumps(defaults, indent=1).encode(),
             "calibrations.json": json.dumps(in_force).encode(),
-        }  # fmt: skip
+        }
         self._writer = LogWriter(path, metadata, attachments, chunk_age_ns=1_000_000_000)
         # What came since the last batch was written. Records are kept as their bytes: copying a
         # structured record field by field takes ten times as long.
@@ -99,13 +100,7 @@ class FlightLog:
         self._truth_stamps.append(stamp_ns)
         self._truths.append(state.tobytes())
 
-    def pose(
-        self,
-        stamp_ns: int,
-        position_w: Array,
-        quaternion_wb: Array,
-        log_ns: int,
-    ) -> None:
+    def pose(self, stamp_ns: int, position_w: Array, quaternion_wb: Array, log_ns: int) -> None:
         """A tracker pose that arrived at `log_ns`."""
         self._poses.append((stamp_ns, position_w, quaternion_wb))
         self._pose_arrivals.append(log_ns)
@@ -169,9 +164,13 @@ class FlightLog:
         if batches:
             self._writer.write_batches(batches)
         for kept in (
-            self._ticks, self._truths, self._truth_stamps, self._poses, self._pose_arrivals,
+            self._ticks,
+            self._truths,
+            self._truth_stamps,
+            self._poses,
+            self._pose_arrivals,
             self._others,
-        ):  # fmt: skip
+        ):
             kept.clear()
 
     def _publish(self, ticks: Record) -> None:

@@ -82,9 +82,11 @@ class Fly:
         simulated = SimulatedVehicle(parameters.simulator)
         simulated.warm_up()
         log = FlightLog(
-            path, "quad1", ParameterStore(parameters),
+            path,
+            "quad1",
+            ParameterStore(parameters),
             {"run_id": path.stem, "experiment": experiment.name, "seed": str(self.seed)},
-        )  # fmt: skip
+        )
         estimator = TrueState(simulated) if self.true_state else None
         # Everything that is loaded or compiled at its first use, so that the figures below are
         # of flying alone.
@@ -136,9 +138,13 @@ class Fly:
                 "log": str(path),
                 "report": [str(file) for file in files],
                 "metrics": result.metrics
-                | {"flown_s": flown, "wall_s": wall, "processor_s": processor,
-                   "speed": flown / wall},
-            }  # fmt: skip
+                | {
+                    "flown_s": flown,
+                    "wall_s": wall,
+                    "processor_s": processor,
+                    "speed": flown / wall,
+                },
+            }
             if proposal is not None:
                 report["proposal"] = proposal_json(proposal, store)
             print(json.dumps(report))

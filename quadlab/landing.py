@@ -40,9 +40,11 @@ class _Landing:
         from vehicle_link.messages import new
 
         request = new(
-            "quadlab_msgs/srv/StartBehavior_Request", request_id="stopping",
-            requester="quadlab up", name="land",
-        )  # fmt: skip
+            "quadlab_msgs/srv/StartBehavior_Request",
+            request_id="stopping",
+            requester="quadlab up",
+            name="land",
+        )
         client = self._node.client("station/start_behavior", "quadlab_msgs/srv/StartBehavior")
         try:
             answer = client.call(request)

@@ -192,12 +192,7 @@ class Station:
 
             found = parse_settings(StationParameters(), self.set)
             settings = {f"station.{name}": value for name, value in found.items()}
-        return run_station(
-            data,
-            vehicles,
-            loopback_port=self.loopback_port,
-            settings=settings,
-        )
+        return run_station(data, vehicles, loopback_port=self.loopback_port, settings=settings)
 
 
 @dataclass

@@ -8,12 +8,7 @@ from collections.abc import Sequence
 
 from quadrotor.errors import LinkError, UsageError
 from vehicle.terminal import say
-from vehicle_link.serial.capacity import (
-    DEFAULT_RATE,
-    check_rate,
-    default_rate,
-    samples_a_second,
-)
+from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
 

@@ -210,9 +210,12 @@ class SimulatedFlight(SimulatedGuide):
     def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:
         try:
             payload = self._bearing_pose.solve(
-                frame.stamp_ns, frame.beacon_ids.tolist(), frame.bearings_b, frame.sigma,
+                frame.stamp_ns,
+                frame.beacon_ids.tolist(),
+                frame.bearings_b,
+                frame.sigma,
                 self.stack.state,
-            )  # fmt: skip
+            )
         except MeasurementError as error:
             if now_ns - self._complained_ns > COMPLAIN_NS:  # 30 frames a second may be such
                 self._complained_ns = now_ns

@@ -91,10 +91,12 @@ class SimulatedGuide:
         roll, pitch, yaw = angles.tolist()
         self._simulate(
             {
-                "simulator.held": "hand", "simulator.hand_roll": roll,
-                "simulator.hand_pitch": pitch, "simulator.hand_yaw": yaw,
+                "simulator.held": "hand",
+                "simulator.hand_roll": roll,
+                "simulator.hand_pitch": pitch,
+                "simulator.hand_yaw": yaw,
             }
-        )  # fmt: skip
+        )
 
     def imu(self) -> ImuReadings:
         """Ticks are kept from the first look on, which itself sees none."""
@@ -103,9 +105,12 @@ class SimulatedGuide:
         self._ticks = deque(maxlen=KEPT)
         imu, actuators = ticks["imu"], ticks["actuators"]
         return ImuReadings(
-            imu["stamp_ns"] * 1e-9, imu["specific_force_b"], imu["angular_velocity_b"],
-            actuators["motor_references"], actuators["wrench"],
-        )  # fmt: skip
+            imu["stamp_ns"] * 1e-9,
+            imu["specific_force_b"],
+            imu["angular_velocity_b"],
+            actuators["motor_references"],
+            actuators["wrench"],
+        )
 
     def tracked(self) -> TrackedAttitude | None:
         pose = self._pose
@@ -174,10 +179,14 @@ class SimulatedGuide:
             if value != old[name]:
                 outbox.append(
                     mailbox.ParameterChange(
-                        stamp_ns=self.stack.stamp_ns, name=name, old=old[name], new=value,
-                        requester=REQUESTER, revision=store.revision,
+                        stamp_ns=self.stack.stamp_ns,
+                        name=name,
+                        old=old[name],
+                        new=value,
+                        requester=REQUESTER,
+                        revision=store.revision,
                     )
-                )  # fmt: skip
+                )
         if any(value != old[name] for name, value in values.items()):
             self._simulated.configure(self._flown.simulator)
 

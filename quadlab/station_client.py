@@ -64,18 +64,23 @@ class StationClient:
         heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
         row = TOPICS[topic]
         self._node.subscribe(
-            row.name, row.type_name,
-            lambda received: heard.put(decode(received.payload, row.type_name)), qos=row.qos,
-        )  # fmt: skip
+            row.name,
+            row.type_name,
+            lambda received: heard.put(decode(received.payload, row.type_name)),
+            qos=row.qos,
+        )
         return heard
 
     def newest(self, topic: str) -> Callable[[], Any]:
         """Gives the newest message of a topic, decoded when it is asked for; None before one."""
         row, payloads = TOPICS[topic], deque[bytes](maxlen=1)
         self._node.subscribe(
-            row.name, row.type_name, lambda received: payloads.append(received.payload),
-            qos=row.qos, direct=True,
-        )  # fmt: skip
+            row.name,
+            row.type_name,
+            lambda received: payloads.append(received.payload),
+            qos=row.qos,
+            direct=True,
+        )
         return lambda: decode(payloads[0], row.type_name) if payloads else None
 
     def parameters(self) -> dict[str, Any]:

@@ -21,14 +21,7 @@ import tyro
 from quadlab.data_folder import open_data_folder, owned
 from quadlab.landing import land_before_stopping
 from quadlab.page_options import PageOptions
-from quadlab.processes import (
-    OPEN_BROWSER,
-    SIGN_IN_TOKEN,
-    THE_VEHICLE,
-    Folder,
-    Settings,
-    check_name,
-)
+from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, THE_VEHICLE, Folder, Settings, check_name
 from quadlab.settings import parse_settings
 from quadlab.simulated_fleet import SimulatedFleet
 from quadlab.supervise import Child
@@ -170,10 +163,19 @@ class Up(PageOptions):
         for name, port in fleet.ports.items():
             folder = run_folder if fleet.count == 1 else run_folder / name
             found[name] = [
-                "vehicle", "--serial", *(str(folder / mcu) for mcu in MCU_PORTS),
-                "--rate", str(self._rate(fleet)), "--data", str(fleet.folder(data, name, files)),
-                "--link-port", str(port), "--name", name, *fleet.vehicle_words,
-            ]  # fmt: skip
+                "vehicle",
+                "--serial",
+                *(str(folder / mcu) for mcu in MCU_PORTS),
+                "--rate",
+                str(self._rate(fleet)),
+                "--data",
+                str(fleet.folder(data, name, files)),
+                "--link-port",
+                str(port),
+                "--name",
+                name,
+                *fleet.vehicle_words,
+            ]
         return found
 
     def _watch(self, groups: Sequence[Sequence[Child]], fleet: SimulatedFleet) -> int:

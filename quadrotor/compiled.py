@@ -68,9 +68,12 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
     chosen = config.CACHE_DIR
     config.CACHE_DIR = str(_folder(function.__module__, chosen))
     options: dict[str, Any] = {
-        "cache": True, "error_model": "numpy", "nogil": nogil,
-        "no_cfunc_wrapper": True, "no_cpython_wrapper": inner,
-    }  # fmt: skip
+        "cache": True,
+        "error_model": "numpy",
+        "nogil": nogil,
+        "no_cfunc_wrapper": True,
+        "no_cpython_wrapper": inner,
+    }
     try:
         out = numba.njit(**options)(function)
     finally:

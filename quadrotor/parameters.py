@@ -16,12 +16,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
-from quadrotor.errors import (
-    OutOfBoundsError,
-    ReadOnlyError,
-    UnknownParameterError,
-    WrongTypeError,
-)
+from quadrotor.errors import OutOfBoundsError, ReadOnlyError, UnknownParameterError, WrongTypeError
 
 ParameterValue = bool | int | float | str
 

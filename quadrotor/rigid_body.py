@@ -179,12 +179,7 @@ def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt:
 @compiled(inner=True)
 def motion_of(x: Array) -> Motion:
     """The tuples of x (13,)."""
-    return (
-        (x[0], x[1], x[2]),
-        (x[3], x[4], x[5]),
-        (x[6], x[7], x[8], x[9]),
-        (x[10], x[11], x[12]),
-    )
+    return ((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8], x[9]), (x[10], x[11], x[12]))
 
 
 @compiled(inner=True)

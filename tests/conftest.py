@@ -18,17 +18,20 @@ hypothesis.settings.register_profile("quadlab", deadline=None)  # how long one t
 hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = (
-    "system/", "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
+    "system/",
+    "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
     "console/test_experiment_evaluation.py",
     "console/test_transfers.py::test_runs_are_filled_by_a_real_process",
-)  # fmt: skip
+)
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
 processes that leave it to others by theirs: the last, and nothing runs beside them."""
 LIVE = (
-    "vehicle/test_simulator_process.py", "console/test_beacon_agreement.py",
-    "console/test_comparison_session.py", "console/test_parameter_history_of_everybody.py",
+    "vehicle/test_simulator_process.py",
+    "console/test_beacon_agreement.py",
+    "console/test_comparison_session.py",
+    "console/test_parameter_history_of_everybody.py",
     "console/test_run_marks.py",
-)  # fmt: skip
+)
 """Links that must stay good meanwhile, and a plant that runs in real time."""
 BROWSER = "web/browser/"
 LONG = ("web/test_web_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/test_kernels.py")

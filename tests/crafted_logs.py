@@ -155,8 +155,18 @@ def long_array(path: Path) -> Path:
 
 def deep_arrays(path: Path) -> Path:
     """A type of nothing, a thousand times a thousand times a thousand times."""
-    parts = ["x/B[1000] b", "=" * 80, "MSG: x/B", "x/C[1000] c", "=" * 80, "MSG: x/C",
-             "x/D[1000] d", "=" * 80, "MSG: x/D", "uint8[0] e"]  # fmt: skip
+    parts = [
+        "x/B[1000] b",
+        "=" * 80,
+        "MSG: x/B",
+        "x/C[1000] c",
+        "=" * 80,
+        "MSG: x/C",
+        "x/D[1000] d",
+        "=" * 80,
+        "MSG: x/D",
+        "uint8[0] e",
+    ]
     return write(path, message(1, TINY), kind="\n".join(parts))
 
 
@@ -188,10 +198,12 @@ def index_in_circles(path: Path) -> Path:
         record(
             Opcode.CHUNK_INDEX,
             struct.pack("<QQQQI", START, START, place, len(one), 0)
-            + struct.pack("<Q", 0) + text("lz4") + struct.pack("<QQ", len(one), len(data)),
+            + struct.pack("<Q", 0)
+            + text("lz4")
+            + struct.pack("<QQ", len(one), len(data)),
         )
         for place in [begin, begin, len(one), 2**63, 2**64 - 1] * 20_000
-    )  # fmt: skip
+    )
     return write(path, one, more=more)
 
 
@@ -248,8 +260,19 @@ def sound(path: Path) -> Path:
 CRAFTED: dict[str, Callable[[Path], Path]] = {
     make.__name__: make
     for make in (
-        claims_gigabytes, holds_gigabytes, holds_more_than_it_claims, at_the_limit, many_tiny,
-        many_loose, long_text, long_array, deep_arrays, attached, long_metadata, index_in_circles,
-        index_of_itself, repeated_places,
+        claims_gigabytes,
+        holds_gigabytes,
+        holds_more_than_it_claims,
+        at_the_limit,
+        many_tiny,
+        many_loose,
+        long_text,
+        long_array,
+        deep_arrays,
+        attached,
+        long_metadata,
+        index_in_circles,
+        index_of_itself,
+        repeated_places,
     )
-}  # fmt: skip
+}

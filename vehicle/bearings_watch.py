@@ -85,9 +85,13 @@ class BearingsWatch:
             return list(range(count))
         p = self.parameters
         squares = normalised_squares(
-            then[1], then[2], f["beacon_w"][:count], f["bearing_b"][:count], float(f["sigma"]),
+            then[1],
+            then[2],
+            f["beacon_w"][:count],
+            f["bearing_b"][:count],
+            float(f["sigma"]),
             deviations or UNKNOWN,
-        )  # fmt: skip
+        )
         gate = 0.5 * p.gate**2  # the mean of two squares
         passed = [k for k, square in enumerate(squares) if square < gate]  # NaN does not
         total = sum(squares[k] for k in passed)
@@ -112,9 +116,15 @@ class BearingsWatch:
         offsets, p = self.offsets, self.parameters
         offsets.window, offsets.largest = p.beacon_window, math.radians(p.beacon_offset_max)
         offsets.frame(
-            1e-9 * stamp_ns, ids, f["beacon_w"][:count], f["bearing_b"][:count],
-            float(f["sigma"]), then[1], then[2], tracked,
-        )  # fmt: skip
+            1e-9 * stamp_ns,
+            ids,
+            f["beacon_w"][:count],
+            f["bearing_b"][:count],
+            float(f["sigma"]),
+            then[1],
+            then[2],
+            tracked,
+        )
 
     def age(self, age: float) -> None:
         """Time (s) since the newest frame applied was true."""
@@ -124,10 +134,9 @@ class BearingsWatch:
     def pose(self, apart: Difference) -> None:
         """How far the estimate is from that of the tracker's poses, once a pose."""
         p = self.parameters
-        near = (
-            apart.position <= p.disagreement_max
-            and apart.attitude <= math.radians(p.disagreement_attitude_max)
-        )  # fmt: skip
+        near = apart.position <= p.disagreement_max and apart.attitude <= math.radians(
+            p.disagreement_attitude_max
+        )
         self._apart = 0 if near else self._apart + 1
         if self._apart >= IN_A_ROW:
             self._say(

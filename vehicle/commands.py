@@ -268,8 +268,6 @@ class CommandHandler:
         chosen = stack.parameters.safety.emergency_land
         if stack.mode is Mode.EMERGENCY_LAND and chosen == "land":
             return  # as mild as any that may be under way
-        {
-            "land": stack.land_now,
-            "descend": stack.descend_now,
-            "emergency": stack.hand_over,
-        }[chosen](why)
+        {"land": stack.land_now, "descend": stack.descend_now, "emergency": stack.hand_over}[
+            chosen
+        ](why)

@@ -14,13 +14,7 @@ from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
-from vehicle.calibration_store import (
-    AT_START,
-    ON_REQUEST,
-    CalibrationStore,
-    encoded,
-    parse_stored,
-)
+from vehicle.calibration_store import AT_START, ON_REQUEST, CalibrationStore, encoded, parse_stored
 from vehicle.calibrations_in_force import GYROSCOPE, told
 from vehicle.comms_commands import FlightMailbox
 from vehicle.gyroscope_record import drift_of, gyroscope_record

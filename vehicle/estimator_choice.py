@@ -100,9 +100,7 @@ def check(
 
 
 def _choice(wanted: Mapping[str, str]) -> Choice:
-    return Choice.of(
-        wanted[ESTIMATOR], wanted[SOURCE], wanted[SHADOW], wanted[SHADOW_SOURCE]
-    )  # fmt: skip
+    return Choice.of(wanted[ESTIMATOR], wanted[SOURCE], wanted[SHADOW], wanted[SHADOW_SOURCE])
 
 
 def _left(active: Runner, wanted: Mapping[str, str]) -> str:

@@ -73,9 +73,14 @@ def fly(config: FlightConfig) -> None:
             pass
     mcu, pacer = _connect(ports, robot, config)
     loop = FlightLoop(
-        stack, mcu, rings, pacer, real_time=granted.scheduled or part.in_lockstep, later=later,
+        stack,
+        mcu,
+        rings,
+        pacer,
+        real_time=granted.scheduled or part.in_lockstep,
+        later=later,
         part=part if part.in_lockstep else None,
-    )  # fmt: skip
+    )
 
     def stop(signal_number: int, frame: object) -> None:
         loop.stopping = True

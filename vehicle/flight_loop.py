@@ -77,9 +77,16 @@ class FlightLoop:
     """
 
     def __init__(
-        self, stack: Stack, mcu: Mcu, rings: Rings, pacer: Pacer, *, real_time: bool,
-        later: Later | None = None, part: Part | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        stack: Stack,
+        mcu: Mcu,
+        rings: Rings,
+        pacer: Pacer,
+        *,
+        real_time: bool,
+        later: Later | None = None,
+        part: Part | None = None,
+    ) -> None:
         self.stopping = False
         self._later = later
         self._stack = stack

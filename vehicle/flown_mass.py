@@ -20,15 +20,20 @@ class FlownMassParameters(MassParameters):
     """The estimator's gains, and whether the law flies on it."""
 
     used_by: str = parameter(
-        MODEL, choices=(MODEL, ESTIMATE),
+        MODEL,
+        choices=(MODEL, ESTIMATE),
         description="mass of the law, its feed-forward and touch-down: model.mass or the "
         "estimate; not changed while armed",
-    )  # fmt: skip
+    )
     initial: float = parameter(
-        0.0, unit="kg", ge=0.0, le=2.4, step=0.001,
+        0.0,
+        unit="kg",
+        ge=0.0,
+        le=2.4,
+        step=0.001,
         description="what a flight on the estimate begins with, from the next arming on; "
         "0: model.mass; too large, it jumps off the ground",
-    )  # fmt: skip
+    )
 
     def check_together(self) -> None:
         """Raises OutOfBoundsError."""

@@ -36,17 +36,26 @@ CALIBRATION = np.dtype(
 
 def _matrix_entry(default: float, entry: str) -> float:
     value: float = parameter(
-        default, ge=-1.5, le=1.5, step=0.0001, flight_step=0.02,
+        default,
+        ge=-1.5,
+        le=1.5,
+        step=0.0001,
+        flight_step=0.02,
         description=f"entry {entry} of T of Sec. 5.2: mounting and scale of the accelerometer",
-    )  # fmt: skip
+    )
     return value
 
 
 def _accelerometer_bias(axis: str) -> float:
     value: float = parameter(
-        0.0, unit="m/s²", ge=-3.0, le=3.0, step=0.001, flight_step=0.2,
+        0.0,
+        unit="m/s²",
+        ge=-3.0,
+        le=3.0,
+        step=0.001,
+        flight_step=0.2,
         description=f"accelerometer bias b of Sec. 5.2 about its {axis} axis",
-    )  # fmt: skip
+    )
     return value
 
 
@@ -54,13 +63,23 @@ class ImuCalibration(Parameters):
     """What turns the microcontroller's counts into specific force and angular velocity."""
 
     accelerometer_scale: float = parameter(
-        0.0039, unit="g", ge=0.0001, le=0.1, flight_step=0.0001, step=0.00001,
+        0.0039,
+        unit="g",
+        ge=0.0001,
+        le=0.1,
+        flight_step=0.0001,
+        step=0.00001,
         description="specific force per count of the accelerometer",
-    )  # fmt: skip
+    )
     accelerometer_zero: float = parameter(
-        512.0, unit="count", ge=0.0, le=1023.0, flight_step=5.0, step=0.1,
+        512.0,
+        unit="count",
+        ge=0.0,
+        le=1023.0,
+        flight_step=5.0,
+        step=0.1,
         description="accelerometer reading in free fall",
-    )  # fmt: skip
+    )
     accelerometer_xx: float = _matrix_entry(1.0, "xx")
     accelerometer_xy: float = _matrix_entry(0.0, "xy")
     accelerometer_xz: float = _matrix_entry(0.0, "xz")
@@ -74,13 +93,23 @@ class ImuCalibration(Parameters):
     accelerometer_bias_y: float = _accelerometer_bias("y")
     accelerometer_bias_z: float = _accelerometer_bias("z")
     gyroscope_scale: float = parameter(
-        0.586, unit="deg/s", ge=0.001, le=10.0, flight_step=0.02, step=0.001,
+        0.586,
+        unit="deg/s",
+        ge=0.001,
+        le=10.0,
+        flight_step=0.02,
+        step=0.001,
         description="angular velocity per count of the gyroscope",
-    )  # fmt: skip
+    )
     gyroscope_zero: float = parameter(
-        512.0, unit="count", ge=0.0, le=1023.0, flight_step=1.0, step=0.1,
+        512.0,
+        unit="count",
+        ge=0.0,
+        le=1023.0,
+        flight_step=1.0,
+        step=0.1,
         description="nominal gyroscope reading at rest; the drift about it is found at each start",
-    )  # fmt: skip
+    )
 
     def record(self) -> Record:
         """The calibration as one CALIBRATION record, shape (1,), with no gyroscope drift."""
@@ -104,9 +133,12 @@ class ImuCalibration(Parameters):
 
 @compiled
 def _apply(
-    stamp_ns: int, accelerometer: tuple[int, int, int], gyroscope: tuple[int, int, int],
-    calibration: Record, sample: Record,
-) -> None:  # fmt: skip
+    stamp_ns: int,
+    accelerometer: tuple[int, int, int],
+    gyroscope: tuple[int, int, int],
+    calibration: Record,
+    sample: Record,
+) -> None:
     c = calibration[0]
     out = sample[0]
     out.stamp_ns = stamp_ns

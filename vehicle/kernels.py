@@ -94,11 +94,12 @@ PARTS: Parts = {
 LATER: Parts = {
     "bearing poses": ("estimation.frame_solution", _bearings),
     "bearings in the complementary filter": (
-        "estimation.position_at_attitude", _complementary_on_bearings
+        "estimation.position_at_attitude",
+        _complementary_on_bearings,
     ),
     "error-state filter": ("estimation.error_state.filter", _error_state),
     "near-hovering law": ("control.near_hovering", _near_hovering),
-}  # fmt: skip
+}
 """What only comms or a choice of another estimator or law needs: compiled beside, on time nobody
 else wants."""
 HELPED = "controller"

@@ -14,8 +14,11 @@ from vehicle_link.serial.commands import encode_request
 from vehicle_link.serial.ids import Id
 
 REFERENCES = (
-    Id.MOTOR_REFERENCE_1, Id.MOTOR_REFERENCE_2, Id.MOTOR_REFERENCE_3, Id.MOTOR_REFERENCE_4,
-)  # fmt: skip
+    Id.MOTOR_REFERENCE_1,
+    Id.MOTOR_REFERENCE_2,
+    Id.MOTOR_REFERENCE_3,
+    Id.MOTOR_REFERENCE_4,
+)
 NO_ANSWER = -1
 """Told instead of the reference of a motor whose controller does not answer."""
 PERIOD_S = 0.1

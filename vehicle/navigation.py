@@ -150,9 +150,11 @@ class Navigation:
         """What else a change changes; see `estimator_choice.check`. Raises RefusedError."""
         p = self._parameters
         present: dict[str, ParameterValue] = {
-            ESTIMATOR: p.estimator, SHADOW: p.shadow, SOURCE: p.source,
+            ESTIMATOR: p.estimator,
+            SHADOW: p.shadow,
+            SOURCE: p.source,
             SHADOW_SOURCE: p.shadow_source,
-        }  # fmt: skip
+        }
         return check(self._seats, present, values, state, armed)
 
     def fallen_back(self) -> dict[str, ParameterValue]:
@@ -160,9 +162,11 @@ class Navigation:
         seats = self._seats
         assert seats.reserve is not None
         return {
-            SOURCE: POSES, ESTIMATOR: seats.reserve.name, SHADOW: seats.active.name,
+            SOURCE: POSES,
+            ESTIMATOR: seats.reserve.name,
+            SHADOW: seats.active.name,
             SHADOW_SOURCE: seats.active.source,
-        }  # fmt: skip
+        }
 
     def place(self, beacons: Beacons) -> None:
         """Where the beacons stand; what was estimated from others beside the flight is void."""

@@ -9,11 +9,7 @@ from __future__ import annotations
 from control.behaviors.near_hovering import Level
 from quadrotor.parameters import Parameters, parameter
 from vehicle.barometric_height import BarometricHeight
-from vehicle_link.serial.attitude_command import (
-    THRUST_SHARE_MAX,
-    THRUST_SHARE_MIN,
-    AttitudeCommand,
-)
+from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
 
 AVERAGE = 0.5
 """s over which the thrust in use is averaged: what hovers, when this mode begins."""
@@ -23,9 +19,13 @@ class NearHoveringParameters(Parameters):
     """How climb rates are held in near-hovering mode."""
 
     stick_thrust: float = parameter(
-        12.83, unit="N", ge=4.0, le=40.0, step=0.01,
+        12.83,
+        unit="N",
+        ge=4.0,
+        le=40.0,
+        step=0.01,
         description="thrust of the microcontroller's stick in its hovering position, 110",
-    )  # fmt: skip
+    )
     climb_gain: float = parameter(
         3.0, unit="1/s", ge=0.5, le=8.0, step=0.1, description="acceleration for a wrong climb rate"
     )
@@ -33,9 +33,13 @@ class NearHoveringParameters(Parameters):
         2.0, unit="1/s²", ge=0.0, le=8.0, step=0.1, description="the same, integrated"
     )
     flare_height: float = parameter(
-        0.7, unit="m", ge=0.0, le=3.0, step=0.1,
+        0.7,
+        unit="m",
+        ge=0.0,
+        le=3.0,
+        step=0.1,
         description="below it over the take-off a descent slows down",
-    )  # fmt: skip
+    )
     flare_speed: float = parameter(
         0.35, unit="m/s", ge=0.1, le=0.8, step=0.05, description="to this"
     )

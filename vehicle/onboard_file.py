@@ -198,12 +198,15 @@ class OnboardFile:
         self._writer.write_batches(
             [
                 TopicBatch(
-                    f"/{self._vehicle}/{topic}", topics.TOPICS[topic].type_name,
-                    payloads, received, stamps,
+                    f"/{self._vehicle}/{topic}",
+                    topics.TOPICS[topic].type_name,
+                    payloads,
+                    received,
+                    stamps,
                 )
                 for topic, payloads in _tick_messages(ticks, self._vehicle)
             ]
-        )  # fmt: skip
+        )
         self._newest_ns = int(stamps[-1])
         self._mark()
 

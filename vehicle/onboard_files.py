@@ -89,9 +89,11 @@ class OnboardFiles:
         """Raises StorageError."""
         found = [facts.message() for facts in self._newest()]
         return new(
-            f"{SERVICES['onboard_files']}_Response", accepted=True, files=found,
+            f"{SERVICES['onboard_files']}_Response",
+            accepted=True,
+            files=found,
             free_bytes=self._free_bytes(),
-        )  # fmt: skip
+        )
 
     def part(self, request: Message) -> Message:
         """Raises RefusedError or StorageError."""
@@ -107,9 +109,12 @@ class OnboardFiles:
                 raise RefusedError(f"{name} has {facts.size} bytes, none from {offset} on")
             data = os.pread(file, min(length, facts.size - offset), offset)
         return new(
-            f"{SERVICES['onboard_part']}_Response", accepted=True, file=facts.message(),
-            data=_octets(data), crc32=zlib.crc32(data),
-        )  # fmt: skip
+            f"{SERVICES['onboard_part']}_Response",
+            accepted=True,
+            file=facts.message(),
+            data=_octets(data),
+            crc32=zlib.crc32(data),
+        )
 
     def index(self, request: Message) -> Message:
         """Raises RefusedError or StorageError."""
@@ -129,10 +134,15 @@ class OnboardFiles:
             (begin, end), channels = index.stretch(start_ns, end_ns, LATE_NS), index.channels
         ids = sorted(channels)
         return new(
-            f"{SERVICES['onboard_index']}_Response", accepted=True, file=facts.message(),
-            begin=begin, end=end, channels=ids, topics=[channels[k][0] for k in ids],
+            f"{SERVICES['onboard_index']}_Response",
+            accepted=True,
+            file=facts.message(),
+            begin=begin,
+            end=end,
+            channels=ids,
+            topics=[channels[k][0] for k in ids],
             types=[channels[k][1] for k in ids],
-        )  # fmt: skip
+        )
 
     # ------------------------------------------------------------------ files
     def _newest(self) -> list[Facts]:
@@ -213,9 +223,11 @@ class OnboardFiles:
             raise RefusedError(f"{facts.name} is still being written; its checksum comes after")
         digest = self._checksums.ask(self._folder / facts.name, facts.identity, facts.size)
         return new(
-            f"{SERVICES['onboard_part']}_Response", accepted=True, file=facts.message(),
+            f"{SERVICES['onboard_part']}_Response",
+            accepted=True,
+            file=facts.message(),
             sha256=_octets(digest),
-        )  # fmt: skip
+        )
 
     def _refuse_torn(self, facts: Facts) -> None:
         """Its bytes will be others when it is mended. Raises RefusedError."""

@@ -211,9 +211,12 @@ class OnboardLog:
         stem = self._free_name(stem)
         run = {"run_id": stem, "vehicle": self._vehicle, "recorder": "onboard"}
         self._file = OnboardFile(
-            self.folder / f"{stem}.mcap", self._vehicle, stamp_ns,
-            {**run, **self._facts, **provenance()}, dict(self._attached()),
-        )  # fmt: skip
+            self.folder / f"{stem}.mcap",
+            self._vehicle,
+            stamp_ns,
+            {**run, **self._facts, **provenance()},
+            dict(self._attached()),
+        )
         self._files.append(self._file.written)
         self._say(INFO, f"onboard log {self._file.path.name} started")
 

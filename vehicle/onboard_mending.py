@@ -39,9 +39,12 @@ def start_mending(paths: Sequence[Path]) -> Process:
     """A process that mends these files and prints what it found."""
     return subprocess.Popen(
         [sys.executable, "-m", "vehicle.onboard_recovery", str(os.getpid()), *map(str, paths)],
-        cwd=REPOSITORY, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True,
+        cwd=REPOSITORY,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
         process_group=0,
-    )  # fmt: skip
+    )
 
 
 class Mending:

@@ -84,9 +84,14 @@ class OnboardReader:
 
     def _read(self, written: Written, request: Message, rows: int) -> Columns:
         return read_columns(
-            written.path, self._vehicle, request.columns, int(request.start_ns),
-            int(request.end_ns), rows=rows, offset=written.place_before(int(request.start_ns)),
-        )  # fmt: skip
+            written.path,
+            self._vehicle,
+            request.columns,
+            int(request.start_ns),
+            int(request.end_ns),
+            rows=rows,
+            offset=written.place_before(int(request.start_ns)),
+        )
 
     def _file_of(self, start_ns: int) -> Written:
         """The newest file that began before this instant, or the oldest one known."""

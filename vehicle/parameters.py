@@ -25,19 +25,26 @@ class BeaconParameters(Parameters):
         "paper",
         description="a preset (paper, wide, eight, ceiling, wall) or 'id x y z; id x y z; ...' "
         "in m; not changed while bearings are flown on",
-    )  # fmt: skip
+    )
     envelope_xy: float = parameter(
-        1.5, unit="m", ge=0.2, le=20.0, step=0.1,
+        1.5,
+        unit="m",
+        ge=0.2,
+        le=20.0,
+        step=0.1,
         description="bearings are flown on within this of the origin in x and in y",
-    )  # fmt: skip
+    )
     envelope_z_max: float = parameter(
-        2.0, unit="m", ge=0.4, le=20.0, step=0.1,
-        description="highest flight on bearings",
-    )  # fmt: skip
+        2.0, unit="m", ge=0.4, le=20.0, step=0.1, description="highest flight on bearings"
+    )
     height_min: float = parameter(
-        0.3, unit="m", ge=0.1, le=2.0, step=0.05,
+        0.3,
+        unit="m",
+        ge=0.1,
+        le=2.0,
+        step=0.05,
         description="lowest flight on bearings, above take-off",
-    )  # fmt: skip
+    )
 
 
 class FallBackParameters(Parameters):
@@ -49,54 +56,76 @@ class FallBackParameters(Parameters):
         "false also takes bearings that the gate would reject",
     )
     window: float = parameter(
-        1.0, unit="s", ge=0.2, le=5.0, step=0.1,
+        1.0,
+        unit="s",
+        ge=0.2,
+        le=5.0,
+        step=0.1,
         description="time over which innovations are judged",
-    )  # fmt: skip
+    )
     gate: float = parameter(
-        5.0, ge=2.0, le=20.0, step=0.5,
+        5.0,
+        ge=2.0,
+        le=20.0,
+        step=0.5,
         description="standard deviations beyond which a bearing counts as rejected",
-    )  # fmt: skip
+    )
     rejected_max: float = parameter(
-        0.3, ge=0.05, le=1.0, step=0.05,
-        description="largest share of rejected bearings",
-    )  # fmt: skip
+        0.3, ge=0.05, le=1.0, step=0.05, description="largest share of rejected bearings"
+    )
     consistency_max: float = parameter(
-        3.0, ge=1.2, le=20.0, step=0.1,
+        3.0,
+        ge=1.2,
+        le=20.0,
+        step=0.1,
         description="largest mean square of the other bearings' normalised innovations",
-    )  # fmt: skip
+    )
     age_max: float = parameter(
-        0.5, unit="s", ge=0.1, le=5.0, step=0.05,
-        description="longest time without a frame applied",
-    )  # fmt: skip
+        0.5, unit="s", ge=0.1, le=5.0, step=0.05, description="longest time without a frame applied"
+    )
     position_deviation_max: float = parameter(
-        0.3, unit="m", ge=0.02, le=5.0, step=0.01,
+        0.3,
+        unit="m",
+        ge=0.02,
+        le=5.0,
+        step=0.01,
         description="largest deviation of position by the estimator's own covariance",
-    )  # fmt: skip
+    )
     attitude_deviation_max: float = parameter(
-        6.0, unit="deg", ge=0.2, le=45.0, step=0.5,
-        description="the same of attitude",
-    )  # fmt: skip
+        6.0, unit="deg", ge=0.2, le=45.0, step=0.5, description="the same of attitude"
+    )
     disagreement_max: float = parameter(
-        0.3, unit="m", ge=0.05, le=5.0, step=0.05,
+        0.3,
+        unit="m",
+        ge=0.05,
+        le=5.0,
+        step=0.05,
         description="largest distance from the estimate that the tracker's poses give",
-    )  # fmt: skip
+    )
     disagreement_attitude_max: float = parameter(
-        5.0, unit="deg", ge=1.0, le=90.0, step=1.0,
-        description="the same of attitude",
-    )  # fmt: skip
+        5.0, unit="deg", ge=1.0, le=90.0, step=1.0, description="the same of attitude"
+    )
     beacon_window: float = parameter(
-        2.0, unit="s", ge=0.5, le=20.0, step=0.5,
+        2.0,
+        unit="s",
+        ge=0.5,
+        le=20.0,
+        step=0.5,
         description="time over which the residuals of each beacon are averaged",
-    )  # fmt: skip
+    )
     beacon_offset_max: float = parameter(
-        1.5, unit="deg", ge=0.2, le=20.0, step=0.1,
+        1.5,
+        unit="deg",
+        ge=0.2,
+        le=20.0,
+        step=0.1,
         description="largest mean offset of one beacon's bearings from what the others expect",
-    )  # fmt: skip
+    )
     exclude_beacon: bool = parameter(
         False,
         description="leave out a beacon whose bearings are off, as long as it is known which and "
         "the estimator has enough others",
-    )  # fmt: skip
+    )
 
 
 class VehicleParameters(Parameters):

@@ -17,70 +17,111 @@ class SafetyParameters(Parameters):
     """Thresholds and reactions of the supervisor; the table is docs/safety.md."""
 
     link_timeout: float = parameter(
-        0.4, unit="s", ge=0.1, le=2.0, step=0.05,
+        0.4,
+        unit="s",
+        ge=0.1,
+        le=2.0,
+        step=0.05,
         description="silence of the station after which a flying vehicle reacts",
-    )  # fmt: skip
+    )
     link_reaction: str = _reaction("brake", "what the vehicle does then")
     link_land_after: float = parameter(
-        2.0, unit="s", ge=0.0, le=60.0, step=0.5,
+        2.0,
+        unit="s",
+        ge=0.0,
+        le=60.0,
+        step=0.5,
         description="time from the reaction to a lost link to the next one",
-    )  # fmt: skip
+    )
     link_land_reaction: str = _reaction("land", "what the vehicle does then")
     pose_land_after: float = parameter(
-        1.0, unit="s", ge=0.1, le=5.0, step=0.1,
+        1.0,
+        unit="s",
+        ge=0.1,
+        le=5.0,
+        step=0.1,
         description="time without a pose measurement after which the vehicle reacts",
-    )  # fmt: skip
+    )
     pose_reaction: str = _reaction("descend", "what the vehicle does then")
     battery_warning: float = parameter(
-        13.8, unit="V", ge=12.0, le=16.8, step=0.1,
+        13.8,
+        unit="V",
+        ge=12.0,
+        le=16.8,
+        step=0.1,
         description="battery voltage below which a warning is given and arming is refused",
-    )  # fmt: skip
+    )
     battery_land: float = parameter(
-        13.1, unit="V", ge=12.0, le=16.8, step=0.1,
+        13.1,
+        unit="V",
+        ge=12.0,
+        le=16.8,
+        step=0.1,
         description="battery voltage below which the vehicle reacts",
-    )  # fmt: skip
+    )
     battery_delay: float = parameter(
-        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        1.0,
+        unit="s",
+        ge=0.1,
+        le=10.0,
+        step=0.1,
         description="time the voltage must stay below a limit before it counts",
-    )  # fmt: skip
+    )
     battery_reaction: str = _reaction("emergency", "what the vehicle does below battery_land")
     tilt_cut: float = parameter(
-        100.0, unit="deg", ge=60.0, le=180.0, step=5.0,
+        100.0,
+        unit="deg",
+        ge=60.0,
+        le=180.0,
+        step=5.0,
         description="tilt at which the motors are stopped: the vehicle has turned over",
-    )  # fmt: skip
+    )
     tilt_cut_reaction: str = _reaction("cut", "what the vehicle does then")
     arm_tilt_max: float = parameter(
-        15.0, unit="deg", ge=2.0, le=45.0, step=1.0,
+        15.0,
+        unit="deg",
+        ge=2.0,
+        le=45.0,
+        step=1.0,
         description="largest tilt at which the vehicle may be armed",
-    )  # fmt: skip
+    )
     disarm_after_landing: float = parameter(
-        1.0, unit="s", ge=0.0, le=30.0, step=0.5,
-        description="time from touch-down to motors off",
-    )  # fmt: skip
+        1.0, unit="s", ge=0.0, le=30.0, step=0.5, description="time from touch-down to motors off"
+    )
     landing_support: float = parameter(
-        0.1, ge=0.05, le=1.0, step=0.01,
+        0.1,
+        ge=0.05,
+        le=1.0,
+        step=0.01,
         description="touch-down: share by which the lift exceeds what the thrust gives in the air",
-    )  # fmt: skip
+    )
     tilt_max: float = parameter(
-        70.0, unit="deg", ge=20.0, le=150.0, step=5.0,
-        description="tilt that no manoeuvre needs",
-    )  # fmt: skip
+        70.0, unit="deg", ge=20.0, le=150.0, step=5.0, description="tilt that no manoeuvre needs"
+    )
     tilt_delay: float = parameter(
         0.2, unit="s", ge=0.0, le=2.0, step=0.05, description="time it must last"
     )
     tilt_reaction: str = _reaction("emergency", "what the vehicle does then")
     innovation_max: float = parameter(
-        0.5, unit="m", ge=0.05, le=10.0, step=0.05,
+        0.5,
+        unit="m",
+        ge=0.05,
+        le=10.0,
+        step=0.05,
         description="distance of poses from their prediction beyond which the estimate diverged",
-    )  # fmt: skip
+    )
     innovation_delay: float = parameter(
         0.3, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
     )
     innovation_reaction: str = _reaction("descend", "what the vehicle does then")
     volume_margin: float = parameter(
-        0.5, unit="m", ge=0.05, le=20.0, step=0.05,
+        0.5,
+        unit="m",
+        ge=0.05,
+        le=20.0,
+        step=0.05,
         description="distance outside the flight volume that is too far",
-    )  # fmt: skip
+    )
     volume_delay: float = parameter(
         0.2, unit="s", ge=0.0, le=5.0, step=0.05, description="time it must last"
     )
@@ -93,42 +134,74 @@ class SafetyParameters(Parameters):
     )
     speed_reaction: str = _reaction("brake", "what the vehicle does then")
     saturation_delay: float = parameter(
-        1.0, unit="s", ge=0.1, le=10.0, step=0.1,
+        1.0,
+        unit="s",
+        ge=0.1,
+        le=10.0,
+        step=0.1,
         description="time for which motors may be saturated without a break",
-    )  # fmt: skip
+    )
     saturation_reaction: str = _reaction("land", "what the vehicle does then")
     port_reaction: str = _reaction("land", "what the vehicle does when a serial port is gone")
     command_timeout: float = parameter(
-        0.25, unit="s", ge=0.05, le=2.0, step=0.05,
+        0.25,
+        unit="s",
+        ge=0.05,
+        le=2.0,
+        step=0.05,
         description="silence of this computer after which the microcontroller lands alone",
-    )  # fmt: skip
+    )
     emergency_land: str = parameter(
-        "emergency", choices=("land", "descend", "emergency"),
+        "emergency",
+        choices=("land", "descend", "emergency"),
         description="what Emergency land does: land under control, descend without a pose, or "
         "leave the landing to the microcontroller",
-    )  # fmt: skip
+    )
     bench_timeout: float = parameter(
-        0.5, unit="s", ge=0.1, le=5.0, step=0.1,
+        0.5,
+        unit="s",
+        ge=0.1,
+        le=5.0,
+        step=0.1,
         description="time after which a motor on the bench stops when it is not asked for again",
-    )  # fmt: skip
+    )
     bench_turn_max: float = parameter(
-        20.0, unit="deg", ge=5.0, le=90.0, step=5.0,
+        20.0,
+        unit="deg",
+        ge=5.0,
+        le=90.0,
+        step=5.0,
         description="turn of a vehicle on the bench, within a second or so, that stops the motor: "
         "it is not fixed",
-    )  # fmt: skip
+    )
     gyro_samples: int = parameter(
-        500, ge=50, le=5000, step=50,
+        500,
+        ge=50,
+        le=5000,
+        step=50,
         description="still gyroscope samples averaged at each start (Sec. 5.1)",
-    )  # fmt: skip
+    )
     gyro_deviation_max: float = parameter(
-        1.0, unit="deg/s", ge=0.1, le=10.0, step=0.1,
+        1.0,
+        unit="deg/s",
+        ge=0.1,
+        le=10.0,
+        step=0.1,
         description="standard deviation above which the vehicle was not still",
-    )  # fmt: skip
+    )
     gyro_drift_max: float = parameter(
-        40.0, unit="deg/s", ge=1.0, le=300.0, step=1.0,
+        40.0,
+        unit="deg/s",
+        ge=1.0,
+        le=300.0,
+        step=1.0,
         description="drift that no gyroscope has: the vehicle turned steadily",
-    )  # fmt: skip
+    )
     gyro_change_max: float = parameter(
-        5.0, unit="deg/s", ge=0.1, le=300.0, step=0.1,
+        5.0,
+        unit="deg/s",
+        ge=0.1,
+        le=300.0,
+        step=0.1,
         description="the same of a drift that is found anew, from the one in use",
-    )  # fmt: skip
+    )

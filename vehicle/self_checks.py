@@ -64,9 +64,12 @@ def self_checks(
         log: the vehicle's own.
     """
     disk = Check(
-        "log's disk", "unknown", "not looked at: the flight loop is silent, and may be flying",
-        advice="start the flight process and its microcontroller, then check again", place=PLACE,
-    )  # fmt: skip
+        "log's disk",
+        "unknown",
+        "not looked at: the flight loop is silent, and may be flying",
+        advice="start the flight process and its microcontroller, then check again",
+        place=PLACE,
+    )
     if disarmed:
         least = STOP_BYTES if log is None else log.stop_bytes
         disk = disk_check(PLACE, "log's disk", data / FOLDER, least)

@@ -21,13 +21,7 @@ from vehicle.realtime import RealTime, become_real_time
 from vehicle_link.serial.commands import decode_data, encode_request
 from vehicle_link.serial.devices import PATIENCE_S, await_devices
 from vehicle_link.serial.discovery import Device, Finding
-from vehicle_link.serial.exchange import (
-    Answer,
-    Exchange,
-    ask,
-    decode_reply,
-    mirror,
-)
+from vehicle_link.serial.exchange import Answer, Exchange, ask, decode_reply, mirror
 from vehicle_link.serial.frames import Frame, FrameDecoder
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.ids import MIRROR, Id

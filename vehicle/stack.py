@@ -107,9 +107,14 @@ class FlightStack(StackOnGround):
         """The behavior's reference, then what holds it."""
         behaviors = self.behaviors
         behaviors.step(
-            self._stamp_ns, dt, self.state, self._joy, airborne, self._wrench.item(0),
+            self._stamp_ns,
+            dt,
+            self.state,
+            self._joy,
+            airborne,
+            self._wrench.item(0),
             self.reference,
-        )  # fmt: skip
+        )
         level = behaviors.level
         self.steer_by(ControlMode.DIRECT if level is None else ControlMode.NEAR_HOVERING)
         if level is None:
@@ -226,9 +231,12 @@ class FlightStack(StackOnGround):
         now.speed = math.sqrt(x * x + y * y + z * z)
         x, y, z = self._position.tolist()
         now.outside = max(
-            p.volume_x_min - x, x - p.volume_x_max, p.volume_y_min - y, y - p.volume_y_max,
+            p.volume_x_min - x,
+            x - p.volume_x_max,
+            p.volume_y_min - y,
+            y - p.volume_y_max,
             z - p.volume_z_max,
-        )  # fmt: skip
+        )
         now.saturated = self._scaling.item() < 1.0
         now.lost_ports = self.lost_ports
         return now

@@ -20,11 +20,19 @@ LANE, PILOT_LANE = "lane", "pilot/lane"
 """By the first one only hears."""
 
 TELLING = (
-    WHOAMI, LANE, "time_sync", "checks",
-    "onboard_log", "onboard_files", "onboard_index", "onboard_part",
-    "vehicle/get_parameters", "vehicle/get_parameter_types", "vehicle/list_parameters",
+    WHOAMI,
+    LANE,
+    "time_sync",
+    "checks",
+    "onboard_log",
+    "onboard_files",
+    "onboard_index",
+    "onboard_part",
+    "vehicle/get_parameters",
+    "vehicle/get_parameter_types",
+    "vehicle/list_parameters",
     "vehicle/describe_parameters",
-)  # fmt: skip
+)
 """Services that change nothing."""
 
 _TOKENS = "@ros2_lv/**"  # "**" does not match names that begin with @

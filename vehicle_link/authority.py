@@ -49,9 +49,18 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 
 __all__ = [
-    "LOCAL_NAMES", "ROLES", "WEB_DAYS", "WEB_RENEWED", "Role", "TlsFiles",
-    "check_certificate", "ensure_certificates", "ensure_web_certificate", "issue", "readable_keys",
-]  # fmt: skip
+    "LOCAL_NAMES",
+    "ROLES",
+    "WEB_DAYS",
+    "WEB_RENEWED",
+    "Role",
+    "TlsFiles",
+    "check_certificate",
+    "ensure_certificates",
+    "ensure_web_certificate",
+    "issue",
+    "readable_keys",
+]
 
 LOCAL_NAMES = ("localhost", "127.0.0.1")
 WEB_DAYS = 397  # browsers refuse a server's certificate for more than 398 (some 825) days
@@ -261,17 +270,19 @@ def _make_certificate(
         now = datetime.datetime.now(datetime.UTC)
         extended.pop()
         builder = certificate_builder(
-            subject, "quadlab private authority", key,
-            now - datetime.timedelta(days=1), now + datetime.timedelta(days=WEB_DAYS - 1),
-        )  # fmt: skip
+            subject,
+            "quadlab private authority",
+            key,
+            now - datetime.timedelta(days=1),
+            now + datetime.timedelta(days=WEB_DAYS - 1),
+        )
     builder = (
         builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(key_usage(signs_certificates=False), critical=True)
         .add_extension(x509.ExtendedKeyUsage(extended), critical=False)
         .add_extension(x509.SubjectAlternativeName(map(general_name, names)), critical=False)
         .add_extension(
-            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()),
-            critical=False,
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(signer.public_key()), critical=False
         )
     )
     write_secret(files.certificate(role), signed(builder, signer))

@@ -46,6 +46,10 @@ def validity_check(
         state = "fail"
     held = f" for {', '.join(hosts)}" if hosts else ""
     return Check(
-        name, state, f"until {end:%Y-%m-%d}{held}", f"{SOON} days left",
-        "renew it, or delete it and its key to have them made at the next start", place,
-    )  # fmt: skip
+        name,
+        state,
+        f"until {end:%Y-%m-%d}{held}",
+        f"{SOON} days left",
+        "renew it, or delete it and its key to have them made at the next start",
+        place,
+    )

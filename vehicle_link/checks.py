@@ -35,12 +35,15 @@ def to_messages(checks: Iterable[Check]) -> list[Any]:
     return [
         new(
             "quadlab_msgs/Check",
-            name=one.name, place=one.place, state=one.state,
-            found=one.found, wanted=one.wanted,
+            name=one.name,
+            place=one.place,
+            state=one.state,
+            found=one.found,
+            wanted=one.wanted,
             advice="" if one.state == "ok" else one.advice,
         )
         for one in checks
-    ]  # fmt: skip
+    ]
 
 
 def from_messages(messages: Iterable[Any]) -> list[Check]:
@@ -49,8 +52,10 @@ def from_messages(messages: Iterable[Any]) -> list[Check]:
         Check(
             str(one.name),
             one.state if one.state in STATES else "unknown",
-            str(one.found), str(one.wanted), str(one.advice),
+            str(one.found),
+            str(one.wanted),
+            str(one.advice),
             one.place if one.place in ("station", "vehicle", "page") else "station",
         )
         for one in messages
-    ]  # fmt: skip
+    ]

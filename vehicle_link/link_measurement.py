@@ -20,12 +20,7 @@ from vehicle_link.messages import decode, encode, new
 from vehicle_link.node import Node, Received
 from vehicle_link.peers import namespaces
 from vehicle_link.protocol import disagreement
-from vehicle_link.session import (
-    check_station,
-    parse_endpoint,
-    radio_session,
-    wait_connected,
-)
+from vehicle_link.session import check_station, parse_endpoint, radio_session, wait_connected
 from vehicle_link.telemetry import unpack
 from vehicle_link.time_sync import TIME_SYNC, ClockOffset, exchange
 from vehicle_link.topics import TOPICS, decode_heartbeat
@@ -65,9 +60,12 @@ class Figures:
 
 
 def measure(
-    endpoint: str, tls: TlsFiles, seconds: float = 5.0, name: str = "",
+    endpoint: str,
+    tls: TlsFiles,
+    seconds: float = 5.0,
+    name: str = "",
     progress: Callable[[str], None] = lambda text: None,
-) -> Figures:  # fmt: skip
+) -> Figures:
     """Connects, measures for `seconds` and hangs up.
 
     While nobody else has the vehicle and it is not armed, we take it, so that telemetry comes at

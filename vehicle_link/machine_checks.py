@@ -55,14 +55,22 @@ def clock_check(place: Place, ask: Callable[[], tuple[bool, float]] = kernel_clo
         return Check("clock", "unknown", "this system does not tell", wanted, place=place)
     if not synchronised:
         return Check(
-            "clock", "warn", "not synchronised", wanted,
-            "start chrony or systemd-timesyncd; runs are named and dated by this clock", place,
-        )  # fmt: skip
+            "clock",
+            "warn",
+            "not synchronised",
+            wanted,
+            "start chrony or systemd-timesyncd; runs are named and dated by this clock",
+            place,
+        )
     state: State = "ok" if error <= CLOCK_ERROR else "warn"
     return Check(
-        "clock", state, f"synchronised within {1e3 * error:.0f} ms",
-        f"within {1e3 * CLOCK_ERROR:.0f} ms", "wait, or give it a nearer time server", place,
-    )  # fmt: skip
+        "clock",
+        state,
+        f"synchronised within {1e3 * error:.0f} ms",
+        f"within {1e3 * CLOCK_ERROR:.0f} ms",
+        "wait, or give it a nearer time server",
+        place,
+    )
 
 
 def governor_check(place: Place, root: Path = ROOT) -> Check:
@@ -136,9 +144,7 @@ class ClockWatch:
     SMALLEST = 0.05
 
     def __init__(
-        self,
-        wall: Callable[[], float] = time.time,
-        steady: Callable[[], float] = time.monotonic,
+        self, wall: Callable[[], float] = time.time, steady: Callable[[], float] = time.monotonic
     ) -> None:
         self._wall, self._steady = wall, steady
         self._ahead = wall() - steady()

@@ -274,9 +274,13 @@ class Node:
         """`priority`: of the questions and of their answers."""
         key, gid = self._announce("SC", name, srv_type, RELIABLE)
         return ServiceClient(
-            self.session, full_name(self.namespace, name), key, srv_type, gid,
+            self.session,
+            full_name(self.namespace, name),
+            key,
+            srv_type,
+            gid,
             getattr(zenoh.Priority, priority.upper()),
-        )  # fmt: skip
+        )
 
     def close(self) -> None:
         """Undeclare all of this node; its session stays open."""

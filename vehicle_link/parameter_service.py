@@ -132,8 +132,7 @@ class ParameterClient:
         )
         self._get = node.client(f"{remote_node}/get_parameters", "rcl_interfaces/srv/GetParameters")
         self._set = node.client(
-            f"{remote_node}/set_parameters_atomically",
-            "rcl_interfaces/srv/SetParametersAtomically",
+            f"{remote_node}/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically"
         )
 
     def names(self) -> list[str]:

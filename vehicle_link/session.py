@@ -239,11 +239,7 @@ def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") 
     return {
         "mode": mode,
         # Nobody is looked for, so opening need not wait half a second for who is found.
-        "scouting": {
-            "delay": 0,
-            "multicast": {"enabled": False},
-            "gossip": {"enabled": False},
-        },
+        "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {
             # Shared memory would carry large messages around the link on one host.
             "shared_memory": {"enabled": False},

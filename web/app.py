@@ -65,9 +65,13 @@ def create_app(
 ) -> FastAPI:
     """One vehicle's application."""
     app = FastAPI(
-        title="quadlab", version="0.1.0", lifespan=lifespan,
-        docs_url=None, redoc_url=None, openapi_url="/api/openapi.json",
-    )  # fmt: skip
+        title="quadlab",
+        version="0.1.0",
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/api/openapi.json",
+    )
     _add_error_handlers(app)
     app.mount("/static", FILES)  # the first to be looked at: most requests are these
     _add_reading(app, parts, fleet)

@@ -81,9 +81,15 @@ def assemble(
     )
     links = SignedLinks(data / "web")
     shared = Shared(
-        base_url, people, catalogue, links, ViserExports(), ReportMaking(),
-        ReplayStore(catalogue.folder), tls,
-    )  # fmt: skip
+        base_url,
+        people,
+        catalogue,
+        links,
+        ViserExports(),
+        ReportMaking(),
+        ReplayStore(catalogue.folder),
+        tls,
+    )
     sides = [VehicleSide(name, shared, connect, hubs[name], new_view_server()) for name in vehicles]
     fleet = Fleet(sides)
 

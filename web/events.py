@@ -149,11 +149,7 @@ def summarize(live: Live) -> Message:
 
 
 def session_fields(session: Session) -> Message:
-    return {
-        "label": session.label,
-        "role": session.role.value,
-        "account": session.has_account,
-    }
+    return {"label": session.label, "role": session.role.value, "account": session.has_account}
 
 
 def _battery(message: Any) -> Message | None:

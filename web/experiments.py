@@ -123,9 +123,20 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
     if status is None:
         return None
     names = (
-        "name", "phase", "step", "requester", "manual", "reason", "run_id", "verdict",
-        "instruction", "step_number", "step_count", "question", "decision",
-    )  # fmt: skip
+        "name",
+        "phase",
+        "step",
+        "requester",
+        "manual",
+        "reason",
+        "run_id",
+        "verdict",
+        "instruction",
+        "step_number",
+        "step_count",
+        "question",
+        "decision",
+    )
     limits = (float(x) for x in status.metric_limits)
     values = (float(x) for x in status.metric_values)
     return {

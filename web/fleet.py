@@ -114,9 +114,8 @@ def _summary(side: VehicleSide) -> Message:
         "armed": status and bool(status.armed),
         "airborne": status and bool(status.airborne),
         "flags": list(status.flags) if status else [],
-        "link": link and {
-            "state": link.state, "age": _rounded(link.age, 2), "loss": _rounded(link.loss, 3),
-        },
+        "link": link
+        and {"state": link.state, "age": _rounded(link.age, 2), "loss": _rounded(link.loss, 3)},
         "link_age": _age(live, "link_status"),
         "battery": battery and _rounded(battery.voltage, 2),
         "height": position and round(position[2], 2),
@@ -126,7 +125,7 @@ def _summary(side: VehicleSide) -> Message:
         "alarms": list(station.alarms) if station and live.fresh("station_status") else [],
         "holder": str(holder.holder) if holder else None,
         "emergency": parts.emergency.state,
-    }  # fmt: skip
+    }
 
 
 def _position(live: Live) -> list[float] | None:

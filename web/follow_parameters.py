@@ -31,12 +31,7 @@ class ParameterFollower:
     """Args: `namespace` with its slash (`/quad1`)."""
 
     def __init__(
-        self,
-        mirror: ParameterMirror,
-        station: Station,
-        live: Live,
-        scene: Scene,
-        namespace: str,
+        self, mirror: ParameterMirror, station: Station, live: Live, scene: Scene, namespace: str
     ) -> None:
         self._mirror = mirror
         self._station = station
@@ -93,9 +88,11 @@ class ParameterFollower:
         with contextlib.suppress(QuadlabError, ValueError):  # of a station of another version
             sensor = BearingParameters(**values)
             self._scene.beacons.set_beacons(
-                parse_layout(sensor.layout), math.radians(sensor.sigma), Sight.of(sensor),
+                parse_layout(sensor.layout),
+                math.radians(sensor.sigma),
+                Sight.of(sensor),
                 sensor.rate,
-            )  # fmt: skip
+            )
 
     def _is_news(self, revision: int) -> bool:
         """A lower one twice: the vehicle restarted; once: its status is behind its answers."""

@@ -40,10 +40,23 @@ STALE: dict[str, float] = {
 """The topics of which the newest message is kept, with the age (s) above which its values are shown
 grey and charts show a gap."""
 
-FAST = frozenset({
-    "state", "reference", "actuators", "estimator", "truth", "imu", "tracker_pose", "joy",
-    "pressure", "bearings", "bearing_pose", "bench_reading", "comparison",
-})  # fmt: skip
+FAST = frozenset(
+    {
+        "state",
+        "reference",
+        "actuators",
+        "estimator",
+        "truth",
+        "imu",
+        "tracker_pose",
+        "joy",
+        "pressure",
+        "bearings",
+        "bearing_pose",
+        "bench_reading",
+        "comparison",
+    }
+)
 """Those among them that come many times a second, or are made only for who looks."""
 
 CHARTED = ("imu", "tracker_pose", "joy", "pressure")

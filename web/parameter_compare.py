@@ -36,10 +36,16 @@ def compare(mirror: ParameterMirror, values: Mapping[str, Any]) -> dict[str, Any
             new, steps = checked, steps_between(mirror, {name: checked})
         except ParameterError as error:
             reason, new = str(error), _shown(new)
-        lines.append({
-            "name": name, "unit": description.unit if description else "", "now": now,
-            "new": new, "reason": reason, "steps": steps,
-        })  # fmt: skip
+        lines.append(
+            {
+                "name": name,
+                "unit": description.unit if description else "",
+                "now": now,
+                "new": new,
+                "reason": reason,
+                "steps": steps,
+            }
+        )
     return {"lines": lines, "same": same}
 
 

@@ -85,10 +85,16 @@ class ParameterMirror:
             if self._values.get(name) == value:
                 continue
             self._values[name] = value
-            self._publish({
-                "type": "parameter", "name": name, "value": value, "requester": requester,
-                "revision": revision, "generation": self.generation,
-            })  # fmt: skip
+            self._publish(
+                {
+                    "type": "parameter",
+                    "name": name,
+                    "value": value,
+                    "requester": requester,
+                    "revision": revision,
+                    "generation": self.generation,
+                }
+            )
         if any(authority_of(name) == VEHICLE for name in values):
             self.revision = max(self.revision, revision)
 

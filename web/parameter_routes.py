@@ -85,13 +85,18 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
         return {
             "changes": [
                 {
-                    "id": change.id, "name": change.name, "old": change.old, "new": change.new,
-                    "who": change.requester, "stamp": change.stamp_ns * 1e-9,
-                    "flight": change.flight, "revision": change.revision,
+                    "id": change.id,
+                    "name": change.name,
+                    "old": change.old,
+                    "new": change.new,
+                    "who": change.requester,
+                    "stamp": change.stamp_ns * 1e-9,
+                    "flight": change.flight,
+                    "revision": change.revision,
                 }
                 for change in found
             ]
-        }  # fmt: skip
+        }
 
     @app.get("/api/parameters/flight")
     async def flight() -> dict[str, Any]:
@@ -103,9 +108,12 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
         # Not the beacons: they stand where they stand.
         values = {name: value for name, value in last.values.items() if name not in PLACES}
         return {
-            "run": last.run, "start": last.start_ns * 1e-9, "is_over": last.is_over,
-            "values": last.values, **compare(parts.mirror, values),
-        }  # fmt: skip
+            "run": last.run,
+            "start": last.start_ns * 1e-9,
+            "is_over": last.is_over,
+            "values": last.values,
+            **compare(parts.mirror, values),
+        }
 
 
 def _add_files(app: FastAPI, parts: Parts) -> None:
@@ -117,9 +125,11 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
         heading = f"{what} of {parts.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
         parts.mirror.check({})
         text = write_file(
-            parts.mirror.descriptions(), parts.mirror.values(), heading,
+            parts.mirror.descriptions(),
+            parts.mirror.values(),
+            heading,
             modified_only=which == "modified",
-        )  # fmt: skip
+        )
         name = f"{parts.vehicle}_parameters_{now:%Y%m%dT%H%M%SZ}.toml"
         disposition = {"content-disposition": f'attachment; filename="{name}"'}
         return PlainTextResponse(text, headers=disposition, media_type="application/toml")
@@ -146,10 +156,17 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
         """Built-in ones first; `differs`: in how many values from the present ones."""
         mine = await run_in_threadpool(presets.all)
         own = [
-            {"id": name, "name": name, "built_in": True, "who": "", "stamp": None,
-             "count": len(values), "differs": differing(mirror, values)}
+            {
+                "id": name,
+                "name": name,
+                "built_in": True,
+                "who": "",
+                "stamp": None,
+                "count": len(values),
+                "differs": differing(mirror, values),
+            }
             for name, values in built_in(mirror).items()
-        ]  # fmt: skip
+        ]
         return {"presets": own + [{**_facts(one), **_counts(one.values)} for one in mine]}
 
     @app.get("/api/parameters/presets/{preset}")
@@ -191,9 +208,12 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
 def _facts(preset: Preset) -> dict[str, Any]:
     return {
-        "id": str(preset.id), "name": preset.name, "built_in": False, "who": preset.requester,
+        "id": str(preset.id),
+        "name": preset.name,
+        "built_in": False,
+        "who": preset.requester,
         "stamp": preset.stamp_ns * 1e-9,
-    }  # fmt: skip
+    }
 
 
 def _number(preset: str) -> int:

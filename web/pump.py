@@ -85,10 +85,7 @@ class Upstream:
     """
 
     def __init__(
-        self,
-        server: ViewServer,
-        session: Session,
-        clock: Callable[[], float] = time.monotonic,
+        self, server: ViewServer, session: Session, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._server = server
         self._session = session

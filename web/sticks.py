@@ -112,9 +112,7 @@ class StickOutput:
     """
 
     def __init__(
-        self,
-        publish: Callable[[Axes, bool, str], int],
-        clock: Callable[[], float] = time.monotonic,
+        self, publish: Callable[[Axes, bool, str], int], clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._publish = publish
         self._clock = clock

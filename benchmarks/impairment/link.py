@@ -51,10 +51,17 @@ class ImpairedLink:
             descriptors = [end.device for end in self._ends]
             with theirs:
                 self._relay = subprocess.Popen(
-                    [sys.executable, "-m", "benchmarks.impairment.relay",
-                     *map(str, descriptors), str(theirs.fileno()), str(self._seed)],
-                    cwd=ROOT, pass_fds=(*descriptors, theirs.fileno()),
-                )  # fmt: skip
+                    [
+                        sys.executable,
+                        "-m",
+                        "benchmarks.impairment.relay",
+                        *map(str, descriptors),
+                        str(theirs.fileno()),
+                        str(self._seed),
+                    ],
+                    cwd=ROOT,
+                    pass_fds=(*descriptors, theirs.fileno()),
+                )
             self.change(Conditions())
         except BaseException:
             self._close_ends()
@@ -62,9 +69,11 @@ class ImpairedLink:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
         trace: TracebackType | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         for program in reversed(self._programs):
             if program.poll() is None:
                 program.terminate()
@@ -95,8 +104,10 @@ class ImpairedLink:
         environment = {k: v for k, v in os.environ.items() if k not in LEFT_OUT}
         program = subprocess.Popen(
             ["nsenter", f"--net=/proc/self/fd/{place.namespace}", *words],
-            pass_fds=(place.namespace,), env=environment, **options,
-        )  # fmt: skip
+            pass_fds=(place.namespace,),
+            env=environment,
+            **options,
+        )
         self._programs.append(program)
         return program
 

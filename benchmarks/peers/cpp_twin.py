@@ -64,9 +64,13 @@ class CppTwin:
     ) -> float:
         """A closed loop on the true state, in place; rms position error, m."""
         error: float = self._library.fly_true_state(
-            _of(settings), _of(plant), _of(onboard), ctypes.c_int64(ticks),
-            ctypes.c_double(period), round(period / 0.001),
-        )  # fmt: skip
+            _of(settings),
+            _of(plant),
+            _of(onboard),
+            ctypes.c_int64(ticks),
+            ctypes.c_double(period),
+            round(period / 0.001),
+        )
         return error
 
 

@@ -193,9 +193,22 @@ def flight_loop(f: Facts, p: PreflightParameters) -> Check:
 
 
 ITEMS: tuple[Item, ...] = (
-    link, clock, telemetry, mode, gyroscope, estimator, measurements, battery, level_and_still,
-    flight_volume, parameters, recording, alarms, sticks, flight_loop,
-)  # fmt: skip
+    link,
+    clock,
+    telemetry,
+    mode,
+    gyroscope,
+    estimator,
+    measurements,
+    battery,
+    level_and_still,
+    flight_volume,
+    parameters,
+    recording,
+    alarms,
+    sticks,
+    flight_loop,
+)
 
 
 def judged(facts: Facts, limits: PreflightParameters) -> list[Check]:

@@ -18,23 +18,34 @@ class PreflightParameters(Parameters):
         0.1, ge=0, le=1, step=0.01, description="share of lost telemetry that is worth a word"
     )
     tracker_share_min: float = parameter(
-        0.5, ge=0, le=1, step=0.05,
+        0.5,
+        ge=0,
+        le=1,
+        step=0.05,
         description="fewest poses a second from the tracker, as a share of its rate",
-    )  # fmt: skip
+    )
     pose_age_max: float = parameter(
         0.1, unit="s", ge=0.01, le=1, step=0.01, description="oldest pose the estimate may rest on"
     )
     position_innovation_max: float = parameter(
-        0.1, unit="m", ge=0.001, le=2, step=0.01,
+        0.1,
+        unit="m",
+        ge=0.001,
+        le=2,
+        step=0.01,
         description="largest distance of a measured pose from the estimate",
-    )  # fmt: skip
+    )
     attitude_innovation_max: float = parameter(
         5.0, unit="deg", ge=0.1, le=45, step=0.5, description="the same of attitude"
     )
     battery_min: float = parameter(
-        14.0, unit="V", ge=5, le=30, step=0.1,
+        14.0,
+        unit="V",
+        ge=5,
+        le=30,
+        step=0.1,
         description="lowest battery voltage; safety.battery_warning where that is higher",
-    )  # fmt: skip
+    )
     tilt_max: float = parameter(
         10.0, unit="deg", ge=1, le=45, step=1, description="largest tilt on the ground"
     )

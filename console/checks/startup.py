@@ -124,9 +124,11 @@ class StartupChecks:
 
     def _look_at_vehicle(self) -> list[Check]:
         request = new(
-            f"{SERVICES['checks']}_Request", request_id=uuid.uuid4().hex, requester="station",
+            f"{SERVICES['checks']}_Request",
+            request_id=uuid.uuid4().hex,
+            requester="station",
             again=True,
-        )  # fmt: skip
+        )
         try:
             answer = self._vehicle_client.call(request, timeout=TIMEOUT)
         except LinkError as error:

@@ -40,19 +40,25 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
     return [
         _rate("telemetry", f.telemetry_rate if heard else None, packets, "look at the link"),
         _rate(
-            "flight loop", f.tick_rate if heard else None, f.nominal_rate,
+            "flight loop",
+            f.tick_rate if heard else None,
+            f.nominal_rate,
             "look at the microcontroller's cables and the load of the vehicle's computer",
         ),
         _real_time(f),
         _rate(
-            "tracker", f.tracker_rate, f.tracker_nominal,
+            "tracker",
+            f.tracker_rate,
+            f.tracker_nominal,
             "is the tracking system (or the simulator) running?",
         ),
         _rate(
-            "bearings", f.bearings_rate, p.bearings.rate,
+            "bearings",
+            f.bearings_rate,
+            p.bearings.rate,
             "they come from the tracker's poses: look at the tracker and at the beacons in sight",
         ),
-    ]  # fmt: skip
+    ]
 
 
 def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:

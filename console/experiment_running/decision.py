@@ -63,9 +63,12 @@ class Decisions:
     def _store(self, text: str, record: CalibrationRecord, requester: str) -> None:
         try:
             self._services.call(
-                "calibrate", requester, timeout=STORE_TIMEOUT,
-                action="store", record=record.model_dump_json(),
-            )  # fmt: skip
+                "calibrate",
+                requester,
+                timeout=STORE_TIMEOUT,
+                action="store",
+                record=record.model_dump_json(),
+            )
         except LinkError as error:
             self._unanswered = text
             raise RefusedError(

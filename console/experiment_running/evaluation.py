@@ -58,9 +58,11 @@ def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgeme
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     process = subprocess.Popen(
         [sys.executable, "-m", module],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": path},
-    )  # fmt: skip
+    )
     waited = 0.0
     while True:
         try:
@@ -87,9 +89,11 @@ def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgeme
     result = Result(answer["verdict"], answer["metrics"], answer["limits"], answer["reason"])
     proposal = answer["proposal"]
     return Judgement(
-        result, tuple(answer["files"]), answer["problem"],
+        result,
+        tuple(answer["files"]),
+        answer["problem"],
         "" if proposal is None else CalibrationRecord(**proposal).model_dump_json(),
-    )  # fmt: skip
+    )
 
 
 def evaluate(job: Job) -> dict[str, Any]:
@@ -166,9 +170,11 @@ def begin_report(log: Path) -> None:
     """The page of the whole run beside the result, in its own time: nobody waits for it."""
     subprocess.Popen(
         [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         start_new_session=True,
-    )  # fmt: skip
+    )
 
 
 def main() -> int:

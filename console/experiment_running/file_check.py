@@ -49,14 +49,18 @@ def check(path: Path, vehicle: str, seconds: float = SECONDS) -> Described:
     try:
         ran = subprocess.run(
             [sys.executable, "-m", MODULE, str(path), vehicle],
-            capture_output=True, timeout=seconds, check=False, stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            stdin=subprocess.DEVNULL,
             env={**os.environ, "PYTHONPATH": python_path},
-        )  # fmt: skip
+        )
     except subprocess.TimeoutExpired:
         return Described(
-            path.name, problem=f"{path.name} is not loaded after {seconds:g} s; what takes long "
+            path.name,
+            problem=f"{path.name} is not loaded after {seconds:g} s; what takes long "
             "belongs into its methods",
-        )  # fmt: skip
+        )
     except OSError as error:
         return Described(path.name, problem=f"{path.name} cannot be looked at: {error}")
     lines = ran.stdout.decode(errors="replace").strip().splitlines()

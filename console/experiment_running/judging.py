@@ -43,8 +43,10 @@ class Judging:
         with board.lock:
             state = board.state
             state.verdict, state.reports, state.proposal = (
-                done.result.verdict, done.files, done.proposal,
-            )  # fmt: skip
+                done.result.verdict,
+                done.files,
+                done.proposal,
+            )
             state.metrics, state.limits = done.result.metrics, done.result.limits
         reason = "; ".join(filter(None, (done.result.reason, done.problem)))
         board.end(done.result.verdict, reason)

@@ -43,9 +43,12 @@ class LiveClient(LiveCommands):
         self._yes = threading.Event()
         self._is_recorded = self._needs_imu = False
         self._bench = LiveBench(
-            self._ask_bench, self._end_bench, self._bench_timeout, lambda: feed.mode,
+            self._ask_bench,
+            self._end_bench,
+            self._bench_timeout,
+            lambda: feed.mode,
             lambda: self._looked,
-        )  # fmt: skip
+        )
 
     # ------------------------------------------------------------------ from other threads
     def end(self, why: QuadlabError, *, taken_over: bool = False, patience: float = 0.0) -> None:
@@ -156,9 +159,14 @@ class LiveClient(LiveCommands):
             if self._ended is not None:
                 raise self._ended
             self._services.call(
-                "bench", self.requester, timeout=BENCH_CALL, tries=1,
-                motor=motor, reference=reference, secured=True,
-            )  # fmt: skip
+                "bench",
+                self.requester,
+                timeout=BENCH_CALL,
+                tries=1,
+                motor=motor,
+                reference=reference,
+                secured=True,
+            )
 
     def _end_bench(self) -> None:
         """Whatever was before: it only stops a motor, which the vehicle does by itself as well."""

@@ -126,9 +126,13 @@ class ExperimentRunner:
             self._cancelled.clear()
             self._takeover.begin()
             self._board.state = ExperimentState(
-                experiment.name, phases.FLYING, "starting", requester, experiment.planned,
+                experiment.name,
+                phases.FLYING,
+                "starting",
+                requester,
+                experiment.planned,
                 started=monotonic(),
-            )  # fmt: skip
+            )
             self._client = LiveClient(
                 self._services, self.feed, self.readings, self._hand, self, requester
             )

@@ -94,8 +94,10 @@ class SimulatedHand:
     def _set(self, values: dict[str, ParameterValue], requester: str) -> None:
         request = new(
             f"{SERVICES['change_parameters']}_Request",
-            request_id=uuid.uuid4().hex, requester=requester, parameters=to_parameters(values),
-        )  # fmt: skip
+            request_id=uuid.uuid4().hex,
+            requester=requester,
+            parameters=to_parameters(values),
+        )
         try:
             response = self._change.call(request, TIMEOUT)
         except LinkError as error:

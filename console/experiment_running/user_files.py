@@ -118,9 +118,10 @@ class UserFiles:
         with self._lock:
             self._known = {p: known for p, known in self._known.items() if p in present}
             changed = [
-                path for path, version in present.items()
+                path
+                for path, version in present.items()
                 if path not in self._known or self._known[path][0] != version
-            ]  # fmt: skip
+            ]
             self._waiting = tuple(changed)
         for path in changed:
             if self._closing.is_set():

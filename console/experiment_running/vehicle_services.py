@@ -36,8 +36,10 @@ class VehicleServices:
         """
         request = new(
             f"{SERVICES[service]}_Request",
-            request_id=uuid.uuid4().hex, requester=requester, **fields,
-        )  # fmt: skip
+            request_id=uuid.uuid4().hex,
+            requester=requester,
+            **fields,
+        )
         for left in reversed(range(tries)):
             try:
                 response = self._clients[service].call(request, timeout=timeout)

@@ -13,13 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from console.experiments.accelerometer_log import (
-    RESIDUAL_MAX,
-    Held,
-    InForce,
-    identify,
-    record_of,
-)
+from console.experiments.accelerometer_log import RESIDUAL_MAX, Held, InForce, identify, record_of
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.pose_guide import (
     Array,
@@ -33,13 +27,7 @@ from console.experiments.pose_guide import (
 )
 from console.experiments.readings import Progress
 from console.experiments.verdict import judged
-from estimation.calibration.accelerometer import (
-    CONDITION_MAX,
-    FACES,
-    Coverage,
-    coverage,
-    face_of,
-)
+from estimation.calibration.accelerometer import CONDITION_MAX, FACES, Coverage, coverage, face_of
 from estimation.calibration.still_poses import StillPose, StillPoses
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import MeasurementError, QuadlabError, RefusedError
@@ -57,28 +45,41 @@ class AccelerometerOptions(Parameters):
     """Where attitudes come from, and how many poses."""
 
     method: str = parameter(
-        "tracker", choices=("tracker", "faces"),
+        "tracker",
+        choices=("tracker", "faces"),
         description="attitudes by the tracker, in any poses; or without one by the six faces the "
         "vehicle is put on",
-    )  # fmt: skip
+    )
     poses: int = parameter(
         12, ge=4, le=40, step=1, description="with the tracker; the faces are six"
     )
     tilt: float = parameter(
-        70.0, unit="deg", ge=20.0, le=90.0, step=5.0,
+        70.0,
+        unit="deg",
+        ge=20.0,
+        le=90.0,
+        step=5.0,
         description="from upright, of the poses that are asked for; the tracker must see them",
-    )  # fmt: skip
+    )
     hold: float = parameter(
         1.0, unit="s", ge=0.3, le=10.0, step=0.1, description="a pose must be still for so long"
     )
     patience: float = parameter(
-        120.0, unit="s", ge=5.0, le=3600.0, step=5.0,
+        120.0,
+        unit="s",
+        ge=5.0,
+        le=3600.0,
+        step=5.0,
         description="without a new pose, after which it ends",
-    )  # fmt: skip
+    )
     attitude_noise: float = parameter(
-        0.2, unit="deg", ge=0.01, le=5.0, step=0.05,
+        0.2,
+        unit="deg",
+        ge=0.01,
+        le=5.0,
+        step=0.05,
         description="standard deviation of the tracker's attitude in a pose",
-    )  # fmt: skip
+    )
 
 
 @dataclass

@@ -169,8 +169,9 @@ class BearingsExperiment:
             client.start("follow_trajectory", trajectory="figure_eight", laps=laps, period=PERIOD)
             client.wait_until(
                 lambda v: v.behavior != "follow_trajectory" or self._over(client),
-                what="the end of the 8", timeout=(laps + 2) * PERIOD + 10,
-            )  # fmt: skip
+                what="the end of the 8",
+                timeout=(laps + 2) * PERIOD + 10,
+            )
             if client.view().behavior == "follow_trajectory":
                 client.start("brake")
                 client.wait(2.0)
@@ -189,8 +190,9 @@ class BearingsExperiment:
             try:
                 client.wait_until(
                     lambda v: v.time >= end or v.behavior != "velocity" or self._over(client),
-                    what="the end of the flight by hand", timeout=p.duration + 5.0,
-                )  # fmt: skip
+                    what="the end of the flight by hand",
+                    timeout=p.duration + 5.0,
+                )
             finally:
                 client.pilot_flies(False)
             self._brake(client)
@@ -198,8 +200,9 @@ class BearingsExperiment:
             end = client.view().time + p.duration + RAMP
             client.wait_until(
                 lambda v: v.time >= end or v.mode != "armed" or self._over(client),
-                what="the end of hover", timeout=p.duration + RAMP + 5.0,
-            )  # fmt: skip
+                what="the end of hover",
+                timeout=p.duration + RAMP + 5.0,
+            )
 
     def _brake(self, client: Client) -> None:
         if client.view().behavior == "velocity":
@@ -228,10 +231,12 @@ class BearingsExperiment:
         papers = self.parameters.gains == "paper"
         extra = [f"estimation.{name}" for name in ESTIMATION_PRESETS["paper"]] if papers else []
         return (
-            "estimation.estimator", "estimation.shadow", "estimation.shadow_source",
+            "estimation.estimator",
+            "estimation.shadow",
+            "estimation.shadow_source",
             *dict.fromkeys((*self._estimator_gains(), *extra)),
             *(("fallback.enabled",) if papers else ()),
-        )  # fmt: skip
+        )
 
     def _shadow(self) -> dict[str, ParameterValue]:
         return {

@@ -88,10 +88,19 @@ def posterior_bound(
         return UNKNOWN
     g: Any = noise_record(noise)[0]
     P = np.diag(START**2)
-    walks = np.repeat(
-        [0.0, g["gyroscope_noise"], g["accelerometer_noise"],
-         g["gyroscope_bias_walk"], g["accelerometer_bias_walk"]], 3,
-    ) ** 2  # fmt: skip
+    walks = (
+        np.repeat(
+            [
+                0.0,
+                g["gyroscope_noise"],
+                g["accelerometer_noise"],
+                g["gyroscope_bias_walk"],
+                g["accelerometer_bias_walk"],
+            ],
+            3,
+        )
+        ** 2
+    )
     found = []
     for k, frame in enumerate(frames):
         if k:

@@ -182,12 +182,13 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
         float((scaling < 1.0).mean()) if len(scaling) else 0.0,
         window,
         tuple(
-            text for _, text in events
+            text
+            for _, text in events
             if text.startswith("fell back") or "no tracker to fall back" in text
         ),
         _emergencies(spools["status"], begin_ns),
         bound,
-    )  # fmt: skip
+    )
 
 
 def _payloads(spool: ColumnSpool) -> list[tuple[int, bytes]]:

@@ -25,10 +25,14 @@ def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Pat
 
     def draw(figure: Any) -> None:
         state_estimation(
-            figure, flight.time - first, (truth[:, :3], estimate[:, :3]), (angles, estimated),
-            (truth - estimate)[:, :3], flight.turns,
+            figure,
+            flight.time - first,
+            (truth[:, :3], estimate[:, :3]),
+            (angles, estimated),
+            (truth - estimate)[:, :3],
+            flight.turns,
             [(flight.window[0] - first, flight.window[1] - first)],
-        )  # fmt: skip
+        )
 
     figure = Figure(figsize=(10.0, 6.4), layout="constrained")
     styled(draw)(figure)

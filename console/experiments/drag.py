@@ -70,13 +70,18 @@ class DragExperiment:
             client.wait(2.0)
             client.tell(Progress("It flies circles: keep clear", 2, STEPS))
             client.start(
-                "follow_trajectory", trajectory="circle", radius=p.radius, period=p.period,
-                laps=p.laps, ramp=RAMP,
-            )  # fmt: skip
+                "follow_trajectory",
+                trajectory="circle",
+                radius=p.radius,
+                period=p.period,
+                laps=p.laps,
+                ramp=RAMP,
+            )
             client.wait_until(
                 lambda v: v.behavior == "hover" or client.finished,
-                what="the end of the circles", timeout=p.laps * p.period + 20.0,
-            )  # fmt: skip
+                what="the end of the circles",
+                timeout=p.laps * p.period + 20.0,
+            )
             if client.view().behavior == "follow_trajectory":  # finished before its end
                 client.start("brake")
                 client.wait(2.0)

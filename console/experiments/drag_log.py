@@ -100,7 +100,8 @@ class DragFlight:
             values={"model.drag": round(max(low, self.found), 3)},
             figures=(
                 Quality(
-                    name="drag of the model", unit="N s/m",
+                    name="drag of the model",
+                    unit="N s/m",
                     value=float(self.parameters.vehicle.get("model.drag", 0.0)),
                 ),
                 Quality(name="speed, rms", value=self.speed, unit="m/s"),
@@ -121,7 +122,7 @@ class DragFlight:
                 "meaning": "linear drag of the whole vehicle, level, at the speed flown",
                 "circled": f"{self.seconds:.1f} s",
             },
-        )  # fmt: skip
+        )
 
 
 def read_drag(log: Path, vehicle: str) -> DragFlight:
@@ -154,9 +155,13 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
 
 
 def estimate_drag(
-    time: Array, velocity_w: Array, z_b: Array, thrusts: Array, start: float,
+    time: Array,
+    velocity_w: Array,
+    z_b: Array,
+    thrusts: Array,
+    start: float,
     parameters: FlownParameters,
-) -> DragFlight:  # fmt: skip
+) -> DragFlight:
     """The coefficient from N ticks, of which those from `start` (s) on count.
 
     Args:

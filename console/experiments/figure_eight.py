@@ -36,10 +36,11 @@ class FigureEightOptions(Parameters):
     """Which 8."""
 
     laps: str = parameter(
-        STEADY, choices=(STEADY, REST_TO_REST),
+        STEADY,
+        choices=(STEADY, REST_TO_REST),
         description=f"{LAPS} laps between ramps, judged on the steady part; or rest to rest in one "
         f"lap, with a yaw amplitude of at most {YAW_MAX:g} rad",
-    )  # fmt: skip
+    )
     yaw_amplitude: float = parameter(
         1.0, unit="rad", ge=0.0, le=1.5, step=0.1, description="of the yaw, to both sides"
     )
@@ -85,8 +86,9 @@ class FigureEight:
         longest = (LAPS + 2) * PERIOD + 10
         client.wait_until(
             lambda v: v.behavior == "hover" or client.finished,
-            what="the end of the 8", timeout=longest,
-        )  # fmt: skip
+            what="the end of the 8",
+            timeout=longest,
+        )
         ramp = 0.0 if one_lap else RAMP
         self._window = (start + ramp, client.view().time - ramp)
         if client.view().behavior == "follow_trajectory":  # finished before its end: no ramp out
@@ -106,17 +108,19 @@ class FigureEight:
         yaw = self.parameters.yaw_amplitude
         if self.parameters.laps == STEADY:
             client.start(
-                "follow_trajectory", trajectory="figure_eight", laps=LAPS, period=PERIOD,
+                "follow_trajectory",
+                trajectory="figure_eight",
+                laps=LAPS,
+                period=PERIOD,
                 yaw_amplitude=yaw,
-            )  # fmt: skip
+            )
             return
         usual = client.parameter(ACCELERATION)
         client.change({ACCELERATION: max(float(usual), STEEP)})
         try:
             client.start(
-                "follow_trajectory", trajectory="figure_eight_lap", period=PERIOD,
-                yaw_amplitude=yaw,
-            )  # fmt: skip
+                "follow_trajectory", trajectory="figure_eight_lap", period=PERIOD, yaw_amplitude=yaw
+            )
         finally:
             client.change({ACCELERATION: usual})
 

@@ -94,13 +94,17 @@ class Gyroscope:
         found, _ = self._checked(log)
         result = self.evaluate(log)
         left = Quality(
-            name="drift left", value=result.metrics["drift_left_deg_s"], unit="deg/s",
+            name="drift left",
+            value=result.metrics["drift_left_deg_s"],
+            unit="deg/s",
             limit=result.limits["drift_left_deg_s"],
-        )  # fmt: skip
+        )
         error = Quality(
-            name="standard error", value=result.metrics["standard_error_deg_s"], unit="deg/s",
+            name="standard error",
+            value=result.metrics["standard_error_deg_s"],
+            unit="deg/s",
             limit=ERROR_MAX,
-        )  # fmt: skip
+        )
         others = tuple(one for one in found.quality if one.name != "standard error")
         return found.model_copy(update={"quality": (error, left, *others)})
 

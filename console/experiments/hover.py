@@ -39,8 +39,9 @@ class Hover:
         start = client.view().time
         client.wait_until(
             lambda v: v.time >= start + DURATION or client.finished,
-            what="the end of the hover", timeout=DURATION + 5.0,
-        )  # fmt: skip
+            what="the end of the hover",
+            timeout=DURATION + 5.0,
+        )
         self._window = (start, client.view().time)
         client.start("land")
         client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)

@@ -44,9 +44,10 @@ class InertiaOptions(Parameters):
     """How it is excited."""
 
     excitation: str = parameter(
-        "random", choices=(*SHAPES, "random"),
+        "random",
+        choices=(*SHAPES, "random"),
         description="doublets of 0.8 s a level, of 0.4 s, or of random size and time",
-    )  # fmt: skip
+    )
     seed: int = parameter(1, ge=0, le=2**31 - 1, step=1, description="of the random ones")
     rounds: int = parameter(
         2, ge=2, le=10, step=1, description="how often all three axes are excited"
@@ -147,8 +148,9 @@ class InertiaExperiment:
         begun, planned = client.view().time, _duration(arguments)
         client.wait_until(
             lambda v: v.behavior != "excite" or client.finished,
-            what="the end of the excitation", timeout=planned + 5.0,
-        )  # fmt: skip
+            what="the end of the excitation",
+            timeout=planned + 5.0,
+        )
         view = client.view()
         if view.behavior == "excite":  # finished before its end
             client.start("brake")

@@ -155,7 +155,7 @@ class InertiaFlight:
                 "first guess": f"{GUESS:g} kg m² about each axis",
                 "ticks": str(self.ticks),
             },
-        )  # fmt: skip
+        )
 
 
 def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
@@ -186,9 +186,10 @@ def estimate_inertia(
     values = parameters.vehicle
     estimator = InertiaEstimator(
         np.full(3, GUESS),
-        arm=float(values["model.arm"]), torque_ratio=float(values["model.torque_ratio"]),
+        arm=float(values["model.arm"]),
+        torque_ratio=float(values["model.torque_ratio"]),
         motor_time_constant=float(values["model.motor_time_constant"]),
-    )  # fmt: skip
+    )
     state, actuators = new_state(), np.zeros(1, ACTUATORS)
     rate_b, thrust = state["angular_velocity_b"][0], actuators["thrusts"][0]
     steps = np.diff(time)
@@ -212,11 +213,15 @@ def estimate_inertia(
     truth = parameters.truth
     lost = float(np.sum(np.maximum(np.rint(steps / period) - 1.0, 0.0)))
     return InertiaFlight(
-        np.array(moments), np.array(found), torque_b, lost / (lost + len(time)),
+        np.array(moments),
+        np.array(found),
+        torque_b,
+        lost / (lost + len(time)),
         np.array([float(truth.get(f"inertia_{axis}", math.nan)) for axis in AXES])
         / float(truth.get("thrust_efficiency", 1.0)),
-        len(time), parameters,
-    )  # fmt: skip
+        len(time),
+        parameters,
+    )
 
 
 def _excited(status: TopicColumns) -> tuple[float, float]:

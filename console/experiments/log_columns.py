@@ -42,10 +42,7 @@ class TopicColumns:
 
 
 def read_columns(
-    log: Path,
-    vehicle: str,
-    wanted: Mapping[str, tuple[str, ...]],
-    optional: tuple[str, ...] = (),
+    log: Path, vehicle: str, wanted: Mapping[str, tuple[str, ...]], optional: tuple[str, ...] = ()
 ) -> dict[str, TopicColumns]:
     """The fields of each topic, named without namespace. Raises LogFormatError for missing ones.
 

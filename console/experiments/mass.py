@@ -25,9 +25,11 @@ from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 USED_BY, INITIAL = "mass.used_by", "mass.initial"
 STICK_SPEEDS = (
-    "behavior.joy_speed_xy", "behavior.joy_speed_xy", "behavior.joy_speed_z",
+    "behavior.joy_speed_xy",
+    "behavior.joy_speed_xy",
+    "behavior.joy_speed_z",
     "behavior.joy_yaw_rate",
-)  # fmt: skip
+)
 STEPS = 4
 HOVER = (5.0, 25.0)
 """s of hover after the climb: at least, and at most until the estimate has converged."""
@@ -39,9 +41,13 @@ class MassOptions(Parameters):
     """How it is flown."""
 
     initial: float = parameter(
-        1.0, unit="kg", ge=0.5, le=2.4, step=0.05,
+        1.0,
+        unit="kg",
+        ge=0.5,
+        le=2.4,
+        step=0.05,
         description="what the estimate begins with; above the true mass it jumps off the ground",
-    )  # fmt: skip
+    )
     height: float = parameter(1.0, unit="m", ge=0.6, le=1.9, step=0.1, description="of take-off")
     climb: float = parameter(
         0.1, unit="m/s", ge=0.05, le=0.5, step=0.05, description="speed of the take-off"
@@ -105,10 +111,13 @@ class MassExperiment:
         client.start("take_off", height=p.height, speed=p.climb)
         try:
             self._until(
-                client, lambda v: v.airborne,
-                "Keep clear: it takes off by itself, held back by the low estimate", 1, patience,
+                client,
+                lambda v: v.airborne,
+                "Keep clear: it takes off by itself, held back by the low estimate",
+                1,
+                patience,
                 "lift-off",
-            )  # fmt: skip
+            )
         except RefusedError as error:
             raise RefusedError(
                 f"{error}. With {p.initial:g} kg to begin with and {p.height:g} m to climb it "
@@ -116,8 +125,14 @@ class MassExperiment:
             ) from error
         # For the next arming: should somebody take over, it must not begin too light again.
         client.change({INITIAL: found[INITIAL]})
-        self._until(client, lambda v: v.behavior == "hover", "It climbs and learns", 2, patience,
-                    "hover after take-off")  # fmt: skip
+        self._until(
+            client,
+            lambda v: v.behavior == "hover",
+            "It climbs and learns",
+            2,
+            patience,
+            "hover after take-off",
+        )
         start = client.view().time
         self._until(
             client,
@@ -125,8 +140,11 @@ class MassExperiment:
                 v.time >= start + HOVER[0]
                 and (v.mass_deviation <= DEVIATION_MAX or v.time >= start + HOVER[1])
             ),
-            "It hovers until the estimate has converged", 3, HOVER[1] + 5.0, "convergence",
-        )  # fmt: skip
+            "It hovers until the estimate has converged",
+            3,
+            HOVER[1] + 5.0,
+            "convergence",
+        )
         if p.duration and not client.finished:
             self._erratic(client)
 
@@ -152,9 +170,14 @@ class MassExperiment:
             client.wait(2.0)
 
     def _until(
-        self, client: Client, condition: Callable[[VehicleView], bool], instruction: str,
-        number: int, timeout: float, what: str,
-    ) -> None:  # fmt: skip
+        self,
+        client: Client,
+        condition: Callable[[VehicleView], bool],
+        instruction: str,
+        number: int,
+        timeout: float,
+        what: str,
+    ) -> None:
         """Wait, and tell. A landing by the vehicle's own decision ends it. Raises RefusedError."""
         start = client.view().time
         told = -1.0

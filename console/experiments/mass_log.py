@@ -15,10 +15,7 @@ from quadrotor.errors import MeasurementError
 
 Array = npt.NDArray[np.float64]
 
-WANTED = {
-    "estimator": ("mass", "mass_variance", "estimator"),
-    "status": ("airborne", "behavior"),
-}
+WANTED = {"estimator": ("mass", "mass_variance", "estimator"), "status": ("airborne", "behavior")}
 DEVIATION_MAX = 0.002
 """kg, standard deviation of a converged estimate, and of its mean in erratic flight."""
 ERROR_MAX = 0.01
@@ -115,9 +112,10 @@ class MassFlight:
             )
         rows = self.judged
         pieces = zip(
-            np.array_split(self.time[rows], SLICES), np.array_split(self.mass[rows], SLICES),
+            np.array_split(self.time[rows], SLICES),
+            np.array_split(self.mass[rows], SLICES),
             strict=True,
-        )  # fmt: skip
+        )
         begin = float(self.time[rows][0])
         spread = float(self.mass[rows].std())
         warnings = () if self.spread < math.inf else ("not flown about: the mean is of the hover",)
@@ -136,7 +134,9 @@ class MassFlight:
             quality=(
                 Quality(name="standard deviation", value=spread, unit="kg", limit=DEVIATION_MAX),
                 Quality(
-                    name="within 1 % after", value=min(self.settled, 999.0), unit="s",
+                    name="within 1 % after",
+                    value=min(self.settled, 999.0),
+                    unit="s",
                     limit=WITHIN_MAX,
                 ),
             ),
@@ -153,7 +153,7 @@ class MassFlight:
                 "first guess": f"{self.mass[self.time <= self.lift_off][-1:].sum():.3g} kg",
                 "estimator": self.estimator,
             },
-        )  # fmt: skip
+        )
 
 
 def read_mass(log: Path, vehicle: str) -> MassFlight:

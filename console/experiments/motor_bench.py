@@ -56,20 +56,29 @@ class MotorBenchOptions(Parameters):
         10, unit="count", ge=1, le=50, step=1, description="from one reference to the next"
     )
     hold: float = parameter(
-        5.0, unit="s", ge=1.5, le=60.0, step=0.5,
+        5.0,
+        unit="s",
+        ge=1.5,
+        le=60.0,
+        step=0.5,
         description=f"of each reference; its first {SETTLING:g} s do not count",
-    )  # fmt: skip
+    )
     rest: float = parameter(
-        10.0, unit="s", ge=0.5, le=120.0, step=0.5,
+        10.0,
+        unit="s",
+        ge=0.5,
+        le=120.0,
+        step=0.5,
         description="at low speed before each, so that the motor does not overheat",
-    )  # fmt: skip
+    )
     rest_reference: int = parameter(
         25, unit="count", ge=10, le=60, step=1, description="while it rests"
     )
     csv: str = parameter(
-        "", description="a recorded file instead, with the columns time_s, reference, force_N, "
+        "",
+        description="a recorded file instead, with the columns time_s, reference, force_N, "
         "torque_Nm and, with a tachometer, speed; no motor turns then",
-    )  # fmt: skip
+    )
 
 
 class MotorBench:
@@ -169,9 +178,12 @@ class MotorBench:
             if math.isfinite(speed := float(newest.speed.mean())):
                 live["speed"] = (speed, "")
         return Progress(
-            f"{doing}; keep away from the propeller", int(index) + 1, len(schedule.references),
-            done / (schedule.hold + schedule.rest), live,
-        )  # fmt: skip
+            f"{doing}; keep away from the propeller",
+            int(index) + 1,
+            len(schedule.references),
+            done / (schedule.hold + schedule.rest),
+            live,
+        )
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:

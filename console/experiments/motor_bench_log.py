@@ -93,9 +93,13 @@ def from_file(recording: BenchRecording) -> BenchResult:
 
 
 def _identify(
-    steps: BenchSteps, time: Array, references: Array, recording: BenchRecording,
-    battery: Battery, voltage: float,
-) -> BenchResult:  # fmt: skip
+    steps: BenchSteps,
+    time: Array,
+    references: Array,
+    recording: BenchRecording,
+    battery: Battery,
+    voltage: float,
+) -> BenchResult:
     law = identify_motor(steps)
     with_speed = bool(np.isfinite(recording.speed).all())
     signal = recording.speed if with_speed else recording.force
@@ -141,8 +145,7 @@ def record_of(found: BenchResult, conditions: dict[str, str]) -> CalibrationReco
             *(
                 Quality(name=f"quadratic {name}", value=value, unit=unit)
                 for name, value, unit in zip(
-                    "abc", law.quadratic.coefficients, ("count/N²", "count/N", "count"),
-                    strict=True,
+                    "abc", law.quadratic.coefficients, ("count/N²", "count/N", "count"), strict=True
                 )
             ),
         ),
@@ -153,7 +156,9 @@ def record_of(found: BenchResult, conditions: dict[str, str]) -> CalibrationReco
             Quality(name="quadratic rms", value=law.quadratic.rms, unit="count"),
             Quality(name="torque miss", value=law.torque_residual, unit="N m"),
             Quality(
-                name="time constant error", value=100.0 * lag.error / lag.seconds, unit="%",
+                name="time constant error",
+                value=100.0 * lag.error / lag.seconds,
+                unit="%",
                 limit=100.0 * TIME_CONSTANT_ERROR_MAX,
             ),
         ),
@@ -164,4 +169,4 @@ def record_of(found: BenchResult, conditions: dict[str, str]) -> CalibrationReco
         ),
         warnings=found.warnings,
         conditions=conditions,
-    )  # fmt: skip
+    )

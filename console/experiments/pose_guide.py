@@ -59,10 +59,11 @@ def words_of(up_b: Array) -> str:
     told = [
         f"{high if angle > 0.0 else low} by {math.degrees(abs(angle)):.0f} deg"
         for angle, high, low in (
-            (pitch, "nose up", "nose down"), (roll, "left side up", "right side up"),
+            (pitch, "nose up", "nose down"),
+            (roll, "left side up", "right side up"),
         )
         if abs(angle) > SMALL
-    ]  # fmt: skip
+    ]
     below = ", upside down" if up_b[2] < -0.1 else ""
     return (", ".join(told) or "level") + below
 

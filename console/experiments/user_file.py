@@ -96,9 +96,10 @@ def _class_of(path: Path, source: str) -> tuple[type, ast.ClassDef]:
         raise UsageError(f"{path.name} line {line}: {_words(error)}") from None
     module = _module(path, source)
     nodes = [
-        node for node in tree.body
+        node
+        for node in tree.body
         if isinstance(node, ast.ClassDef) and _has_one(getattr(module, node.name, None), module)
-    ]  # fmt: skip
+    ]
     if not nodes:
         raise UsageError(
             f"{path.name} line 1: it has no experiment, which is a class with the methods "

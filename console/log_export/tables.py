@@ -103,8 +103,10 @@ class Tables:
         time = (columns.log_ns - self._start_ns) * 1e-9
         kept = (time >= self._begin) & (time <= self._end)
         table: dict[str, Array] = {
-            "time": time, "stamp_ns": columns.publish_ns, "received_ns": columns.log_ns,
-        }  # fmt: skip
+            "time": time,
+            "stamp_ns": columns.publish_ns,
+            "received_ns": columns.log_ns,
+        }
         units = dict(TIME_UNITS)
         for path, values in columns.numbers.items():
             table[path] = values
@@ -153,10 +155,11 @@ class _Growing:
         while self._file.tell() < end:
             piece: Piece = pickle.load(self._file)
             columns = {
-                name: piece.columns[name] if name in piece.columns
+                name: piece.columns[name]
+                if name in piece.columns
                 else np.full(piece.rows, "" if kind.kind == "O" else np.nan, kind)
                 for name, kind in self._kinds.items()
-            }  # fmt: skip
+            }
             yield replace(piece, columns=columns, units=dict(self._units))
 
 

@@ -36,9 +36,17 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
     except MeasurementError as error:
         said = f"No fit: {error}."
     bench = Bench(
-        actuators.time, reference, sensor.time, force, torque,
-        steps.reference, steps.force, inside, fits, USABLE,
-    )  # fmt: skip
+        actuators.time,
+        reference,
+        sensor.time,
+        force,
+        torque,
+        steps.reference,
+        steps.force,
+        inside,
+        fits,
+        USABLE,
+    )
     return bench, said
 
 
@@ -59,10 +67,12 @@ def law_figures(log: RunLog) -> dict[str, float]:
     """The fits in figures. Raises MeasurementError."""
     law = identify_motor(_signals(log)[-1])
     return {
-        "root_law_worst_count": law.root.worst, "quadratic_worst_count": law.quadratic.worst,
+        "root_law_worst_count": law.root.worst,
+        "quadratic_worst_count": law.quadratic.worst,
         "torque_ratio_m": law.torque_ratio,
-        "thrust_min_N": law.thrust_min, "thrust_max_N": law.thrust_max,
-    }  # fmt: skip
+        "thrust_min_N": law.thrust_min,
+        "thrust_max_N": law.thrust_max,
+    }
 
 
 def _words(law: MotorCalibration) -> str:

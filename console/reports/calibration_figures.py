@@ -12,17 +12,7 @@ from console.experiments.inertia_log import read_inertia
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
-from console.reports.plots import (
-    AXES,
-    COLORS,
-    QUIET,
-    REFERENCE,
-    finish,
-    grid,
-    line,
-    styled,
-    triple,
-)
+from console.reports.plots import AXES, COLORS, QUIET, REFERENCE, finish, grid, line, styled, triple
 from console.reports.run_log import IMU, RunLog, Series, read_run
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import GRAVITY
@@ -56,9 +46,14 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         axes[0].set_xlabel("s")
 
     return [
-        Picture("Gyroscope", "What is left of a still gyroscope's readings.",
-                "Angular velocity about x, y and z over time.", 2.6, styled(draw))
-    ]  # fmt: skip
+        Picture(
+            "Gyroscope",
+            "What is left of a still gyroscope's readings.",
+            "Angular velocity about x, y and z over time.",
+            2.6,
+            styled(draw),
+        )
+    ]
 
 
 def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
@@ -70,18 +65,29 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
         axes = grid(figure, 2)[:, 0]
         triple(axes[0], imu.time, force, linewidth=0.7)
         finish(axes[0], "specific force, by the calibration in force", "m/s²")
-        line(axes[1], imu.time, np.linalg.norm(force, axis=1), color=COLORS[0], linewidth=0.7,
-             label="length")  # fmt: skip
-        axes[1].axhline(GRAVITY, color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)),
-                        label="gravity")  # fmt: skip
+        line(
+            axes[1],
+            imu.time,
+            np.linalg.norm(force, axis=1),
+            color=COLORS[0],
+            linewidth=0.7,
+            label="length",
+        )
+        axes[1].axhline(
+            GRAVITY, color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label="gravity"
+        )
         finish(axes[1], "its length", "m/s²")
         axes[1].set_xlabel("s")
 
     found = [
-        Picture("Accelerometer", "Each stretch held still is a pose.",
-                "Specific force in x, y and z, and its length beside gravity, over time.",
-                3.4, styled(draw))
-    ]  # fmt: skip
+        Picture(
+            "Accelerometer",
+            "Each stretch held still is a pose.",
+            "Specific force in x, y and z, and its length beside gravity, over time.",
+            3.4,
+            styled(draw),
+        )
+    ]
     return found + residual_pictures(judged.proposal)
 
 
@@ -109,19 +115,24 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
                 style: Any = {"color": COLORS[k], "linewidth": 0.8, "linestyle": (0, (4, 2))}
                 axes[2].axhline(truth, **style)
         if np.isfinite(found.truth_b).all():
-            axes[2].plot([], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)),
-                         label="true")  # fmt: skip
+            axes[2].plot(
+                [], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label="true"
+            )
         finish(axes[2], "estimated inertia", "kg m²")
         axes[2].set_xlabel("s")
         axes[2].set_xlim(time[0] - 2.0, time[-1] + 2.0)
 
     return [
-        Picture("Excitation and convergence",
-                "What the inertia was found from, and how the estimates came to their values.",
-                "Angular velocity and commanded torque about x, y and z, and the three estimated "
-                "moments of inertia, over time.", 4.6, styled(draw)),
+        Picture(
+            "Excitation and convergence",
+            "What the inertia was found from, and how the estimates came to their values.",
+            "Angular velocity and commanded torque about x, y and z, and the three estimated "
+            "moments of inertia, over time.",
+            4.6,
+            styled(draw),
+        ),
         *residual_pictures(judged.proposal),
-    ]  # fmt: skip
+    ]
 
 
 def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
@@ -138,15 +149,25 @@ def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
         axis.bar(range(len(values)), values, color=COLORS[0], width=0.7)
         axis.axhline(0.0, color=QUIET, linewidth=0.8)
         few = len(names) <= 24
-        axis.set_xticks(range(len(names)), names if few else [""] * len(names), rotation=60 * few,
-                        ha="right" if few else "center", rotation_mode="anchor")  # fmt: skip
+        axis.set_xticks(
+            range(len(names)),
+            names if few else [""] * len(names),
+            rotation=60 * few,
+            ha="right" if few else "center",
+            rotation_mode="anchor",
+        )
         axis.grid(False, axis="x")
         finish(axis, "residuals", unit, legend=False)
 
     return [
-        Picture("Residuals", f"Of each {_kind(names)}, from the calibration's own record.",
-                f"Bars: {len(values)} residuals in {unit or 'their units'}.", 2.6, styled(draw))
-    ]  # fmt: skip
+        Picture(
+            "Residuals",
+            f"Of each {_kind(names)}, from the calibration's own record.",
+            f"Bars: {len(values)} residuals in {unit or 'their units'}.",
+            2.6,
+            styled(draw),
+        )
+    ]
 
 
 def _kind(names: list[str]) -> str:

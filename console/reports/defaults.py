@@ -24,11 +24,15 @@ def known_defaults() -> dict[str, ParameterValue]:
     from quadrotor.vehicle_model import VehicleModel
 
     trees: dict[str, Parameters] = {
-        "model": VehicleModel(), "control": ControlParameters(), "mass": MassParameters(),
-        "estimation": EstimationParameters(), "behavior": BehaviorParameters(),
-        "tracker": TrackerParameters(), "bearings": BearingParameters(),
+        "model": VehicleModel(),
+        "control": ControlParameters(),
+        "mass": MassParameters(),
+        "estimation": EstimationParameters(),
+        "behavior": BehaviorParameters(),
+        "tracker": TrackerParameters(),
+        "bearings": BearingParameters(),
         "station": StationParameters(),
-    }  # fmt: skip
+    }
     return {
         f"{prefix}.{one.name}": one.default
         for prefix, tree in trees.items()

@@ -51,12 +51,14 @@ def _motor_bench(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture
     caption = "Motor calibration: (a) input and output signals, (b) fitted model."
     return [
         Picture(
-            "Fig. 2 of the paper", f"{caption} {said}",
+            "Fig. 2 of the paper",
+            f"{caption} {said}",
             "At the left motor reference, force and torque over time; at the right the reference "
             "over the force with the measured steps and the fitted curves.",
-            3.9, styled(lambda figure: motor_calibration(figure, bench)),
+            3.9,
+            styled(lambda figure: motor_calibration(figure, bench)),
         )
-    ]  # fmt: skip
+    ]
 
 
 def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
@@ -75,9 +77,13 @@ def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
     def draw(figure: Any) -> None:
         mass_estimation(
-            figure, told, (shown.time, shown.position_w), (estimate.time, estimate.velocity_w),
-            true_mass, airborne(log),
-        )  # fmt: skip
+            figure,
+            told,
+            (shown.time, shown.position_w),
+            (estimate.time, estimate.velocity_w),
+            true_mass,
+            airborne(log),
+        )
 
     return [
         Picture(
@@ -85,9 +91,10 @@ def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
             "Mass estimation during a normal flight: (a) estimated mass, (b) position, "
             "(c) velocity as it was estimated.",
             "Three plots over time: estimated mass with its deviation, position, velocity.",
-            5.2, styled(draw),
+            5.2,
+            styled(draw),
         )
-    ]  # fmt: skip
+    ]
 
 
 def _figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
@@ -103,9 +110,16 @@ def _figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Pictur
 
     def draw(figure: Any) -> None:
         trajectory_tracking(
-            figure, shown.time[rows], shown.position_w[rows], wanted[:, :3], yaw, yaw_wanted,
-            error[rows], yaw_error[rows], judged.windows,
-        )  # fmt: skip
+            figure,
+            shown.time[rows],
+            shown.position_w[rows],
+            wanted[:, :3],
+            yaw,
+            yaw_wanted,
+            error[rows],
+            yaw_error[rows],
+            judged.windows,
+        )
 
     return [
         Picture(
@@ -114,9 +128,10 @@ def _figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Pictur
             "error; what was less reference.",
             "Four plots over time: position with its reference, yaw with its reference, position "
             "error in x, y, z, yaw error.",
-            4.4, styled(draw),
+            4.4,
+            styled(draw),
         )
-    ]  # fmt: skip
+    ]
 
 
 def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
@@ -136,9 +151,7 @@ def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     off = rotation_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
 
     def draw(figure: Any) -> None:
-        state_estimation(
-            figure, time, position, (angles, estimated), error, off, (), truth.name,
-        )  # fmt: skip
+        state_estimation(figure, time, position, (angles, estimated), error, off, (), truth.name)
 
     return [
         Picture(
@@ -147,9 +160,10 @@ def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
             "pitch, yaw, (c) position error, (d) orientation error as a rotation vector.",
             "Four plots over time while bearings were flown on: true and estimated position, true "
             "and estimated angles, position error, orientation error.",
-            4.6, styled(draw),
+            4.6,
+            styled(draw),
         )
-    ]  # fmt: skip
+    ]
 
 
 def rotation_between(estimated: Array, true: Array) -> Array:

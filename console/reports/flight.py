@@ -18,9 +18,14 @@ LARGEST_GAP = 0.1
 """s between messages across which nothing is interpolated."""
 REFERENCE = ("position.x", "position.y", "position.z", "yaw")
 TRACKED = (
-    "pose.position.x", "pose.position.y", "pose.position.z", "pose.orientation.w",
-    "pose.orientation.x", "pose.orientation.y", "pose.orientation.z",
-)  # fmt: skip
+    "pose.position.x",
+    "pose.position.y",
+    "pose.position.z",
+    "pose.orientation.w",
+    "pose.orientation.x",
+    "pose.orientation.y",
+    "pose.orientation.z",
+)
 
 
 @dataclass(frozen=True)

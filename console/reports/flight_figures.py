@@ -66,10 +66,12 @@ def _position(log: RunLog, flight: Flight) -> Picture:
         _times(axes, log)
 
     return Picture(
-        "Position", "Where the vehicle was and should have been, the difference, and its velocity.",
+        "Position",
+        "Where the vehicle was and should have been, the difference, and its velocity.",
         "Three plots over time: position with its reference, position error, velocity; x, y and z.",
-        4.4, styled(draw),
-    )  # fmt: skip
+        4.4,
+        styled(draw),
+    )
 
 
 def _attitude(log: RunLog, flight: Flight) -> Picture:
@@ -97,10 +99,12 @@ def _attitude(log: RunLog, flight: Flight) -> Picture:
 
     more = " What the estimator missed is truth less estimate." if len(position) else ""
     return Picture(
-        "Attitude and estimate", f"Roll, pitch and yaw, and how far the yaw was off.{more}",
+        "Attitude and estimate",
+        f"Roll, pitch and yaw, and how far the yaw was off.{more}",
         "Plots over time of roll, pitch and yaw, of the yaw error, and of the estimate's errors.",
-        4.8 if len(position) else 3.2, styled(draw),
-    )  # fmt: skip
+        4.8 if len(position) else 3.2,
+        styled(draw),
+    )
 
 
 def _motors(log: RunLog) -> Picture:
@@ -120,10 +124,12 @@ def _motors(log: RunLog) -> Picture:
         _times(axes, log)
 
     return Picture(
-        "Motors", "What the motors were told, and whether it had to be scaled down.",
+        "Motors",
+        "What the motors were told, and whether it had to be scaled down.",
         "Two plots over time: references of the four motors, and the scaling of the wrench.",
-        3.2, styled(draw),
-    )  # fmt: skip
+        3.2,
+        styled(draw),
+    )
 
 
 def _health(log: RunLog, rows: list[str]) -> Picture:
@@ -154,9 +160,12 @@ def _health(log: RunLog, rows: list[str]) -> Picture:
     words = {"estimator": "estimated mass", "battery": "battery", "status": "lateness of the loop"}
     said = ", ".join(words[name] for name in rows)
     return Picture(
-        said[0].upper() + said[1:], "Over the whole run.", f"Plots over time: {said}.",
-        0.5 + 1.15 * len(rows), styled(draw),
-    )  # fmt: skip
+        said[0].upper() + said[1:],
+        "Over the whole run.",
+        f"Plots over time: {said}.",
+        0.5 + 1.15 * len(rows),
+        styled(draw),
+    )
 
 
 def _shown(log: RunLog, topic: str) -> bool:

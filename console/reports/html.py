@@ -45,12 +45,7 @@ figcaption { color: #444; font-size: .9rem; margin-top: .3rem; }
 @media print { body { margin: 0; max-width: none; font-size: 10pt; }
   figure, tr { break-inside: avoid; } h2, caption { break-after: avoid; } }
 """
-WORDS = {
-    "passed": "✓ passed",
-    "failed": "✗ failed",
-    "not_judged": "– not judged",
-    "": "not judged",
-}
+WORDS = {"passed": "✓ passed", "failed": "✗ failed", "not_judged": "– not judged", "": "not judged"}
 LOUD = ("EXCEEDED", "WARNING")
 
 

@@ -35,9 +35,7 @@ LIMITS = {("hover", ""): Hover.limits, **{("figure_eight", k): v for k, v in EIG
 """Of those that judge themselves only in the process that flew them."""
 FLOWN = ("gyroscope", "accelerometer", "motor_bench")
 """Judged only by the process that flew them: when which step was held is not in the log."""
-TOPICS = {
-    "bench_reading": "motor_bench",
-}
+TOPICS = {"bench_reading": "motor_bench"}
 """A log whose metadata names no experiment is what its topics make of it."""
 
 
@@ -84,15 +82,18 @@ def experiment_of(log: RunLog) -> str:
 
 
 def judge(
-    log: RunLog, flight: Flight, result: Result | None = None,
+    log: RunLog,
+    flight: Flight,
+    result: Result | None = None,
     proposal: CalibrationRecord | None = None,
-) -> Judgement:  # fmt: skip
+) -> Judgement:
     """`result` and `proposal` are of who flew it just now; never raises."""
     out = Judgement(experiment_of(log))
     out.options = {
         name.removeprefix("experiment."): value
-        for name, value in parameters_of(log).items() if name.startswith("experiment.")
-    }  # fmt: skip
+        for name, value in parameters_of(log).items()
+        if name.startswith("experiment.")
+    }
     if has_report(log.path):
         _stored(log, out)
     out.windows = windows_of(log, out)
@@ -249,6 +250,7 @@ def _numbers(values: Any) -> dict[str, float]:
     if not isinstance(values, Mapping):
         return {}
     return {
-        str(name): float(value) for name, value in values.items()
+        str(name): float(value)
+        for name, value in values.items()
         if isinstance(value, int | float) and not isinstance(value, bool)
-    }  # fmt: skip
+    }

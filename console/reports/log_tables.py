@@ -20,8 +20,15 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
     values = parameters_of(log)
     if judged.options:
         chosen = [(name, shown(value)) for name, value in judged.options.items()]
-        blocks.append(Table("Options of the experiment", ("option", "value"), chosen,
-                            frozenset({1}), widths=(0.5, 0.5)))  # fmt: skip
+        blocks.append(
+            Table(
+                "Options of the experiment",
+                ("option", "value"),
+                chosen,
+                frozenset({1}),
+                widths=(0.5, 0.5),
+            )
+        )
     values = {k: v for k, v in values.items() if not k.startswith("experiment.")}
     if not values:
         return [*blocks, Text(f"{NOT_RECORDED.capitalize()} in this log.")]
@@ -41,8 +48,15 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         blocks.append(Text("What the defaults were is not known, so all parameters are listed."))
     elif differing:
         rows = [(n, shown(v), shown(attached[n])) for n, v in sorted(differing.items())]
-        blocks.append(Table(f"Differing from {whose}", ("parameter", "value", "default"), rows,
-                            frozenset({1, 2}), widths=(0.52, 0.24, 0.24)))  # fmt: skip
+        blocks.append(
+            Table(
+                f"Differing from {whose}",
+                ("parameter", "value", "default"),
+                rows,
+                frozenset({1, 2}),
+                widths=(0.52, 0.24, 0.24),
+            )
+        )
         left = len(values) - len(known)
         if left:
             blocks.append(Text(f"Of {left} more the default is not known; all are listed below."))
@@ -53,8 +67,11 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
         for name, value in sorted(values.items())
     ]
     head = ("parameter", "at the start", "at the end, if changed")
-    blocks.append(Table(f"All {len(rows)} parameters", head, rows, frozenset({1, 2}), True,
-                        (0.52, 0.24, 0.24)))  # fmt: skip
+    blocks.append(
+        Table(
+            f"All {len(rows)} parameters", head, rows, frozenset({1, 2}), True, (0.52, 0.24, 0.24)
+        )
+    )
     return blocks
 
 
@@ -76,13 +93,29 @@ def timeline_blocks(log: RunLog) -> list[Block]:
     ]
     if behaviors:
         head = ("from, s", "to, s", "behaviour")
-        blocks.append(Table("Behaviours", head, behaviors, frozenset({0, 1}),
-                            len(behaviors) > 20, (0.14, 0.14, 0.72)))  # fmt: skip
+        blocks.append(
+            Table(
+                "Behaviours",
+                head,
+                behaviors,
+                frozenset({0, 1}),
+                len(behaviors) > 20,
+                (0.14, 0.14, 0.72),
+            )
+        )
     if not rows:
         return [*blocks, Text("No event, mark or change of a parameter is in this log.")]
     title = f"Events, marks and changes of parameters ({len(rows)})"
-    blocks.append(Table(title, ("s", "what", "text", "by"), rows, frozenset({0}),
-                        len(rows) > 60, (0.09, 0.13, 0.62, 0.16)))  # fmt: skip
+    blocks.append(
+        Table(
+            title,
+            ("s", "what", "text", "by"),
+            rows,
+            frozenset({0}),
+            len(rows) > 60,
+            (0.09, 0.13, 0.62, 0.16),
+        )
+    )
     return blocks
 
 
@@ -105,8 +138,16 @@ def recording_blocks(log: RunLog) -> list[Block]:
         gaps.sort(key=lambda row: float(row[0]))
         more = f", the first {MOST_GAPS}" if len(gaps) > MOST_GAPS else ""
         title = f"Gaps: silences of more than 4 usual periods and 50 ms ({len(gaps)}{more})"
-        blocks.append(Table(title, ("at, s", "for, s", "topic"), gaps[:MOST_GAPS],
-                            frozenset({0, 1}), True, (0.14, 0.14, 0.72)))  # fmt: skip
+        blocks.append(
+            Table(
+                title,
+                ("at, s", "for, s", "topic"),
+                gaps[:MOST_GAPS],
+                frozenset({0, 1}),
+                True,
+                (0.14, 0.14, 0.72),
+            )
+        )
     if link := _link_words(log):
         blocks.append(Text(link))
     return blocks

@@ -65,14 +65,23 @@ def motor_calibration(figure: Any, bench: Bench) -> None:
     axes[2].set_xlabel("s")
     axis = grid(right, 1)[0, 0]
     axis.plot(
-        bench.step_force[bench.used], bench.step_reference[bench.used], "o", color=COLORS[0],
-        markersize=4, label="measured",
-    )  # fmt: skip
+        bench.step_force[bench.used],
+        bench.step_reference[bench.used],
+        "o",
+        color=COLORS[0],
+        markersize=4,
+        label="measured",
+    )
     if not bench.used.all():
         axis.plot(
-            bench.step_force[~bench.used], bench.step_reference[~bench.used], "o", markersize=4,
-            markerfacecolor="white", markeredgecolor=COLORS[0], label="left out",
-        )  # fmt: skip
+            bench.step_force[~bench.used],
+            bench.step_reference[~bench.used],
+            "o",
+            markersize=4,
+            markerfacecolor="white",
+            markeredgecolor=COLORS[0],
+            label="left out",
+        )
     styles = ((REFERENCE, "-"), (COLORS[1], (0, (4, 2))))
     for (name, (force, reference)), (color, style) in zip(bench.fits.items(), styles, strict=False):
         axis.plot(force, reference, color=color, linestyle=style, label=name)
@@ -82,9 +91,13 @@ def motor_calibration(figure: Any, bench: Bench) -> None:
 
 
 def mass_estimation(
-    figure: Any, mass: tuple[Array, Array, Array], position: tuple[Array, Array],
-    velocity: tuple[Array, Array], true_mass: float | None, flown: Spans,
-) -> None:  # fmt: skip
+    figure: Any,
+    mass: tuple[Array, Array, Array],
+    position: tuple[Array, Array],
+    velocity: tuple[Array, Array],
+    true_mass: float | None,
+    flown: Spans,
+) -> None:
     """Fig. 3: (a) estimated mass, (b) position, (c) velocity.
 
     Args:
@@ -95,15 +108,25 @@ def mass_estimation(
     time, value, deviation = mass
     known = np.isfinite(deviation) & (deviation < 0.3)
     axes[0].fill_between(
-        time, value - deviation, value + deviation, where=known.tolist(), color=COLORS[0],
-        alpha=0.18, linewidth=0, label="± its standard deviation", rasterized=len(time) > 4000,
-    )  # fmt: skip
+        time,
+        value - deviation,
+        value + deviation,
+        where=known.tolist(),
+        color=COLORS[0],
+        alpha=0.18,
+        linewidth=0,
+        label="± its standard deviation",
+        rasterized=len(time) > 4000,
+    )
     line(axes[0], time, value, color=COLORS[0], label="estimated")
     if true_mass is not None and np.isfinite(true_mass):
         axes[0].axhline(
-            true_mass, color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)),
+            true_mass,
+            color=REFERENCE,
+            linewidth=0.8,
+            linestyle=(0, (4, 2)),
             label=f"true {true_mass:.4g} kg",
-        )  # fmt: skip
+        )
     finish(axes[0], "(a) mass", "kg")
     triple(axes[1], *position)
     finish(axes[1], "(b) position", "m")
@@ -115,9 +138,16 @@ def mass_estimation(
 
 
 def trajectory_tracking(
-    figure: Any, time: Array, position: Array, wanted: Array, yaw: Array, yaw_wanted: Array,
-    position_error: Array, yaw_error: Array, judged: Spans,
-) -> None:  # fmt: skip
+    figure: Any,
+    time: Array,
+    position: Array,
+    wanted: Array,
+    yaw: Array,
+    yaw_wanted: Array,
+    position_error: Array,
+    yaw_error: Array,
+    judged: Spans,
+) -> None:
     """Fig. 4: (a) position, (b) yaw, (c) position error, (d) yaw error."""
     axes = grid(figure, 2, 2)
     triple(axes[0, 0], time, position)
@@ -134,9 +164,15 @@ def trajectory_tracking(
 
 
 def state_estimation(
-    figure: Any, time: Array, position: tuple[Array, Array], angles: tuple[Array, Array],
-    position_error: Array, turn: Array, judged: Spans, truth: str = "truth",
-) -> None:  # fmt: skip
+    figure: Any,
+    time: Array,
+    position: tuple[Array, Array],
+    angles: tuple[Array, Array],
+    position_error: Array,
+    turn: Array,
+    judged: Spans,
+    truth: str = "truth",
+) -> None:
     """Fig. 6: (a) position, (b) roll, pitch, yaw, (c) position error, (d) orientation error.
 
     Args:

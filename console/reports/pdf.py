@@ -33,9 +33,14 @@ class Pages:
         self._pdf.savefig(self._figure)
 
     def text(
-        self, text: str, *, size: float = SIZE, bold: bool = False, color: str = "#1c1c1c",
+        self,
+        text: str,
+        *,
+        size: float = SIZE,
+        bold: bool = False,
+        color: str = "#1c1c1c",
         after: float = 0.08,
-    ) -> None:  # fmt: skip
+    ) -> None:
         scale = size / SIZE
         lines = wrapped(text, WIDTH / (LETTER * scale * (1.08 if bold else 1.0)))
         for line in lines:
@@ -88,9 +93,11 @@ class Pages:
         self._room(_height(picture))
         below = PAGE[1] - self._at - picture.height
         slots = self._figure.add_gridspec(
-            3, 3, height_ratios=(self._at, picture.height, below),
+            3,
+            3,
+            height_ratios=(self._at, picture.height, below),
             width_ratios=(MARGIN, WIDTH, MARGIN),
-        )  # fmt: skip
+        )
         picture.draw(self._figure.add_subfigure(slots[1, 1]))
         self._at += picture.height + 0.05
         self.text(f"{number}. {picture.title}. {picture.caption}", color="#444444", after=0.2)
@@ -119,14 +126,26 @@ class Pages:
         self._put(at, text, color=color, right=numeric)
 
     def _put(
-        self, left: float, text: str, *, size: float = SIZE, bold: bool = False,
-        color: str = "#1c1c1c", right: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        left: float,
+        text: str,
+        *,
+        size: float = SIZE,
+        bold: bool = False,
+        color: str = "#1c1c1c",
+        right: bool = False,
+    ) -> None:
         self._figure.text(
-            left / PAGE[0], 1.0 - self._at / PAGE[1], text, size=size, color=color,
-            weight="bold" if bold else "normal", ha="right" if right else "left", va="top",
+            left / PAGE[0],
+            1.0 - self._at / PAGE[1],
+            text,
+            size=size,
+            color=color,
+            weight="bold" if bold else "normal",
+            ha="right" if right else "left",
+            va="top",
             parse_math=False,
-        )  # fmt: skip
+        )
 
     def _rule(self, color: str) -> None:
         from matplotlib.lines import Line2D

@@ -83,8 +83,13 @@ def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Ar
     chosen = np.stack([np.minimum(first, second), np.maximum(first, second)], axis=1).ravel()
     # A bucket with a hole in it gives one of its points for the hole.
     holes = np.add.reduceat(hidden, edges) > 0
-    nowhere = np.array([edges[k] + int(hidden[edges[k] : edges[k] + size].argmax())
-                        for k in np.flatnonzero(holes)], dtype=np.int64)  # fmt: skip
+    nowhere = np.array(
+        [
+            edges[k] + int(hidden[edges[k] : edges[k] + size].argmax())
+            for k in np.flatnonzero(holes)
+        ],
+        dtype=np.int64,
+    )
     chosen = np.union1d(chosen, nowhere)
     return time[chosen], values[chosen]
 

@@ -29,10 +29,16 @@ from quadrotor.errors import StorageError
 MARK = html.GENERATOR.encode()
 """In every file written here, so that no other one is overwritten."""
 NAMES = {
-    "mass": "Mass estimation", "figure_eight": "Figure 8", "bearings": "Flight on bearings",
-    "hover": "Hover", "inertia": "Inertia", "accelerometer": "Accelerometer",
-    "motor_bench": "Motor bench", "drag": "Drag", "gyroscope": "Gyroscope",
-}  # fmt: skip
+    "mass": "Mass estimation",
+    "figure_eight": "Figure 8",
+    "bearings": "Flight on bearings",
+    "hover": "Hover",
+    "inertia": "Inertia",
+    "accelerometer": "Accelerometer",
+    "motor_bench": "Motor bench",
+    "drag": "Drag",
+    "gyroscope": "Gyroscope",
+}
 
 
 def write_report(
@@ -99,8 +105,13 @@ def assemble(
     blocks: list[Block] = [Text(problem, warning=True) for problem in log.problems]
     if log.recovered:
         lost = log.recovered.get("lost_bytes", "?")
-        blocks.append(Text(f"The file was torn and mended: {lost} bytes behind the tear are lost "
-                           f"({log.recovered.get('reason', '')}).", warning=True))  # fmt: skip
+        blocks.append(
+            Text(
+                f"The file was torn and mended: {lost} bytes behind the tear are lost "
+                f"({log.recovered.get('reason', '')}).",
+                warning=True,
+            )
+        )
     blocks += [Text(text, warning=True) for text in missing]
     figures = metrics_blocks(judged)
     blocks += [Heading("Result"), *figures] if figures else []
@@ -112,9 +123,12 @@ def assemble(
         blocks += [Heading("The flight" if name not in STANDING else "The vehicle"), *more]
     if not found and not more:
         blocks.append(
-            Text("Nothing can be drawn: the log has no state, truth, tracker_pose, actuators, "
-                 "estimator or battery topic.", warning=True)
-        )  # fmt: skip
+            Text(
+                "Nothing can be drawn: the log has no state, truth, tracker_pose, actuators, "
+                "estimator or battery topic.",
+                warning=True,
+            )
+        )
     blocks += calibration_blocks(log)
     blocks += parameter_blocks(log, judged, defaults)
     blocks += timeline_blocks(log)

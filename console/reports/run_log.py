@@ -27,27 +27,35 @@ def _axes(stem: str, axes: str = "xyz") -> tuple[str, ...]:
 
 
 ODOMETRY = (
-    *_axes("pose.pose.position"), *_axes("pose.pose.orientation", "wxyz"),
+    *_axes("pose.pose.position"),
+    *_axes("pose.pose.orientation", "wxyz"),
     *_axes("twist.twist.linear"),
-)  # fmt: skip
+)
 WANTED: dict[str, tuple[str, ...]] = {
     "state": ODOMETRY,
     "truth": ODOMETRY,
     "tracker_pose": (*_axes("pose.position"), *_axes("pose.orientation", "wxyz")),
     "reference": (*_axes("position"), "yaw"),
-    "actuators": (
-        "thrust", *(f"motor_references[{k}]" for k in range(4)), "scaling",
-    ),
+    "actuators": ("thrust", *(f"motor_references[{k}]" for k in range(4)), "scaling"),
     "estimator": ("mass", "mass_variance", "measurement_age", "estimator"),
     "status": (
-        "mode", "behavior", "armed", "airborne", "tick_rate", "lateness_p99", "lateness_max",
-        "missed_share", "overruns", "missed_frames", "damaged_frames",
+        "mode",
+        "behavior",
+        "armed",
+        "airborne",
+        "tick_rate",
+        "lateness_p99",
+        "lateness_max",
+        "missed_share",
+        "overruns",
+        "missed_frames",
+        "damaged_frames",
     ),
     "battery": ("voltage",),
     "link_status": ("loss", "round_trip", "outages", "outage_total"),
     "bench_reading": ("force", "torque", "speed"),
     "experiment_status": ("name", "run_id", "proposal", "decision"),
-}  # fmt: skip
+}
 """Numbers and texts by topic; of every other topic the times alone are read."""
 LINES = ("/events", "/marks", "/parameter_changes")
 """Topics of which every message is a line of its own."""
@@ -136,11 +144,12 @@ class RunLog:
         told = self._stretches("experiment_status", path, math.inf)
         return next(
             (
-                text for start, end, text in reversed(told)
+                text
+                for start, end, text in reversed(told)
                 if any(start < own_end and own_start < end for own_start, own_end in own)
             ),
             "",
-        )  # fmt: skip
+        )
 
     def spans(self, topic: str, path: str) -> list[tuple[float, float, str]]:
         """From, to (s) and text of its stretches."""
@@ -191,11 +200,18 @@ def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunL
         problems.insert(0, f"{log.damaged_chunks} damaged pieces of the file were passed over")
     run = log.metadata.get("quadlab.run", {})
     return RunLog(
-        path, space.strip("/") or run.get("vehicle", ""), run,
-        log.metadata.get("quadlab.recovered", {}), log.attachments, start_ns,
-        max(float(one.time[-1]) for one in topics.values()), topics,
-        sorted(lines, key=lambda line: line.time), problems, changes,
-    )  # fmt: skip
+        path,
+        space.strip("/") or run.get("vehicle", ""),
+        run,
+        log.metadata.get("quadlab.recovered", {}),
+        log.attachments,
+        start_ns,
+        max(float(one.time[-1]) for one in topics.values()),
+        topics,
+        sorted(lines, key=lambda line: line.time),
+        problems,
+        changes,
+    )
 
 
 def parameters_of(log: RunLog) -> dict[str, ParameterValue]:

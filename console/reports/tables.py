@@ -20,11 +20,21 @@ SMALL_MASS = 0.1
 NOT_RECORDED = "not recorded"
 UNITS = (
     ("_n_m", "mN m", 1e3),
-    ("_m_s2", "m/s²", 1.0), ("_rad_s", "rad/s", 1.0), ("_m_s", "mm/s", 1e3), ("_m", "mm", 1e3),
-    ("_deg_s", "°/s", 1.0), ("_deg", "°", 1.0), ("_kg_m2", "kg m²", 1.0), ("_kg", "kg", 1.0),
-    ("_share", "%", 1e2), ("_s", "s", 1.0), ("_counts", "counts", 1.0), ("_count", "counts", 1.0),
-    ("_percent", "%", 1.0), ("_N", "N", 1.0),
-)  # fmt: skip
+    ("_m_s2", "m/s²", 1.0),
+    ("_rad_s", "rad/s", 1.0),
+    ("_m_s", "mm/s", 1e3),
+    ("_m", "mm", 1e3),
+    ("_deg_s", "°/s", 1.0),
+    ("_deg", "°", 1.0),
+    ("_kg_m2", "kg m²", 1.0),
+    ("_kg", "kg", 1.0),
+    ("_share", "%", 1e2),
+    ("_s", "s", 1.0),
+    ("_counts", "counts", 1.0),
+    ("_count", "counts", 1.0),
+    ("_percent", "%", 1.0),
+    ("_N", "N", 1.0),
+)
 """How names of figures end, and what they are shown in."""
 IN_METRES = frozenset({"torque_ratio_m", "sag_m"})
 
@@ -74,14 +84,18 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
     blocks: list[Block] = []
     head = ("figure", "this run", "at most", "limit")
     if rows:
-        blocks.append(Table("Figures and limits", head, rows, frozenset({1, 2}),
-                            widths=(0.46, 0.2, 0.2, 0.14)))  # fmt: skip
+        blocks.append(
+            Table(
+                "Figures and limits", head, rows, frozenset({1, 2}), widths=(0.46, 0.2, 0.2, 0.14)
+            )
+        )
     others = {k: v for k, v in judged.flight.items() if k not in judged.metrics}
     if others:
         title = "Figures of the flight, of this report" if rows else "Figures of the flight"
         found = [figure(name, value) for name, value in others.items()]
-        blocks.append(Table(title, ("figure", "this run"), found, frozenset({1}),
-                            widths=(0.46, 0.54)))  # fmt: skip
+        blocks.append(
+            Table(title, ("figure", "this run"), found, frozenset({1}), widths=(0.46, 0.54))
+        )
     compared = FIGURES.get(judged.experiment, ())
     if compared:
         proposed = judged.proposal.values if judged.proposal is not None else {}
@@ -91,13 +105,26 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
             own.setdefault("model.torque_ratio", own["torque_ratio_m"])
         options = {"laps": judged.kind[1], **judged.options}
         lines = [
-            (one.what, one.value, figure(one.metric, own[one.metric])[1]
-             if one.metric in own and one.fits(options) else "", one.source)
+            (
+                one.what,
+                one.value,
+                figure(one.metric, own[one.metric])[1]
+                if one.metric in own and one.fits(options)
+                else "",
+                one.source,
+            )
             for one in compared
-        ]  # fmt: skip
+        ]
         head = ("reference figure", "value", "this run", "whose")
-        blocks.append(Table("Beside reference figures", head, lines, frozenset({1, 2}),
-                            widths=(0.36, 0.23, 0.19, 0.22)))  # fmt: skip
+        blocks.append(
+            Table(
+                "Beside reference figures",
+                head,
+                lines,
+                frozenset({1, 2}),
+                widths=(0.36, 0.23, 0.19, 0.22),
+            )
+        )
     return blocks
 
 
@@ -156,27 +183,59 @@ def _record_tables(record: CalibrationRecord, *, folded: bool) -> list[Block]:
             (name, shown(value), shown(record.previous[name]) if name in record.previous else "")
             for name, value in record.values.items()
         ]
-        blocks.append(Table(title, ("parameter", "value", "before"), rows, frozenset({1, 2}),
-                            folded, (0.5, 0.25, 0.25)))  # fmt: skip
+        blocks.append(
+            Table(
+                title,
+                ("parameter", "value", "before"),
+                rows,
+                frozenset({1, 2}),
+                folded,
+                (0.5, 0.25, 0.25),
+            )
+        )
     judged = [*record.quality, *record.figures]
     if judged:
         rows_ = [
-            (one.name, f"{number(one.value)} {one.unit}".strip(),
-             "" if one.limit is None else f"{number(one.limit)} {one.unit}".strip(),
-             "" if one.limit is None else "kept" if one.good else "EXCEEDED")
+            (
+                one.name,
+                f"{number(one.value)} {one.unit}".strip(),
+                "" if one.limit is None else f"{number(one.limit)} {one.unit}".strip(),
+                "" if one.limit is None else "kept" if one.good else "EXCEEDED",
+            )
             for one in judged
-        ]  # fmt: skip
+        ]
         head = ("quality", "value", "at most", "limit")
-        blocks.append(Table(f"{record.name}: quality" if folded else "Quality", head,
-                            rows_, frozenset({1, 2}), folded, (0.46, 0.2, 0.2, 0.14)))  # fmt: skip
+        blocks.append(
+            Table(
+                f"{record.name}: quality" if folded else "Quality",
+                head,
+                rows_,
+                frozenset({1, 2}),
+                folded,
+                (0.46, 0.2, 0.2, 0.14),
+            )
+        )
     if record.residuals:
         each = [(name, number(value)) for name, value in record.residuals]
-        blocks.append(Table(f"{record.name}: residuals" if folded else "Residuals",
-                            ("of", "residual"), each, frozenset({1}), folded or len(each) > 12,
-                            (0.7, 0.3)))  # fmt: skip
+        blocks.append(
+            Table(
+                f"{record.name}: residuals" if folded else "Residuals",
+                ("of", "residual"),
+                each,
+                frozenset({1}),
+                folded or len(each) > 12,
+                (0.7, 0.3),
+            )
+        )
     if record.conditions and not folded:
-        blocks.append(Table("Made under", ("condition", "value"), list(record.conditions.items()),
-                            widths=(0.3, 0.7)))  # fmt: skip
+        blocks.append(
+            Table(
+                "Made under",
+                ("condition", "value"),
+                list(record.conditions.items()),
+                widths=(0.3, 0.7),
+            )
+        )
     return blocks
 
 

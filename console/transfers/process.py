@@ -38,9 +38,12 @@ def run_process(
     path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
     process = subprocess.Popen(
         [sys.executable, "-m", module],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": path}, text=True,
-    )  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": path},
+        text=True,
+    )
     answer: dict[str, Any] = {}
     said: list[str] = []
 
@@ -115,11 +118,13 @@ def fill(job: Mapping[str, Any], progress: Callable[[float], None]) -> dict[str,
     index = index_run(run)
     sources = [
         FillSource(
-            one["name"], Path(one["path"]), tuple((b, e) for b, e in one["ranges"]),
+            one["name"],
+            Path(one["path"]),
+            tuple((b, e) for b, e in one["ranges"]),
             {int(number): (topic, kind) for number, (topic, kind) in one["channels"].items()},
         )
         for one in job["sources"]
-    ]  # fmt: skip
+    ]
     filling = Filling(index, sources, job["since_ns"], job["until_ns"])
     found = filling.look()
     before = filled_before(index)

@@ -122,6 +122,11 @@ def check_name(name: str) -> str:
 
 def _file(message: Any) -> VehicleFile:
     return VehicleFile(
-        str(message.name), int(message.size), int(message.identity), int(message.start_ns),
-        int(message.end_ns), bool(message.closed), bool(message.recovered),
-    )  # fmt: skip
+        str(message.name),
+        int(message.size),
+        int(message.identity),
+        int(message.start_ns),
+        int(message.end_ns),
+        bool(message.closed),
+        bool(message.recovered),
+    )

@@ -121,9 +121,12 @@ class Collection:
         if missing_last > EDGE * 1e-9:
             gaps.append(Gap(float(time[-1]), float(time[-1]) + missing_last))
         return Samples(
-            stamps, {n: values[:, j] for j, n in enumerate(self.columns)}, tuple(gaps),
-            self.problem, self.file,
-        )  # fmt: skip
+            stamps,
+            {n: values[:, j] for j, n in enumerate(self.columns)},
+            tuple(gaps),
+            self.problem,
+            self.file,
+        )
 
 
 @dataclass(frozen=True)

@@ -136,9 +136,14 @@ def _edges_of(setpoint: Array, plan: Plan) -> npt.NDArray[np.int_]:
 
 
 def _edge(
-    time: Array, actual: Array, setpoint: Array, start: float, end: float,
-    gaps: tuple[Gap, ...], first: float,
-) -> dict[str, float | None]:  # fmt: skip
+    time: Array,
+    actual: Array,
+    setpoint: Array,
+    start: float,
+    end: float,
+    gaps: tuple[Gap, ...],
+    first: float,
+) -> dict[str, float | None]:
     """Figures of one edge; all None when ticks of it are missing."""
     inside = (time >= start) & (time < end - 1e-9)
     before = (time >= start - BEFORE) & (time < start)
@@ -168,9 +173,13 @@ def _means(edges: list[dict[str, float | None]]) -> dict[str, float | None]:
 
 
 def _whole(
-    samples: Samples, actual: Array, setpoint: Array, time: Array, flown: npt.NDArray[np.bool_],
+    samples: Samples,
+    actual: Array,
+    setpoint: Array,
+    time: Array,
+    flown: npt.NDArray[np.bool_],
     along: int,
-) -> dict[str, float | None]:  # fmt: skip
+) -> dict[str, float | None]:
     """Figures of the whole test: what it asked of the motors, and of the other axes."""
     motors = np.stack([samples.values[f"actuators.motor_references.{i}"] for i in range(4)])
     scaling = samples.values["actuators.scaling"][flown]

@@ -66,9 +66,13 @@ class Excite(TrajectoryBehavior):
         _check_amplitude(a, context)
         path = Multistep(
             context.point,
-            axis=a.axis, shape=a.shape, amplitude=a.amplitude, duration=a.duration,
-            repeats=a.repeats, lead=LEAD,
-        )  # fmt: skip
+            axis=a.axis,
+            shape=a.shape,
+            amplitude=a.amplitude,
+            duration=a.duration,
+            repeats=a.repeats,
+            lead=LEAD,
+        )
         if path.duration > LONGEST:
             raise RefusedError(
                 f"excite refused: it would take {path.duration:.0f} s; allowed {LONGEST:.0f} s, "
@@ -154,9 +158,13 @@ def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
         tilt = math.degrees(math.atan(gains.kp_xy * swing / GRAVITY))
         if tilt > p.trajectory_tilt_max:
             most = GRAVITY * math.tan(math.radians(p.trajectory_tilt_max)) / gains.kp_xy
-            raise _too_much(f"a tilt of {tilt:.0f} deg",
-                            f"{p.trajectory_tilt_max:g} deg (behavior.trajectory_tilt_max)",
-                            most, swing, a)  # fmt: skip
+            raise _too_much(
+                f"a tilt of {tilt:.0f} deg",
+                f"{p.trajectory_tilt_max:g} deg (behavior.trajectory_tilt_max)",
+                most,
+                swing,
+                a,
+            )
     elif a.axis == "z":
         model = context.model
         low, high = with_margin(
@@ -168,8 +176,10 @@ def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
             raise _too_much(
                 f"{gains.kp_z * swing:.1f} m/s²",
                 f"{room:.1f} m/s² (the rotors, less behavior.trajectory_thrust_margin)",
-                room / gains.kp_z, swing, a,
-            )  # fmt: skip
+                room / gains.kp_z,
+                swing,
+                a,
+            )
 
 
 def _too_much(

@@ -116,9 +116,15 @@ class External:
         self._now_and_later[:1] = wanted
         extrapolate(wanted, self._timeout, later)
         survey(
-            self._now_and_later, self._model, self._allowed,
-            self._values, self._worst, self._worst_at, self._first, False,
-        )  # fmt: skip
+            self._now_and_later,
+            self._model,
+            self._allowed,
+            self._values,
+            self._worst,
+            self._worst_at,
+            self._first,
+            False,
+        )
         for q in range(WALLS, len(QUANTITIES)):
             if self._first[q] >= 0:
                 quantity = QUANTITIES[q]
@@ -149,9 +155,12 @@ class External:
             p, v, a, j = (float(r[name][i]) for name in _MOTION)
             slewed = v + 3.0 * a / w
             out.append(
-                p + slewed * abs(slewed) / (2.0 * self._deceleration)
-                + 3.0 * v / w + 3.0 * a / w**2 + j / w**3
-            )  # fmt: skip
+                p
+                + slewed * abs(slewed) / (2.0 * self._deceleration)
+                + 3.0 * v / w
+                + 3.0 * a / w**2
+                + j / w**3
+            )
         return out
 
 

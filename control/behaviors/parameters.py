@@ -28,9 +28,13 @@ class BehaviorParameters(Parameters):
         0.3, unit="m/s", ge=0.05, le=1.0, step=0.05, description="descent speed of land"
     )
     emergency_landing_speed: float = parameter(
-        0.5, unit="m/s", ge=0.2, le=0.8, step=0.05,
+        0.5,
+        unit="m/s",
+        ge=0.2,
+        le=0.8,
+        step=0.05,
         description="descent by the barometer of emergency_landing",
-    )  # fmt: skip
+    )
     fly_to_speed: float = parameter(
         0.8, unit="m/s", ge=0.05, le=5.0, step=0.05, description="speed of fly_to"
     )
@@ -101,13 +105,20 @@ class BehaviorParameters(Parameters):
         1.0, unit="rad/s", ge=0.05, le=4.0, step=0.05, description="full stick yaw"
     )
     joy_tilt: float = parameter(
-        12.0, unit="deg", ge=1.0, le=30.0, step=0.5,
+        12.0,
+        unit="deg",
+        ge=1.0,
+        le=30.0,
+        step=0.5,
         description="near_hovering: full stick forward or left",
-    )  # fmt: skip
+    )
     joy_thrust: float = parameter(
-        0.3, ge=0.05, le=0.6, step=0.05,
+        0.3,
+        ge=0.05,
+        le=0.6,
+        step=0.05,
         description="near_hovering without altitude hold: full stick up, in weights",
-    )  # fmt: skip
+    )
     joy_acceleration: float = parameter(
         2.0, unit="m/s²", ge=0.1, le=5.0, step=0.1, description="how fast sticks change the speed"
     )
@@ -137,13 +148,21 @@ class BehaviorParameters(Parameters):
         description="excite brakes when the vehicle is further off the path on any axis",
     )
     external_timeout: float = parameter(
-        0.2, unit="s", ge=0.05, le=1.0, step=0.01,
+        0.2,
+        unit="s",
+        ge=0.05,
+        le=1.0,
+        step=0.01,
         description="external brakes when the newest reference is older",
-    )  # fmt: skip
+    )
     external_step_max: float = parameter(
-        0.2, unit="m", ge=0.01, le=1.0, step=0.01,
+        0.2,
+        unit="m",
+        ge=0.01,
+        le=1.0,
+        step=0.01,
         description="external: largest step from where the last reference leads",
-    )  # fmt: skip
+    )
     landing_thrust_share: float = parameter(
         0.6,
         ge=0.35,

@@ -26,9 +26,19 @@ class BehaviorName(IntEnum):
 
 
 (
-    _GROUND, _TAKE_OFF, _HOVER, _FLY_TO, _FOLLOW, _VELOCITY, _LAND, _BRAKE, _EXCITE, _NEAR,
-    _EMERGENCY, _EXTERNAL,
-) = BehaviorName  # fmt: skip
+    _GROUND,
+    _TAKE_OFF,
+    _HOVER,
+    _FLY_TO,
+    _FOLLOW,
+    _VELOCITY,
+    _LAND,
+    _BRAKE,
+    _EXCITE,
+    _NEAR,
+    _EMERGENCY,
+    _EXTERNAL,
+) = BehaviorName
 
 _ON_GROUND = "the vehicle is on the ground: request take_off first"
 _STANDING = "the vehicle is on the ground already"

@@ -124,12 +124,7 @@ def snap_cost(path: Polynomial) -> float:
 
 
 def within(
-    waypoints: Array,
-    *,
-    speed: float,
-    acceleration: float,
-    yaw_rate: float,
-    yaw_acceleration: float,
+    waypoints: Array, *, speed: float, acceleration: float, yaw_rate: float, yaw_acceleration: float
 ) -> Polynomial:
     """The path through way-points, as fast as the bounds allow for one division of the time.
 

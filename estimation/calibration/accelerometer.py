@@ -98,9 +98,11 @@ def face_of(measured: Array) -> str:
 
 
 def identify_accelerometer(
-    poses: Sequence[StillPose], *, attitude_error: float = math.radians(0.2),
+    poses: Sequence[StillPose],
+    *,
+    attitude_error: float = math.radians(0.2),
     condition_max: float = CONDITION_MAX,
-) -> AccelerometerCalibration:  # fmt: skip
+) -> AccelerometerCalibration:
     """T and b; where a pose has no attitude from a tracker, its face is taken for it.
 
     Args:

@@ -66,9 +66,12 @@ def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> M
     """Raises MeasurementError when the steps are too few or their forces do not rise."""
     inside = (steps.reference >= usable[0]) & (steps.reference <= usable[1])
     used = BenchSteps(
-        steps.reference[inside], steps.force[inside], steps.torque[inside],
-        steps.force_error[inside], steps.samples[inside],
-    )  # fmt: skip
+        steps.reference[inside],
+        steps.force[inside],
+        steps.torque[inside],
+        steps.force_error[inside],
+        steps.samples[inside],
+    )
     if len(used.reference) < STEPS_MIN:
         raise MeasurementError(
             f"{len(used.reference)} steps between {usable[0]:.0f} and {usable[1]:.0f} counts, "
@@ -91,9 +94,16 @@ def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> M
     ratio = float(used.force @ used.torque / (used.force @ used.force))
     ends = [(slope * (reference + offset)) ** 2 for reference in usable]
     return MotorCalibration(
-        slope, offset, abs(ratio), root, quadratic,
-        float(np.abs(used.torque - ratio * used.force).max()), used, ends[0], ends[1],
-    )  # fmt: skip
+        slope,
+        offset,
+        abs(ratio),
+        root,
+        quadratic,
+        float(np.abs(used.torque - ratio * used.force).max()),
+        used,
+        ends[0],
+        ends[1],
+    )
 
 
 def _fit(system: Array, reference: Array) -> Fit:

@@ -108,9 +108,14 @@ def lag_and_dead_time(
         bounds = [[low, high], *([DEAD_TIME] * (len(start) - 1))]
         scales = [0.1, *([0.001] * (len(start) - 1))]
         return least_squares(
-            miss, start, bounds=tuple(zip(*bounds, strict=True)), x_scale=scales, diff_step=1e-4,
-            xtol=1e-9, ftol=1e-10,
-        )  # fmt: skip
+            miss,
+            start,
+            bounds=tuple(zip(*bounds, strict=True)),
+            x_scale=scales,
+            diff_step=1e-4,
+            xtol=1e-9,
+            ftol=1e-10,
+        )
 
     low, high = (math.log(bound) for bound in BOUNDS)
     guesses = [

@@ -31,37 +31,68 @@ class ErrorStateParameters(Parameters):
     """Defaults: the laboratory's IMU with its quantisation, a tracker of 1 mm and 0.2 deg."""
 
     accelerometer_noise: float = parameter(
-        0.0035, unit="m/s²/√Hz", ge=1e-5, le=1.0, step=0.0005,
+        0.0035,
+        unit="m/s²/√Hz",
+        ge=1e-5,
+        le=1.0,
+        step=0.0005,
         description="white noise of the accelerometer, vibration included",
-    )  # fmt: skip
+    )
     gyroscope_noise: float = parameter(
-        0.02, unit="deg/s/√Hz", ge=1e-5, le=5.0, step=0.005,
+        0.02,
+        unit="deg/s/√Hz",
+        ge=1e-5,
+        le=5.0,
+        step=0.005,
         description="white noise of the gyroscope, vibration included",
-    )  # fmt: skip
+    )
     accelerometer_bias_walk: float = parameter(
-        0.001, unit="m/s²/√s", ge=0.0, le=0.5, step=0.001,
+        0.001,
+        unit="m/s²/√s",
+        ge=0.0,
+        le=0.5,
+        step=0.001,
         description="random walk of the accelerometer bias",
-    )  # fmt: skip
+    )
     gyroscope_bias_walk: float = parameter(
-        0.005, unit="deg/s/√s", ge=0.0, le=5.0, step=0.005,
+        0.005,
+        unit="deg/s/√s",
+        ge=0.0,
+        le=5.0,
+        step=0.005,
         description="random walk of the gyroscope bias",
-    )  # fmt: skip
+    )
     pose_position_sigma: float = parameter(
-        0.0015, unit="m", ge=1e-5, le=1.0, step=0.0005,
+        0.0015,
+        unit="m",
+        ge=1e-5,
+        le=1.0,
+        step=0.0005,
         description="standard deviation of a tracker's position on each axis",
-    )  # fmt: skip
+    )
     pose_attitude_sigma: float = parameter(
-        0.3, unit="deg", ge=0.001, le=30.0, step=0.05,
+        0.3,
+        unit="deg",
+        ge=0.001,
+        le=30.0,
+        step=0.05,
         description="standard deviation of a tracker's attitude on each axis",
-    )  # fmt: skip
+    )
     bearing_sigma_floor: float = parameter(
-        0.1, unit="deg", ge=0.001, le=10.0, step=0.05,
+        0.1,
+        unit="deg",
+        ge=0.001,
+        le=10.0,
+        step=0.05,
         description="least deviation taken for a bearing, whatever its sender claims",
-    )  # fmt: skip
+    )
     gate: float = parameter(
-        4.0, ge=2.0, le=20.0, step=0.5,
+        4.0,
+        ge=2.0,
+        le=20.0,
+        step=0.5,
         description="standard deviations beyond which a bearing or pose is an outlier",
-    )  # fmt: skip
+    )
 
 
 DEGREES = ("gyroscope_noise", "gyroscope_bias_walk", "pose_attitude_sigma", "bearing_sigma_floor")

@@ -73,8 +73,9 @@ class SideStep:
         end = begin + self.parameters.length / self.parameters.speed + SETTLE
         client.wait_until(
             lambda v: v.time >= end or client.finished,
-            what="the end of the step", timeout=SETTLE + 20.0,
-        )  # fmt: skip
+            what="the end of the step",
+            timeout=SETTLE + 20.0,
+        )
         self._window = (begin, client.view().time)
         client.start("land")
         client.wait_until(lambda v: not v.armed, what="touch-down", timeout=20)

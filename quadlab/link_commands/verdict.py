@@ -25,21 +25,32 @@ class Limit:
 
 
 ROUND_TRIP = Limit(
-    "round trip p99", 0.05, 0.25, 1e3, "ms",
+    "round trip p99",
+    0.05,
+    0.25,
+    1e3,
+    "ms",
     "go nearer, use 5 GHz, and switch the WiFi's power saving off at both ends",
-)  # fmt: skip
+)
 UNANSWERED = Limit(
-    "questions not answered", 0.0, 0.02, 100.0, "%",
+    "questions not answered",
+    0.0,
+    0.02,
+    100.0,
+    "%",
     "commands would have to be repeated: look for interference and for other traffic",
-)  # fmt: skip
+)
 LOSS = Limit(
-    "telemetry lost", 0.02, 0.2, 100.0, "%",
-    "go nearer, or choose a channel that nobody else uses",
-)  # fmt: skip
+    "telemetry lost", 0.02, 0.2, 100.0, "%", "go nearer, or choose a channel that nobody else uses"
+)
 JITTER = Limit(
-    "jitter", 0.01, 0.05, 1e3, "ms",
+    "jitter",
+    0.01,
+    0.05,
+    1e3,
+    "ms",
     "another sender holds the channel: choose another, and end downloads on it",
-)  # fmt: skip
+)
 LEAST_THROUGHPUT = 1e6, 0.25e6  # bit/s, beside telemetry's own 0.9e6
 LATE_CLOCK = 1.0  # s
 

@@ -145,9 +145,10 @@ class Replay:
             return tracked_truth(recording)
         if len(recording.truth) < 2:
             hint = (
-                "--truth tracker takes the tracker's poses for it" if recording.poses
+                "--truth tracker takes the tracker's poses for it"
+                if recording.poses
                 else "and no tracker poses either, so nothing can be compared"
-            )  # fmt: skip
+            )
             raise LogFormatError(
                 f"{self.file} holds no truth (topic /{recording.vehicle}/truth); {hint}"
             )

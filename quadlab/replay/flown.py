@@ -27,8 +27,11 @@ def flown_choices(recording: Recording) -> list[Choice]:
     """What the flight was flown on, the longest flown first."""
     p = recording.parameters.estimation
     chosen = {
-        ESTIMATOR: p.estimator, SOURCE: p.source, SHADOW: p.shadow, SHADOW_SOURCE: p.shadow_source,
-    }  # fmt: skip
+        ESTIMATOR: p.estimator,
+        SOURCE: p.source,
+        SHADOW: p.shadow,
+        SHADOW_SOURCE: p.shadow_source,
+    }
     flying = [stamp_ns for stamp_ns, airborne in recording.airborne if airborne]
     begin_ns = flying[0] if flying else recording.start_ns
     end_ns = flying[-1] if flying else int(recording.imu["stamp_ns"][-1])

@@ -27,8 +27,15 @@ from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, body_frame, la
 Stamps = npt.NDArray[np.int64]
 
 WANTED = (
-    "imu", "state", "truth", "tracker_pose", "bearings", "status", "events", "parameter_changes",
-)  # fmt: skip
+    "imu",
+    "state",
+    "truth",
+    "tracker_pose",
+    "bearings",
+    "status",
+    "events",
+    "parameter_changes",
+)
 CALIBRATED = "ready: gyroscope bias"
 """The event at whose sample the vehicle's estimators forget what they learnt."""
 UNIT = 1e-14
@@ -89,14 +96,20 @@ def read_recording(path: Path) -> Recording:
     truth_ns = _newest(truth_ns, truth_ns)
     whole = found.whole
     return Recording(
-        path, vehicle, samples, state_ns, state, truth_ns, truth,
+        path,
+        vehicle,
+        samples,
+        state_ns,
+        state,
+        truth_ns,
+        truth,
         poses=_arrivals(whole["tracker_pose"], _pose),
         bearings=_arrivals(whole["bearings"], _bearings),
         parameters=_parameters(path),
         changes=sorted(map(_change, whole["parameter_changes"]), key=lambda one: one[:2]),
         resets=_calibrations(whole["events"]),
         airborne=[_airborne(message) for message in whole["status"]],
-    )  # fmt: skip
+    )
 
 
 def _messages(path: Path) -> tuple[str, Gathered]:

@@ -41,9 +41,13 @@ def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
     inside = _inside(recording.state_ns, window)
     found = errors(truth, recording.state_ns[inside], recording.state[inside])
     values: dict[str, Value] = {
-        **found.metrics(), "measurements": None, "rejected_share": None,
-        **_consistency("nis", None), **_consistency("nees", None), "processor_s_per_s": None,
-    }  # fmt: skip
+        **found.metrics(),
+        "measurements": None,
+        "rejected_share": None,
+        **_consistency("nis", None),
+        **_consistency("nees", None),
+        "processor_s_per_s": None,
+    }
     return Row(RECORDED, "", values, found, np.zeros(0, np.int64), np.zeros(0))
 
 
@@ -60,10 +64,13 @@ def run_row(
     nees = of_errors(truth, replayed.posteriors_within(window.start_ns, window.end_ns))
     duration = 1e-9 * float(stamps[-1] - stamps[0])
     values: dict[str, Value] = {
-        **found.metrics(), "measurements": count, "rejected_share": rejected,
-        **_consistency("nis", nis), **_consistency("nees", nees),
+        **found.metrics(),
+        "measurements": count,
+        "rejected_share": rejected,
+        **_consistency("nis", nis),
+        **_consistency("nees", nees),
         "processor_s_per_s": replayed.processor / duration if duration > 0.0 else None,
-    }  # fmt: skip
+    }
     note = ""
     if started_ns is None:
         note = f"never started: {replayed.complaint or 'no measurement came'}"
@@ -78,9 +85,23 @@ def run_row(
 def print_table(rows: list[Row]) -> None:
     """Aligned; lengths in mm, angles in degrees."""
     head = (
-        "run", "on", "position mm", "max", "velocity mm/s", "max", "attitude deg", "max",
-        "measured", "rejected", "NIS", "expected", "NEES", "expected", "inside", "ms per s",
-    )  # fmt: skip
+        "run",
+        "on",
+        "position mm",
+        "max",
+        "velocity mm/s",
+        "max",
+        "attitude deg",
+        "max",
+        "measured",
+        "rejected",
+        "NIS",
+        "expected",
+        "NEES",
+        "expected",
+        "inside",
+        "ms per s",
+    )
     lines = [head, *(_cells(row) for row in rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
     for line in lines:

@@ -108,9 +108,14 @@ def _run(
     parameters.estimation.estimator, parameters.estimation.source = name, source
     emulated = _emulated(recording, fixed, source, on)
     run = Run(
-        label, name, parameters, source, emulated, frozenset({*fixed, *CHOICES}),
+        label,
+        name,
+        parameters,
+        source,
+        emulated,
+        frozenset({*fixed, *CHOICES}),
         None if words else flown.begin_ns,
-    )  # fmt: skip
+    )
     _check_measurements(recording, run)
     return run
 

@@ -67,7 +67,7 @@ def test_a_written_set_is_read_back(tmp_path: Path, name: str) -> None:
         (GOOD.encode().replace(b"-1,-1", b"-1,\xff1"), 4, 6, "byte 0xff is no UTF-8 text"),
         (b"\x89PNG\r\n\x1a\n", 1, 1, "byte 0x89 is no UTF-8 text"),
     ],
-)  # fmt: skip
+)
 def test_a_file_that_is_none_is_refused_with_line_and_column(
     tmp_path: Path, content: str | bytes, line: int, column: int, says: str
 ) -> None:

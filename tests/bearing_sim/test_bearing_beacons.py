@@ -58,7 +58,7 @@ def test_a_preset_is_read_by_its_name_told_by_it_and_solvable(name: str) -> None
         (IDS, [[k, 2 * k, 0.1] for k in range(4)], DegenerateGeometryError, "one line or one spot"),
         (IDS, [[1, 2, 3]] * 4, DegenerateGeometryError, "one line or one spot"),
     ],
-)  # fmt: skip
+)
 def test_what_is_no_set_of_beacons_is_refused_with_the_reason(
     ids: Any, places: Any, kind: type[MeasurementError], says: str
 ) -> None:
@@ -117,9 +117,7 @@ coordinate = st.floats(-1000, 1000, allow_subnormal=False)
 
 
 @given(
-    st.lists(st.integers(0, 2**31 - 1), min_size=4, max_size=32, unique=True),
-    st.data(),
-    coordinate,
+    st.lists(st.integers(0, 2**31 - 1), min_size=4, max_size=32, unique=True), st.data(), coordinate
 )
 def test_a_layout_is_read_back_to_the_last_bit(ids: list[int], data: Any, height: float) -> None:
     places = [(data.draw(coordinate), data.draw(coordinate), height) for _ in ids]

@@ -189,9 +189,16 @@ def test_noise_does_not_depend_on_what_came_before_or_on_the_poses_stamps() -> N
 
 @pytest.mark.parametrize(
     "values",
-    [{"drop_out": 0.25}, {"occlusion": 0.3}, {"range_max": 1.6}, {"field_of_view": 110.0},
-     {"lost": "2"}, {"swap": 0.0}, {"delay": 0.1, "jitter": 0.1}],
-)  # fmt: skip
+    [
+        {"drop_out": 0.25},
+        {"occlusion": 0.3},
+        {"range_max": 1.6},
+        {"field_of_view": 110.0},
+        {"lost": "2"},
+        {"swap": 0.0},
+        {"delay": 0.1, "jitter": 0.1},
+    ],
+)
 def test_what_is_hidden_leaves_the_noise_of_the_others(values: dict[str, Any]) -> None:
     whole = fly(swing, EVERY_10_MS, BearingParameters())
     some = fly(swing, EVERY_10_MS, BearingParameters(**values))

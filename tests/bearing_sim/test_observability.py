@@ -218,7 +218,11 @@ def test_with_every_beacon_dark_nothing_is_determined() -> None:
     found = bound_map(PAPER_BEACONS, SIGMA, (-1.0, 1.0), (-1.0, 1.0), 1.0, sight=dark)
     assert np.isnan(found.position).all()
     one = bound_map(
-        Beacons([1, 2, 3, 4], PAPER_BEACONS.positions_w), SIGMA, (-1.0, 1.0), (-1.0, 1.0), 1.0,
+        Beacons([1, 2, 3, 4], PAPER_BEACONS.positions_w),
+        SIGMA,
+        (-1.0, 1.0),
+        (-1.0, 1.0),
+        1.0,
         sight=replace(Sight(), lost=frozenset({3})),
-    )  # fmt: skip
+    )
     assert np.isnan(one.position).all()

@@ -55,9 +55,11 @@ class Running:
 
     def move(self, text: str) -> None:
         request = new(
-            f"{CHANGE}_Request", request_id="1", requester="ada",
+            f"{CHANGE}_Request",
+            request_id="1",
+            requester="ada",
             parameters=to_parameters({OURS: text}),
-        )  # fmt: skip
+        )
         answer = self._asked(lambda: self._change.call(request, timeout=5.0))
         assert answer.accepted, answer.reason
         assert from_parameters(answer.applied) == {OURS: text}
@@ -81,9 +83,10 @@ def station(data: Path, **settings: Any) -> Iterator[Running]:
     given = json.dumps({name.replace("__", "."): value for name, value in settings.items()})
     child = subprocess.Popen(
         [sys.executable, "-c", STATION, str(data), f"127.0.0.1:{vehicle}", str(loopback), given],
-        stdout=subprocess.PIPE, text=True,
+        stdout=subprocess.PIPE,
+        text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )  # fmt: skip
+    )
     try:
         assert child.stdout is not None
         until(lambda: "serves" in child.stdout.readline())

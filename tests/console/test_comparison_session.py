@@ -10,12 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bearing_sim import (
-    BearingEmulator,
-    BearingMeasurement,
-    BearingParameters,
-    PoseMeasurement,
-)
+from bearing_sim import BearingEmulator, BearingMeasurement, BearingParameters, PoseMeasurement
 from console.comparison import feed as comparison_feed
 from console.comparison.feed import ComparisonFeed
 from console.comparison.kernels import Kernels

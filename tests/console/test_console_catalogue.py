@@ -16,10 +16,19 @@ from vehicle_link.log import LogWriter, is_closed, read_log
 
 def entry(name: str, **fields: object) -> RunEntry:
     values: dict[str, object] = {
-        "id": name, "vehicle": "quad1", "start_ns": 1_700_000_000_000_000_000, "duration": 1.5,
-        "file": f"{name}.mcap", "bytes": 10, "messages": 3, "operator": "ada", "complete": True,
-        "recovered": False, "problem": "", "notes": "",
-    }  # fmt: skip
+        "id": name,
+        "vehicle": "quad1",
+        "start_ns": 1_700_000_000_000_000_000,
+        "duration": 1.5,
+        "file": f"{name}.mcap",
+        "bytes": 10,
+        "messages": 3,
+        "operator": "ada",
+        "complete": True,
+        "recovered": False,
+        "problem": "",
+        "notes": "",
+    }
     return RunEntry(**{**values, **fields})  # type: ignore[arg-type]
 
 

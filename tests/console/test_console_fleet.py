@@ -90,16 +90,22 @@ class Laboratory:
         self.catalogue = Catalogue(data)
         self._hub, instance = hub_session(loopback), new_instance()
         settings = {
-            "station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0,
+            "station.recorder.after_disarm": 0.0,
+            "station.recorder.keep_free": 10.0,
             "station.preflight.blocks": False,
-        }  # fmt: skip
+        }
         self.stations = {
             name: BaseStation(
-                self._hub, self.catalogue, name, settings=settings, keeps_house=name == NAMES[0],
-                vehicles=2, instance=instance,
+                self._hub,
+                self.catalogue,
+                name,
+                settings=settings,
+                keeps_house=name == NAMES[0],
+                vehicles=2,
+                instance=instance,
             )
             for name in NAMES
-        }  # fmt: skip
+        }
         self.radios = {
             name: Radio(
                 f"127.0.0.1:{self.vehicles[name].port}", files, loopback, station.link.silent
@@ -123,9 +129,11 @@ class Laboratory:
 
     def call(self, name: str, service: str, requester: str, **fields: Any) -> Any:
         request = new(
-            f"{SERVICES[service]}_Request", request_id=f"r{time.monotonic_ns()}",
-            requester=requester, **fields,
-        )  # fmt: skip
+            f"{SERVICES[service]}_Request",
+            request_id=f"r{time.monotonic_ns()}",
+            requester=requester,
+            **fields,
+        )
         client = self.pages[name].client(f"station/{service}", SERVICES[service])
         return client.call(request, timeout=5.0)
 
@@ -226,9 +234,10 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
             listener = Node(session, f"/{name}", "listener")
             topic = TOPICS["station_heartbeat"]
             listener.subscribe(
-                topic.name, topic.type_name,
+                topic.name,
+                topic.type_name,
                 lambda received, beats=beats: beats.append(received.sequence),
-            )  # fmt: skip
+            )
             station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
             try:
                 station._outbox.beats.beside = lambda received: True  # as by a lane that stands

@@ -17,12 +17,7 @@ from vehicle.comms_lane import CommsLane
 from vehicle.comms_radio import LinkRadio
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.node import Node, Received
-from vehicle_link.session import (
-    loopback_session,
-    station_session,
-    vehicle_session,
-    wait_connected,
-)
+from vehicle_link.session import loopback_session, station_session, vehicle_session, wait_connected
 from vehicle_link.topics import TOPICS, encode_heartbeat
 
 WAIT = 15.0  # s: a bound, not an expectation
@@ -47,8 +42,10 @@ class Ends:
             loopback_session(tcp),
         ]
         assert wait_connected(self._sessions[1], WAIT)
-        at_vehicle, at_station, base = (Node(s, "/quad1", n) for s, n in zip(
-            self._sessions, ("vehicle", "station", "mocap"), strict=True))  # fmt: skip
+        at_vehicle, at_station, base = (
+            Node(s, "/quad1", n)
+            for s, n in zip(self._sessions, ("vehicle", "station", "mocap"), strict=True)
+        )
         self._nodes = [base, at_station, at_vehicle]
         self.radio = LinkRadio(at_vehicle)
         self.at_vehicle: dict[str, list[Received]] = {}
@@ -60,9 +57,13 @@ class Ends:
         self.telemetry: list[Received] = []
         self.beats = at_station.advertise(TOPICS["station_heartbeat"])
         self.station = LaneIn(
-            at_station, "127.0.0.1", self.link, self.telemetry.append, lambda received: None,
+            at_station,
+            "127.0.0.1",
+            self.link,
+            self.telemetry.append,
+            lambda received: None,
             self.beats,
-        )  # fmt: skip
+        )
         self.over_zenoh: list[int] = []
         for name in ("vehicle_heartbeat", "station_heartbeat"):
             base.subscribe(

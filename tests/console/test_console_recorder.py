@@ -203,10 +203,7 @@ def test_missing_read_only_and_a_file_in_its_place_are_told_apart(
         "mount its disk, or choose another with --data",
     )
     found, advice = disk.folder_problem(tmp_path / "file")
-    assert (found, advice.split(",")[0]) == (
-        f"{tmp_path}/file is no folder",
-        "move that file away",
-    )
+    assert (found, advice.split(",")[0]) == (f"{tmp_path}/file is no folder", "move that file away")
     monkeypatch.setattr("os.statvfs", lambda _: SimpleNamespace(f_flag=os.ST_RDONLY))
     found, advice = disk.folder_problem(tmp_path)
     assert found == f"the disk of {tmp_path} is read-only"
@@ -215,5 +212,8 @@ def test_missing_read_only_and_a_file_in_its_place_are_told_apart(
 
 def test_sizes_below_a_gigabyte_are_in_megabytes() -> None:
     assert [disk.size_text(n) for n in (1e7, 9.99e8, 1e9, 1.25e10)] == [
-        "10 MB", "999 MB", "1.0 GB", "12.5 GB",
-    ]  # fmt: skip
+        "10 MB",
+        "999 MB",
+        "1.0 GB",
+        "12.5 GB",
+    ]

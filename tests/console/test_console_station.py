@@ -181,8 +181,13 @@ class Bench:
         self.page = Node(self.sessions[2], "/quad1", "page")
         self.inbox = Inbox(
             self.page,
-            "state", "station_status", "link_status", "events", "parameter_changes", "control",
-        )  # fmt: skip
+            "state",
+            "station_status",
+            "link_status",
+            "events",
+            "parameter_changes",
+            "control",
+        )
         self.truth = self.page.advertise(TOPICS["truth"])
         self.stick = self.page.advertise(TOPICS["stick"])
 
@@ -256,9 +261,12 @@ def test_a_problem_of_the_link_refuses_commands_and_is_an_alarm(bench: Bench) ->
         # A second process under the vehicle's name.
         beat = topics.encode_heartbeat(1, vehicle_now(), 5, 0)
         bench.vehicle.put("vehicle_heartbeat", beat, vehicle_now())
-        return "two vehicles" in decode(
-            bench.inbox.got["link_status"][-1].payload, TOPICS["link_status"].type_name
-        ).problem  # fmt: skip
+        return (
+            "two vehicles"
+            in decode(
+                bench.inbox.got["link_status"][-1].payload, TOPICS["link_status"].type_name
+            ).problem
+        )
 
     assert until(told)
     assert "two vehicles are called quad1" in bench.call("arm").reason
@@ -368,8 +376,10 @@ def test_sticks_of_one_without_control_do_not_reach_the_vehicle(bench: Bench) ->
     def send(requester: str, forward: float, held: bool = True) -> None:
         joy = new(
             "sensor_msgs/Joy",
-            header=header(time.time_ns(), requester), axes=[forward, 0, 0, 0], buttons=[held],
-        )  # fmt: skip
+            header=header(time.time_ns(), requester),
+            axes=[forward, 0, 0, 0],
+            buttons=[held],
+        )
         bench.stick.put(encode(joy), time.time_ns())
 
     before = len(bench.vehicle.inbox.got["joy"])
@@ -392,8 +402,10 @@ def test_sticks_held_when_control_is_taken_are_let_go_by_their_own_release(bench
     def send(requester: str, held: bool = True) -> None:
         joy = new(
             "sensor_msgs/Joy",
-            header=header(time.time_ns(), requester), axes=[0, 0, 0, 0], buttons=[held],
-        )  # fmt: skip
+            header=header(time.time_ns(), requester),
+            axes=[0, 0, 0, 0],
+            buttons=[held],
+        )
         bench.stick.put(encode(joy), time.time_ns())
 
     def answers(requester: str) -> list[tuple[bool, str]]:
@@ -521,8 +533,11 @@ def test_station_parameters_change_here_and_are_told_to_everybody(bench: Bench) 
     assert until(lambda: bench.inbox.decoded("parameter_changes"))
     change = bench.inbox.decoded("parameter_changes")[-1]
     assert (change.name, change.old_value, change.new_value, change.requester) == (
-        "station.bearings.sigma", "1.5", "2.5", "ada",
-    )  # fmt: skip
+        "station.bearings.sigma",
+        "1.5",
+        "2.5",
+        "ada",
+    )
 
 
 def test_vehicle_parameters_go_to_the_vehicle_and_both_kinds_at_once_work(bench: Bench) -> None:

@@ -6,12 +6,7 @@ import threading
 
 import numpy as np
 
-from bearing_sim import (
-    BearingMeasurement,
-    BearingParameters,
-    PoseMeasurement,
-    TrackerParameters,
-)
+from bearing_sim import BearingMeasurement, BearingParameters, PoseMeasurement, TrackerParameters
 from bearing_sim.quaternions import matrix_of
 from console.tracker_feed import TrackerFeed
 
@@ -55,10 +50,7 @@ def test_without_delay_pose_and_bearings_leave_with_the_truth() -> None:
 def test_bearings_are_seen_from_the_tracked_pose_noise_included() -> None:
     sink = Sink()
     feed = TrackerFeed(
-        TrackerParameters(position_noise=0.2),
-        BearingParameters(sigma=0.05),
-        sink.pose,
-        sink.frame,
+        TrackerParameters(position_noise=0.2), BearingParameters(sigma=0.05), sink.pose, sink.frame
     )
     feed.truth(0, HERE, LEVEL)
     feed.close()

@@ -113,9 +113,7 @@ _ACTS = st.sampled_from(("command", "present", "ask", "give", "keep", "release",
 
 
 @given(st.lists(st.tuples(_ACTS, st.sampled_from("abc"), st.floats(0.0, 8.0)), max_size=60))
-def test_there_is_never_more_than_one_who_may_command(
-    story: list[tuple[str, str, float]],
-) -> None:
+def test_there_is_never_more_than_one_who_may_command(story: list[tuple[str, str, float]]) -> None:
     lease, now = ControlLease(), 0.0
     for act, who, pause in story:
         now += pause

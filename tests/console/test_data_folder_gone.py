@@ -111,8 +111,11 @@ def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
     )
     told = subprocess.run(
         [*as_others_may(), sys.executable, "-c", look, str(data)],
-        cwd=ROOT, capture_output=True, text=True, check=True,
-    ).stdout  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
     assert told.splitlines() == [
         f"{data / DATABASE} is not writable for this user; nothing but recordings is saved; mend "
         "its permissions or its owner",

@@ -154,18 +154,30 @@ class Lab:
         )
         self.link = LinkState.GOOD
         self.runner = ExperimentRunner(
-            node, "quad1", lambda: self.link, time.time_ns, outbox, parameters, self.runs,  # type: ignore[arg-type]
-            self.calibrations, self.catalogue, lambda: (0.2, 0.0), lambda *_: None,
+            node,
+            "quad1",
+            lambda: self.link,
+            time.time_ns,
+            outbox,
+            parameters,
+            self.runs,  # type: ignore[arg-type]
+            self.calibrations,
+            self.catalogue,
+            lambda: (0.2, 0.0),
             lambda *_: None,
-        )  # fmt: skip
+            lambda *_: None,
+        )
         self._ask = node.handlers["station/experiment"]
         self.status()
 
     def start(self, name: str, **options: Any) -> str:
         request = new(
-            f"{SERVICES['experiment']}_Request", requester="ada", action="start", name=name,
+            f"{SERVICES['experiment']}_Request",
+            requester="ada",
+            action="start",
+            name=name,
             options=to_parameters(options),
-        )  # fmt: skip
+        )
         return str(self._ask(request).reason)
 
     def described(self) -> tuple[list[str], list[str], list[str]]:
@@ -174,18 +186,23 @@ class Lab:
 
     def status(self, mode: str = "ready") -> None:
         message = new(
-            "quadlab_msgs/VehicleStatus", header=header(time.time_ns()), mode=mode,
+            "quadlab_msgs/VehicleStatus",
+            header=header(time.time_ns()),
+            mode=mode,
             armed=mode in ("armed", "bench"),
-        )  # fmt: skip
+        )
         self.runner.feed.status(message)
         self.runs.status(bool(message.armed))
 
     def do(self, action: str, requester: str = "ada", **options: Any) -> str:
         """The reason it was refused for; empty when it was accepted."""
         request = new(
-            f"{SERVICES['experiment']}_Request", request_id=f"{time.monotonic_ns()}",
-            requester=requester, action=action, options=to_parameters(options),
-        )  # fmt: skip
+            f"{SERVICES['experiment']}_Request",
+            request_id=f"{time.monotonic_ns()}",
+            requester=requester,
+            action=action,
+            options=to_parameters(options),
+        )
         return str(self._ask(request).reason)
 
     def until(self, condition: Callable[[], Any]) -> bool:
@@ -254,8 +271,10 @@ def test_what_to_do_and_how_far_it_is_are_in_the_status(lab: Lab) -> None:
     told = lab.outbox.told[-1]
     assert (told.step_number, told.step_count, told.step_share) == (3, 12, 0.0)
     assert (told.live_names, list(told.live_values), told.live_units) == (
-        ["rate"], [0.5], ["deg/s"],
-    )  # fmt: skip
+        ["rate"],
+        [0.5],
+        ["deg/s"],
+    )
     go.set()
     done = lab.ended()
     assert (done.phase, done.instruction, done.step_count) == ("passed", "", 0)
@@ -624,8 +643,9 @@ def test_the_exception_of_a_file_of_ones_own_is_told_with_its_line(
     lab.runner.start(load(path), "ada")
     done = lab.ended()
     assert (done.phase, done.reason) == (
-        "refused", "mine.py line 18: ZeroDivisionError: division by zero",
-    )  # fmt: skip
+        "refused",
+        "mine.py line 18: ZeroDivisionError: division by zero",
+    )
     assert lab.fly(lambda client: client.tell(Progress("go"))).phase == "passed", "the next one"
 
 

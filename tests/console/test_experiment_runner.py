@@ -62,11 +62,18 @@ class ScriptedVehicle:
     def descriptions(self) -> tuple[ParameterDescription, ...]:
         return tuple(
             ParameterDescription(
-                n, type(v).__name__, v, "", "", *((0.0, 20.0) if n[0] == "p" else (None, None)),
-                None, False, (),
+                n,
+                type(v).__name__,
+                v,
+                "",
+                "",
+                *((0.0, 20.0) if n[0] == "p" else (None, None)),
+                None,
+                False,
+                (),
             )
             for n, v in self.values_.items()
-        )  # fmt: skip
+        )
 
     def values(self) -> dict[str, Any]:
         return dict(self.values_)
@@ -85,10 +92,14 @@ class ScriptedVehicle:
 
     def status(self) -> None:
         status = new(
-            "quadlab_msgs/VehicleStatus", header=header(time.time_ns()), mode=self.mode,
-            behavior=self.behavior, armed=self.mode == "armed", airborne=self.airborne,
+            "quadlab_msgs/VehicleStatus",
+            header=header(time.time_ns()),
+            mode=self.mode,
+            behavior=self.behavior,
+            armed=self.mode == "armed",
+            airborne=self.airborne,
             parameter_revision=self.revision,
-        )  # fmt: skip
+        )
         self._out["status"].put(encode(status))
 
     def falls_back(self) -> None:

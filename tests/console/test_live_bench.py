@@ -53,9 +53,12 @@ def bench(vehicle: Vehicle, monkeypatch: pytest.MonkeyPatch) -> Iterator[LiveBen
     monkeypatch.setattr(live_bench, "PERIOD", 0.01)
     monkeypatch.setattr(live_bench, "SHOWN", 0.0)
     made = LiveBench(
-        vehicle.ask, vehicle.end, lambda: vehicle.timeout, lambda: vehicle.mode,
+        vehicle.ask,
+        vehicle.end,
+        lambda: vehicle.timeout,
+        lambda: vehicle.mode,
         lambda: min(vehicle.looked, time.monotonic()),
-    )  # fmt: skip
+    )
     yield made
     made.close()
 

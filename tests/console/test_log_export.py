@@ -39,8 +39,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
             pose = {"pose": {"position": [0.1 * k, 1.0 / 3.0, -k]}}
             write("state", "nav_msgs/Odometry", k, pose=pose)
             seen = 1 + k % 3
-            write("bearings", "quadlab_msgs/BearingArray", k, sigma=0.026,
-                  beacon_ids=list(range(seen)), bearings=[(0.0, 0.0, 1.0)] * seen)  # fmt: skip
+            write(
+                "bearings",
+                "quadlab_msgs/BearingArray",
+                k,
+                sigma=0.026,
+                beacon_ids=list(range(seen)),
+                bearings=[(0.0, 0.0, 1.0)] * seen,
+            )
             write("status", "quadlab_msgs/VehicleStatus", k, mode="ready" if k < 100 else "armed")
     return path
 
@@ -71,8 +77,9 @@ def test_texts_are_in_every_row_and_missing_members_are_nan(log: Path, tmp_path:
     third = np.array(seen["bearings[2].z"])
     assert np.isnan(third).tolist() == [k % 3 < 2 for k in range(COUNT)]
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
-        "bearings.parquet", "status.parquet",
-    ]  # fmt: skip
+        "bearings.parquet",
+        "status.parquet",
+    ]
 
 
 def test_csv_names_units_and_a_range_is_cut(log: Path, tmp_path: Path) -> None:
@@ -157,9 +164,13 @@ def test_a_disk_that_takes_so_many_bytes_is_left_as_it_was_and_the_next_try_work
     words = [sys.executable, "-m", "quadlab", "log", "export", str(log), "--format", kind, "--out"]
     for folder in (tmp_path / "out", mine):
         tried = subprocess.run(
-            [*words, str(folder)], capture_output=True, text=True, check=False, timeout=120,
+            [*words, str(folder)],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
             preexec_fn=lambda: limited(size),
-        )  # fmt: skip
+        )
         assert (tried.returncode, tried.stdout) == (1, "")
         assert f"cannot write into {folder}: " in tried.stderr
         assert "nothing was exported" in tried.stderr

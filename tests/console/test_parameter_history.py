@@ -39,9 +39,14 @@ class Bench:
     ) -> None:
         self.stamp += 1
         change = new(
-            "quadlab_msgs/ParameterChange", header=header(stamp or self.stamp), name=name,
-            old_value=repr(old), new_value=repr(value), requester=who, revision=revision,
-        )  # fmt: skip
+            "quadlab_msgs/ParameterChange",
+            header=header(stamp or self.stamp),
+            name=name,
+            old_value=repr(old),
+            new_value=repr(value),
+            requester=who,
+            revision=revision,
+        )
         self.witness.changed(change, self.stamp)
 
     def rows(self, **wanted: Any) -> list[Row]:
@@ -71,9 +76,7 @@ def start(tmp_path: Path) -> Iterator[Callable[[], Bench]]:
     made[-1].close()
 
 
-def test_changes_of_everybody_are_rows_in_order_with_types_kept(
-    start: Callable[[], Bench],
-) -> None:
+def test_changes_of_everybody_are_rows_in_order_with_types_kept(start: Callable[[], Bench]) -> None:
     bench = start()
     bench.tell(KP, 4.0, 5.0, 1)
     bench.tell("station.bearings.noisy", False, True, 1, "ben")

@@ -29,11 +29,14 @@ def test_the_page_ros_and_a_restart_are_rows_in_order(linked: Any) -> None:
 
     assert until(lambda: len(rows()) == 5)
     assert [row for row in rows() if row[0] == KP] == [
-        (KP, 4.0, 5.0, "ada"), (KP, 5.0, 6.0, ROS_REQUESTER), (KP, 6.0, 7.0, "ada"),
-    ]  # fmt: skip
+        (KP, 4.0, 5.0, "ada"),
+        (KP, 5.0, 6.0, ROS_REQUESTER),
+        (KP, 6.0, 7.0, "ada"),
+    ]
     assert [row for row in rows() if row[0] == SIGMA] == [
-        (SIGMA, 1.5, 2.5, "ada"), (SIGMA, 2.5, 3.0, "ada"),
-    ]  # fmt: skip
+        (SIGMA, 1.5, 2.5, "ada"),
+        (SIGMA, 2.5, 3.0, "ada"),
+    ]
 
     linked.disconnect()
     linked.connect()  # its parameters are those of its start again

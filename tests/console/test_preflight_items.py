@@ -15,13 +15,28 @@ from vehicle_link.heartbeat import LinkState
 
 LIMITS = PreflightParameters()
 GOOD = Facts(
-    link=LinkState.GOOD, clock_known=True, telemetry_rate=100.0, loss=0.0, mode="ready",
-    tick_rate=500.0, position_innovation=0.002, attitude_innovation=0.01, pose_age=0.005,
-    tracker_rate=100.0, bearings_rate=30.0, voltage=16.0, battery_warning=13.8,
-    position_w=(0.0, 0.0, 0.0), tilt=0.01, speed=0.0, body_rate=0.01,
-    volume=((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0)), parameters_behind=0.0,
-    free_bytes=50e9, keep_free=5e8,
-)  # fmt: skip
+    link=LinkState.GOOD,
+    clock_known=True,
+    telemetry_rate=100.0,
+    loss=0.0,
+    mode="ready",
+    tick_rate=500.0,
+    position_innovation=0.002,
+    attitude_innovation=0.01,
+    pose_age=0.005,
+    tracker_rate=100.0,
+    bearings_rate=30.0,
+    voltage=16.0,
+    battery_warning=13.8,
+    position_w=(0.0, 0.0, 0.0),
+    tilt=0.01,
+    speed=0.0,
+    body_rate=0.01,
+    volume=((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0)),
+    parameters_behind=0.0,
+    free_bytes=50e9,
+    keep_free=5e8,
+)
 FAILING: list[tuple[str, dict[str, Any], str]] = [
     ("link", {"link": LinkState.DEGRADED}, "degraded"),
     ("link", {"link": LinkState.LOST}, "lost"),
@@ -114,9 +129,15 @@ def test_standing_below_the_floor_of_the_volume_is_standing_on_the_ground() -> N
 
 def test_of_a_vehicle_without_a_link_only_the_link_is_said() -> None:
     nothing = Facts(
-        link=LinkState.LOST, clock_known=True, telemetry_rate=0.0, loss=0.0, mode=None,
-        tracker_rate=100.0, parameters_behind=0.0, free_bytes=50e9,
-    )  # fmt: skip
+        link=LinkState.LOST,
+        clock_known=True,
+        telemetry_rate=0.0,
+        loss=0.0,
+        mode=None,
+        tracker_rate=100.0,
+        parameters_behind=0.0,
+        free_bytes=50e9,
+    )
     assert [one.split(":")[0] for one in reasons(judged(nothing, LIMITS))] == ["link"]
     assert states(nothing)["battery"] == "unknown"
 

@@ -66,9 +66,17 @@ class FitVehicle:
     def reset(self) -> None:
         self.armed = False
         self.state: dict[str, Any] = {
-            "mode": "ready", "flags": [], "voltage": 16.0, "innovation": 0.002, "age": 0.004,
-            "x": 0.0, "tilt": 0.0, "revision": 1, "telemetry": True, "silent": False,
-        }  # fmt: skip
+            "mode": "ready",
+            "flags": [],
+            "voltage": 16.0,
+            "innovation": 0.002,
+            "age": 0.004,
+            "x": 0.0,
+            "tilt": 0.0,
+            "revision": 1,
+            "telemetry": True,
+            "silent": False,
+        }
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
         return tuple(
@@ -109,11 +117,15 @@ class FitVehicle:
 
     def _status(self) -> None:
         status = new(
-            "quadlab_msgs/VehicleStatus", header=header(time.time_ns()),
-            mode="armed" if self.armed else self.state["mode"], behavior="ground",
-            armed=self.armed, flags=self.state["flags"], tick_rate=500.0,
+            "quadlab_msgs/VehicleStatus",
+            header=header(time.time_ns()),
+            mode="armed" if self.armed else self.state["mode"],
+            behavior="ground",
+            armed=self.armed,
+            flags=self.state["flags"],
+            tick_rate=500.0,
             parameter_revision=self.state["revision"],
-        )  # fmt: skip
+        )
         self._out["status"].put(encode(status))
 
     def _run(self) -> None:
@@ -133,9 +145,10 @@ class FitVehicle:
             self._out["vehicle_heartbeat"].put(topics.encode_heartbeat(count, now_ns), now_ns)
             if count % 5 == 0:
                 estimator = new(
-                    "quadlab_msgs/EstimatorStatus", measurement_age=state["age"],
+                    "quadlab_msgs/EstimatorStatus",
+                    measurement_age=state["age"],
                     position_innovation=(state["innovation"], 0.0, 0.0),
-                )  # fmt: skip
+                )
                 self._out["estimator"].put(encode(estimator))
                 battery = new("sensor_msgs/BatteryState", voltage=state["voltage"])
                 self._out["battery"].put(encode(battery))
@@ -153,10 +166,12 @@ class Bench:
         self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
         self.catalogue = Catalogue(data)
         settings = {
-            "station.recorder.after_disarm": 0.0, "station.recorder.keep_free": 10.0,
+            "station.recorder.after_disarm": 0.0,
+            "station.recorder.keep_free": 10.0,
             # Of what a busy computer sends in one thread.
-            "station.preflight.telemetry_rate_min": 5.0, "station.tracker.rate": 10.0,
-        }  # fmt: skip
+            "station.preflight.telemetry_rate_min": 5.0,
+            "station.tracker.rate": 10.0,
+        }
         self.station = BaseStation(self.sessions[1], self.catalogue, settings=settings)
         self.sessions.append(loopback_session(loopback))
         self.page = Node(self.sessions[2], "/quad1", "page")
@@ -338,9 +353,19 @@ def test_the_station_has_looked_at_itself_and_the_vehicle_by_itself(bench: Bench
     answer = bench.call("checks", again=False)
     found = {(one.place, one.name): one for one in from_messages(answer.checks)}
     assert {
-        "clock", "clock jumps", "vehicle's clock", "telemetry", "flight loop", "tracker",
-        "bearings", "runs' disk", "disk's speed", "processor", "link's certificate", "libraries",
-    } <= {name for place, name in found if place == "station"}  # fmt: skip
+        "clock",
+        "clock jumps",
+        "vehicle's clock",
+        "telemetry",
+        "flight loop",
+        "tracker",
+        "bearings",
+        "runs' disk",
+        "disk's speed",
+        "processor",
+        "link's certificate",
+        "libraries",
+    } <= {name for place, name in found if place == "station"}
     assert found["vehicle", "real-time rights"].state == "fail"
     version = found["vehicle", "version"]
     assert (version.state, version.found) == ("warn", "0123456789")

@@ -100,9 +100,12 @@ def test_a_pose_counts_for_a_tenth_of_a_second() -> None:
 def test_bench_readings_come_in_order_and_what_is_none_says_so(feed: ReadingsFeed) -> None:
     for k in range(3):
         reading = new(
-            "quadlab_msgs/BenchReading", header=header(k * 5_000_000),
-            force=float(k), torque=0.5 * k, speed=float("nan"),
-        )  # fmt: skip
+            "quadlab_msgs/BenchReading",
+            header=header(k * 5_000_000),
+            force=float(k),
+            torque=0.5 * k,
+            speed=float("nan"),
+        )
         feed.bench(encode(reading))
     with pytest.raises(LinkError):
         feed.bench(b"\x00\x01")

@@ -62,11 +62,7 @@ def records_again(recorder: Recorder, folder: Path) -> bool:
 
 @pytest.mark.parametrize("room", [0, 100, 20_000])
 def test_a_disk_without_room_ends_the_run_and_the_next_begins_when_there_is(
-    folder: Path,
-    recorder: Recorder,
-    ends: list[RunEnd],
-    room: int,
-    monkeypatch: pytest.MonkeyPatch,
+    folder: Path, recorder: Recorder, ends: list[RunEnd], room: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left, real = [room], os.write
 

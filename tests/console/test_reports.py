@@ -161,14 +161,22 @@ def test_a_judged_run_is_shown_as_it_was_judged(log: Path, tmp_path: Path) -> No
     copy.write_bytes(log.read_bytes())
     report_folder(copy).mkdir()
     record = CalibrationRecord(
-        name="mass", values={"model.mass": 1.35},
+        name="mass",
+        values={"model.mass": 1.35},
         quality=(Quality(name="standard deviation", value=0.001, unit="kg", limit=0.002),),
-    )  # fmt: skip
-    write_result(copy, {
-        "experiment": "hover", "verdict": "passed", "metrics": {"position_rms_m": 0.00123},
-        "limits": {"position_rms_m": 0.005}, "options": {"who": "<i>me</i>"},
-        "proposal": record.model_dump(), "decision": "accepted",
-    })  # fmt: skip
+    )
+    write_result(
+        copy,
+        {
+            "experiment": "hover",
+            "verdict": "passed",
+            "metrics": {"position_rms_m": 0.00123},
+            "limits": {"position_rms_m": 0.005},
+            "options": {"who": "<i>me</i>"},
+            "proposal": record.model_dump(),
+            "decision": "accepted",
+        },
+    )
     page = undrawn(copy)
     words = Words(page)
     assert words.row("position rms") == ["position rms", "1.23 mm", "5 mm", "kept"]
@@ -181,10 +189,17 @@ def test_a_run_that_was_not_judged_says_so_and_why(log: Path, tmp_path: Path) ->
     copy = tmp_path / log.name
     copy.write_bytes(log.read_bytes())
     report_folder(copy).mkdir()
-    write_result(copy, {
-        "experiment": "hover", "verdict": "not_judged", "reason": "no limit for position_rms_m",
-        "metrics": {"position_rms_m": 0.00123}, "limits": {}, "options": {},
-    })  # fmt: skip
+    write_result(
+        copy,
+        {
+            "experiment": "hover",
+            "verdict": "not_judged",
+            "reason": "no limit for position_rms_m",
+            "metrics": {"position_rms_m": 0.00123},
+            "limits": {},
+            "options": {},
+        },
+    )
     page = undrawn(copy)
     assert 'class="verdict not_judged"' in page
     assert "no limit for position_rms_m" in page
@@ -207,15 +222,20 @@ def test_what_people_wrote_is_never_markup(tmp_path: Path) -> None:
 
 def test_calibrations_in_force_are_those_of_the_log(tmp_path: Path) -> None:
     record = CalibrationRecord(
-        name="motor", values={"model.torque_ratio": 0.0171}, run_id="run 7", requester="ada",
-        stamp_ns=1_700_000_000_000_000_000, previous={"model.torque_ratio": 0.0174},
-    )  # fmt: skip
+        name="motor",
+        values={"model.torque_ratio": 0.0171},
+        run_id="run 7",
+        requester="ada",
+        stamp_ns=1_700_000_000_000_000_000,
+        previous={"model.torque_ratio": 0.0174},
+    )
     content = {"in_force": {"motor": record.model_dump()}, "problem": ""}
     kind = "sensor_msgs/BatteryState"
     path = write_log(
-        tmp_path / "a.mcap", [("battery", kind, {"voltage": 15.0 + 0.01 * k}) for k in range(9)],
+        tmp_path / "a.mcap",
+        [("battery", kind, {"voltage": 15.0 + 0.01 * k}) for k in range(9)],
         calibrations_json=json.dumps(content).encode(),
-    )  # fmt: skip
+    )
     words = Words(undrawn(path))
     assert words.row("motor")[:4] == ["motor", "2023-11-14 22:13 UTC", "ada", "run 7"]
     assert words.row("model.torque_ratio") == ["model.torque_ratio", "0.0171", "0.0174"]
@@ -301,11 +321,14 @@ def test_an_experiment_without_its_topics_says_which(tmp_path: Path) -> None:
 def test_an_experiment_is_that_of_the_log_s_own_run_and_none_before_it(tmp_path: Path) -> None:
     kind = "quadlab_msgs/ExperimentStatus"
     before = {
-        "name": "accelerometer", "phase": "passed", "run_id": "earlier", "decision": "accepted",
+        "name": "accelerometer",
+        "phase": "passed",
+        "run_id": "earlier",
+        "decision": "accepted",
         "proposal": CalibrationRecord(
             name="accelerometer", values={"imu.accelerometer.offset_x": 0.1}
         ).model_dump_json(),
-    }  # fmt: skip
+    }
     free = judged(write_log(tmp_path / "free.mcap", [("experiment_status", kind, before)]))
     assert (free.experiment, free.decision, free.proposal) == ("", "", None)
     starts = {"name": "motor_bench", "phase": "flying"}

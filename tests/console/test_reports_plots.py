@@ -45,8 +45,12 @@ def test_the_rotation_between_attitudes_is_the_turn_from_the_estimate_to_the_tru
     estimated = np.array([[1.0, 0.0, 0.0, 0.0], [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]])
     turn = np.array([np.cos(half), np.sin(half), 0.0, 0.0])  # about world x
     w, x = turn[0], turn[1]
-    true = np.stack([[w * q[0] - x * q[1], w * q[1] + x * q[0], w * q[2] - x * q[3],
-                      w * q[3] + x * q[2]] for q in estimated])  # fmt: skip
+    true = np.stack(
+        [
+            [w * q[0] - x * q[1], w * q[1] + x * q[0], w * q[2] - x * q[3], w * q[3] + x * q[2]]
+            for q in estimated
+        ]
+    )
     for sign in (1.0, -1.0):
         found = rotation_between(estimated, sign * true)
         assert found == pytest.approx(np.array([[0.02, 0.0, 0.0]] * 2), abs=1e-9)

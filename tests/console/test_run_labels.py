@@ -18,10 +18,19 @@ from quadrotor.errors import ParameterError, StorageError
 
 def enter(catalogue: Catalogue, name: str, **fields: object) -> None:
     values: dict[str, object] = {
-        "id": name, "vehicle": "quad1", "start_ns": 1_700_000_000_000_000_000, "duration": 1.5,
-        "file": f"{name}.mcap", "bytes": 10, "messages": 3, "operator": "ada", "complete": True,
-        "recovered": False, "problem": "", "notes": "",
-    }  # fmt: skip
+        "id": name,
+        "vehicle": "quad1",
+        "start_ns": 1_700_000_000_000_000_000,
+        "duration": 1.5,
+        "file": f"{name}.mcap",
+        "bytes": 10,
+        "messages": 3,
+        "operator": "ada",
+        "complete": True,
+        "recovered": False,
+        "problem": "",
+        "notes": "",
+    }
     catalogue.add(RunEntry(**{**values, **fields}))  # type: ignore[arg-type]
 
 

@@ -36,11 +36,20 @@ def catalogue(tmp_path: Path) -> Catalogue:
             writer.write("/a", "std_msgs/String", bytes(100), 1, 1)
         made.add(
             RunEntry(
-                id=name, vehicle="quad1", start_ns=1000 + i, duration=10.0, file=log.name,
-                bytes=20 * MB, messages=1, operator="ada", complete=True, recovered=False,
-                problem="", notes="",
+                id=name,
+                vehicle="quad1",
+                start_ns=1000 + i,
+                duration=10.0,
+                file=log.name,
+                bytes=20 * MB,
+                messages=1,
+                operator="ada",
+                complete=True,
+                recovered=False,
+                problem="",
+                notes="",
             )
-        )  # fmt: skip
+        )
     report_folder(made.folder / "r1.mcap").mkdir()
     (report_folder(made.folder / "r1.mcap") / "result.json").write_text("{}")
     return made

@@ -190,9 +190,7 @@ def test_an_undo_that_a_crash_cut_off_is_finished_at_the_start(catalogue: Catalo
 
 
 # ---------------------------------------------------------------------- prepared replays
-def test_the_gauge_counts_prepared_replays_and_they_go_with_their_run(
-    catalogue: Catalogue,
-) -> None:
+def test_the_gauge_counts_prepared_replays_and_they_go_with_their_run(catalogue: Catalogue) -> None:
     for name, size in (("r1", 300), ("r2", 50), ("r3.new/scratch", 7)):
         place = catalogue.folder / REPLAYS / name
         place.mkdir(parents=True)

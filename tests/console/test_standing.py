@@ -17,9 +17,7 @@ SECOND = 1_000_000_000
 
 
 def answer(access: str = "pilot", their_protocol: str = "") -> Any:
-    return SimpleNamespace(
-        access=access, protocol=their_protocol or protocol(), version=version()
-    )  # fmt: skip
+    return SimpleNamespace(access=access, protocol=their_protocol or protocol(), version=version())
 
 
 def beat(instance: int = VEHICLE, holder: int = 0) -> Heartbeat:

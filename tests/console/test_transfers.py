@@ -353,9 +353,13 @@ class Bench:
 
     def new_desk(self, vehicle: str = "quad1") -> TransferDesk:
         return TransferDesk(
-            self.catalogue, vehicle, LinkedFiles(self.link),  # type: ignore[arg-type]
-            lambda: self.state, self.parameters, lambda level, line: self.lines.append(line),
-        )  # fmt: skip
+            self.catalogue,
+            vehicle,
+            LinkedFiles(self.link),  # type: ignore[arg-type]
+            lambda: self.state,
+            self.parameters,
+            lambda level, line: self.lines.append(line),
+        )
 
     def enter(self, run: Path) -> None:
         entry = described(run, None)
@@ -570,15 +574,21 @@ def test_over_the_link_the_service_fetches_and_the_topic_tells(
     OnboardFiles(onboard, list).serve(vehicle)
     catalogue = Catalogue(tmp_path / "data")
     transfers = Transfers(
-        station, catalogue, "quad1", RecorderParameters(keep_free=10.0), lambda: LinkState.GOOD,
-        lambda level, line: None, time.time_ns,
-    )  # fmt: skip
+        station,
+        catalogue,
+        "quad1",
+        RecorderParameters(keep_free=10.0),
+        lambda: LinkState.GOOD,
+        lambda level, line: None,
+        time.time_ns,
+    )
     heard: list[Any] = []
     topic = TOPICS["transfers"]
     page.subscribe(
-        topic.name, topic.type_name,
+        topic.name,
+        topic.type_name,
         lambda received: heard.extend(decode(received.payload, topic.type_name).transfers),
-    )  # fmt: skip
+    )
     client = page.client("station/transfer", SERVICES["transfer"])
     assert client.wait(PATIENCE)
     kind = f"{SERVICES['transfer']}_Request"

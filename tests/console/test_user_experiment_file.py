@@ -60,10 +60,11 @@ def test_the_file_s_class_becomes_an_experiment(tmp_path: Path) -> None:
 
 
 def test_a_class_without_a_constructor_is_one_too(tmp_path: Path) -> None:
-    source = GOOD.replace("    def __init__(self, vehicle=\"quad1\"):\n", "").replace(
+    source = GOOD.replace('    def __init__(self, vehicle="quad1"):\n', "").replace(
         "        self.parameters = Options()\n        self.vehicle = vehicle\n"
-        "        self.flown = 0\n", "    parameters = None\n",
-    )  # fmt: skip
+        "        self.flown = 0\n",
+        "    parameters = None\n",
+    )
     assert load(written(tmp_path, source)).parameters is None
 
 
@@ -83,11 +84,13 @@ def test_a_class_without_a_constructor_is_one_too(tmp_path: Path) -> None:
         (('name = "mine"', 'name = "my own"'), "has the name 'my own', allowed are a to z"),
         (("self.parameters = Options()", "self.parameters = {}"), "neither None nor Parameters"),
         (("self.flown = 0", "self.flown = nothing"), "mine.py line 13: NameError"),
-        (("def check(self): ...", "def abort(self): ...\n    def check(self): ..."),
-         "line 14: Mine cannot be called as it will be: write `def abort(self, view"),
+        (
+            ("def check(self): ...", "def abort(self): ...\n    def check(self): ..."),
+            "line 14: Mine cannot be called as it will be: write `def abort(self, view",
+        ),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
-)  # fmt: skip
+)
 def test_a_broken_file_is_refused_with_its_line(
     tmp_path: Path, change: tuple[str, str], said: str
 ) -> None:

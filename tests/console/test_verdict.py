@@ -66,15 +66,21 @@ def hovered(sigma: float, rate: float = 30.0, seconds: float = 20.0) -> PoseBoun
     frames = [Frame(k / rate, (1, 2, 3, 4), sigma) for k in range(count)]
     corners = {1: (1.0, 1.0, 0.1), 2: (-1.0, 1.0, 0.1), 3: (-1.0, -1.0, 0.1), 4: (1.0, -1.0, 0.1)}
     return posterior_bound(
-        frames, np.tile([0.0, 0.0, 1.0], (count, 1)), np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
-        corners, ErrorStateParameters(), (0.5 * seconds, seconds),
-    )  # fmt: skip
+        frames,
+        np.tile([0.0, 0.0, 1.0], (count, 1)),
+        np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+        corners,
+        ErrorStateParameters(),
+        (0.5 * seconds, seconds),
+    )
 
 
 def test_the_bound_grows_with_sigma_and_falls_with_rate_and_memory() -> None:
     fine, plain, rare = (
-        hovered(math.radians(0.5)), hovered(math.radians(1.5)), hovered(math.radians(1.5), 10.0),
-    )  # fmt: skip
+        hovered(math.radians(0.5)),
+        hovered(math.radians(1.5)),
+        hovered(math.radians(1.5), 10.0),
+    )
     assert fine.position < plain.position < rare.position
     assert fine.attitude < plain.attitude < rare.attitude
     # One frame at this place: 5 cm and 2 deg. The filter remembers some dozens of them.

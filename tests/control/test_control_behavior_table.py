@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from control.behaviors.table import (
-    REFUSALS,
-    BehaviorName,
-    behavior_of,
-    check_transition,
-)
+from control.behaviors.table import REFUSALS, BehaviorName, behavior_of, check_transition
 from quadrotor.errors import RefusedError
 
 # Rows: present. Columns: ground, take_off, hover, fly_to, follow, velocity, land, brake,

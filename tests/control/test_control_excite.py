@@ -226,8 +226,10 @@ def test_a_lost_position_ends_it(bench):
 
 def test_the_largest_jump_of_a_doublet_is_twice_its_amplitude():
     point = (0.0, 0.0, 1.0, 0.0)
-    made = {s: Multistep(point, axis="z", shape=s, amplitude=-0.3, duration=1.0)
-            for s in ("step", "doublet")}  # fmt: skip
+    made = {
+        s: Multistep(point, axis="z", shape=s, amplitude=-0.3, duration=1.0)
+        for s in ("step", "doublet")
+    }
     assert made["step"].swing == pytest.approx(0.3)
     assert made["doublet"].swing == pytest.approx(0.6)
     assert made["step"].span == (-0.3, 0.0)

@@ -196,8 +196,9 @@ def test_a_reference_that_silence_would_make_too_much_is_not_flown() -> None:
     assert len(survey.signatures) == before, "it was compiled in flight"
 
 
-@pytest.mark.parametrize(("age", "said"), [(None, "no reference came"), (0.3, "is 0.30 s old"),
-                                           (-0.3, "is -0.30 s old")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("age", "said"), [(None, "no reference came"), (0.3, "is 0.30 s old"), (-0.3, "is -0.30 s old")]
+)
 def test_it_starts_with_a_fresh_reference_alone(age: float | None, said: str) -> None:
     bench = Bench()
     if age is not None:

@@ -148,11 +148,7 @@ def test_a_line_of_any_length_keeps_to_velocity_acceleration_and_jerk(
 )
 def test_a_line_is_as_quick_as_its_tightest_bounds(distance, bounds, reached):
     line = Line(
-        (0, 0, 0, 0),
-        (distance, 0, 0, 0),
-        speed=bounds[0],
-        acceleration=bounds[1],
-        jerk=bounds[2],
+        (0, 0, 0, 0), (distance, 0, 0, 0), speed=bounds[0], acceleration=bounds[1], jerk=bounds[2]
     )
     s = sample_many(line, np.linspace(0, line.duration, 4001))
     fields = ("velocity_w", "acceleration_w", "jerk_w")

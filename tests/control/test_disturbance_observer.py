@@ -171,8 +171,7 @@ def observed(flight, parameters, believed=None, **truth):
 
 
 @pytest.mark.parametrize(
-    ("truth", "share"),
-    [({"force_w": (1.0, -0.5, 0.3)}, 0.01), ({"true_mass": 1.2 * 1.308}, 0.25)],
+    ("truth", "share"), [({"force_w": (1.0, -0.5, 0.3)}, 0.01), ({"true_mass": 1.2 * 1.308}, 0.25)]
 )
 def test_on_the_8_it_takes_off_a_push_and_a_payload(flight, truth, share):
     errors = {}

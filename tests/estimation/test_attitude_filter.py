@@ -9,12 +9,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.attitude_filter import (
-    attitude_gains,
-    attitude_innovation,
-    to_world,
-    turn_pose,
-)
+from estimation.attitude_filter import attitude_gains, attitude_innovation, to_world, turn_pose
 
 Array = npt.NDArray[np.float64]
 

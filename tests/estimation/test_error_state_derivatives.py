@@ -88,8 +88,12 @@ def test_transition_of_the_covariance_is_that_of_the_motion(rng: np.random.Gener
 def test_noise_grows_with_time_alone(rng: np.random.Generator) -> None:
     P, x = np.zeros((15, 15)), nominal(rng)
     spread(P, x, (0.0, 0.0, 9.81), NOISE[0], 0.002)
-    for block, name in ((3, "gyroscope_noise"), (6, "accelerometer_noise"),
-                        (9, "gyroscope_bias_walk"), (12, "accelerometer_bias_walk")):  # fmt: skip
+    for block, name in (
+        (3, "gyroscope_noise"),
+        (6, "accelerometer_noise"),
+        (9, "gyroscope_bias_walk"),
+        (12, "accelerometer_bias_walk"),
+    ):
         expected = 0.002 * float(NOISE[name][0]) ** 2
         np.testing.assert_allclose(np.diag(P)[block : block + 3], expected, rtol=1e-12)
 

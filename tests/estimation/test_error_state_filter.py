@@ -51,17 +51,24 @@ def parameters() -> EstimationParameters:
 
 
 def frame_of(
-    stamp_ns: int, position: Array, attitude: Rotation, rng: np.random.Generator | None = None,
+    stamp_ns: int,
+    position: Array,
+    attitude: Rotation,
+    rng: np.random.Generator | None = None,
     beacons: Array = BEACONS,
-) -> Record:  # fmt: skip
+) -> Record:
     frame = np.zeros(1, BEARINGS_SAMPLE)
     away = attitude.inv().apply(beacons - position)
     away /= np.linalg.norm(away, axis=1)[:, None]
     if rng is not None:
         noise = rng.normal(0, SIGMA, away.shape)
         noise -= (noise * away).sum(axis=1)[:, None] * away
-        away = np.array([Rotation.from_rotvec(np.cross(a, n)).apply(a)
-                         for a, n in zip(away, noise, strict=True)])  # fmt: skip
+        away = np.array(
+            [
+                Rotation.from_rotvec(np.cross(a, n)).apply(a)
+                for a, n in zip(away, noise, strict=True)
+            ]
+        )
     count = len(beacons)
     frame["stamp_ns"], frame["count"], frame["sigma"] = stamp_ns, count, SIGMA
     frame["beacon_w"][0, :count], frame["bearing_b"][0, :count] = beacons, away
@@ -84,10 +91,11 @@ class Flight:
         self.force = truth.specific_force_b + noise * self.rng.normal(0, FORCE, (n, 3))
         self.rate = truth.angular_velocity_b + noise * self.rng.normal(0, RATE, (n, 3))
         self.frames = {
-            k: frame_of(self.stamp(k), truth.position_w[k], truth.attitude[k],
-                        self.rng if noise else None)
+            k: frame_of(
+                self.stamp(k), truth.position_w[k], truth.attitude[k], self.rng if noise else None
+            )
             for k in range(17, n, 17)
-        }  # fmt: skip
+        }
 
     def stamp(self, k: int) -> int:
         return 1_000_000_000 + k * 2 * MS
@@ -103,8 +111,9 @@ class Flight:
             estimator.predict(imu, 0.002, state)
             states[k] = state[0]
             if k == 0 and start:
-                estimator.correct(pose_of(self.stamp(0), truth.position_w[0], truth.attitude[0]),
-                                  estimate)  # fmt: skip
+                estimator.correct(
+                    pose_of(self.stamp(0), truth.position_w[0], truth.attitude[0]), estimate
+                )
             if poses and k and k % poses == 0:
                 pose = pose_of(self.stamp(k), truth.position_w[k], truth.attitude[k])
                 estimator.correct(pose, estimate)
@@ -117,16 +126,23 @@ def errors(truth: Any, states: Record, k: slice = slice(None)) -> Array:
     """(n, 9): position, attitude (world axes), velocity, true - estimated."""
     estimated = Rotation.from_quat(np.roll(states["quaternion_wb"][k], -1, axis=1))
     turn = (truth.attitude[k] * estimated.inv()).as_rotvec()
-    return np.hstack([
-        truth.position_w[k] - states["position_w"][k], turn,
-        truth.velocity_w[k] - states["velocity_w"][k],
-    ])  # fmt: skip
+    return np.hstack(
+        [
+            truth.position_w[k] - states["position_w"][k],
+            turn,
+            truth.velocity_w[k] - states["velocity_w"][k],
+        ]
+    )
 
 
 def error_at(truth: Any, k: int, state: Record) -> Array:
     """(9,) of one STATE (1,) at sample k."""
-    one = SimpleNamespace(**{name: getattr(truth, name)[k : k + 1] for name in
-                             ("position_w", "velocity_w", "attitude")})  # fmt: skip
+    one = SimpleNamespace(
+        **{
+            name: getattr(truth, name)[k : k + 1]
+            for name in ("position_w", "velocity_w", "attitude")
+        }
+    )
     row: Array = errors(one, state)[0]
     return row
 
@@ -169,8 +185,11 @@ def test_errors_and_innovations_are_as_large_as_the_filter_says(laboratory: Any,
             if k == 0:
                 start = np.random.default_rng(seed + 1000 + run).normal(0, 1, 15)
                 start *= np.repeat([0.05, 0.03, 0.5, 0.0, 0.0], 3)
-                pose = pose_of(flight.stamp(0), truth.position_w[0] + start[:3],
-                               Rotation.from_rotvec(start[3:6]) * truth.attitude[0])  # fmt: skip
+                pose = pose_of(
+                    flight.stamp(0),
+                    truth.position_w[0] + start[:3],
+                    Rotation.from_rotvec(start[3:6]) * truth.attitude[0],
+                )
                 estimator.correct(pose, estimate)
                 memory["base"][0, 3:6] = truth.velocity_w[0] + start[6:9]
                 memory["after_state"][0, 0] = memory["now"][0] = memory["base"][0]
@@ -373,10 +392,20 @@ def test_bearings_alone_give_a_start() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("count", 0), ("count", MAX_BEACONS + 1), ("count", -1), ("sigma", 0.0), ("sigma", np.nan),
-     ("sigma", np.inf), ("bearing_b", np.nan), ("bearing_b", 0.0), ("bearing_b", 2.0),
-     ("beacon_w", np.nan), ("beacon_w", np.inf)],
-)  # fmt: skip
+    [
+        ("count", 0),
+        ("count", MAX_BEACONS + 1),
+        ("count", -1),
+        ("sigma", 0.0),
+        ("sigma", np.nan),
+        ("sigma", np.inf),
+        ("bearing_b", np.nan),
+        ("bearing_b", 0.0),
+        ("bearing_b", 2.0),
+        ("beacon_w", np.nan),
+        ("beacon_w", np.inf),
+    ],
+)
 def test_a_frame_that_is_none_is_refused_and_changes_nothing(field: str, value: Any) -> None:
     for started in (False, True):
         estimator, estimate = ErrorStateEstimator(), np.zeros(1, ESTIMATE)

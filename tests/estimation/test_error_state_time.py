@@ -14,14 +14,7 @@ import pytest
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.outcome import LATEST_NS, Agreement, Outcome
 from estimation.parameters import EstimationParameters
-from quadrotor.records import (
-    BEARINGS_SAMPLE,
-    ESTIMATE,
-    IMU_SAMPLE,
-    POSE_SAMPLE,
-    Record,
-    new_state,
-)
+from quadrotor.records import BEARINGS_SAMPLE, ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, Record, new_state
 
 Array = npt.NDArray[np.float64]
 MS = 1_000_000
@@ -51,9 +44,15 @@ class Swing:
     """
 
     def __init__(
-        self, seed: int, rate: int = 500, poses: int = 100, frames: int = 0,
-        pose_late: float = 0.0, frame_late: float = 0.0, **settings: Any,
-    ) -> None:  # fmt: skip
+        self,
+        seed: int,
+        rate: int = 500,
+        poses: int = 100,
+        frames: int = 0,
+        pose_late: float = 0.0,
+        frame_late: float = 0.0,
+        **settings: Any,
+    ) -> None:
         p = EstimationParameters(measurement_timeout=0.5, **settings)
         self.estimator = ErrorStateEstimator(p)
         self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
@@ -129,9 +128,14 @@ def seed(request: pytest.FixtureRequest) -> int:
 # ---------------------------------------------------------------------- late
 @pytest.mark.parametrize(
     ("rate", "poses", "frames", "late"),
-    [(500, 100, 25, 0.15), (500, 250, 25, 0.15), (1000, 200, 25, 0.15), (1000, 0, 25, 0.3),
-     (1000, 500, 100, 0.5)],
-)  # fmt: skip
+    [
+        (500, 100, 25, 0.15),
+        (500, 250, 25, 0.15),
+        (1000, 200, 25, 0.15),
+        (1000, 0, 25, 0.3),
+        (1000, 500, 100, 0.5),
+    ],
+)
 def test_late_bearings_are_used_at_any_rate_of_samples_and_poses(
     rate: int, poses: int, frames: int, late: float, seed: int
 ) -> None:

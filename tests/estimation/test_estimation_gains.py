@@ -17,12 +17,7 @@ from estimation.gains import (
     from_measurement,
     measurement_gains,
 )
-from estimation.parameters import (
-    ESTIMATION_GAINS,
-    PRESETS,
-    EstimationParameters,
-    estimation_record,
-)
+from estimation.parameters import ESTIMATION_GAINS, PRESETS, EstimationParameters, estimation_record
 from estimation.stability import gain_warnings, lowest_stable_rate, printed_radius
 from quadrotor.errors import OutOfBoundsError
 

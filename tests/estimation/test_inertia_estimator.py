@@ -16,9 +16,14 @@ MIX = mixing_matrix(ARM, RATIO)
 
 
 def fly(
-    estimator: InertiaEstimator, seconds: float, *, noise: float = 0.0, offset: float = 0.0,
-    airborne: bool = True, seed: int = 1,
-) -> None:  # fmt: skip
+    estimator: InertiaEstimator,
+    seconds: float,
+    *,
+    noise: float = 0.0,
+    offset: float = 0.0,
+    airborne: bool = True,
+    seed: int = 1,
+) -> None:
     """A rigid body shaken about three axes under rate damping; torques pass the motors' lag."""
     rng = np.random.default_rng(seed)
     x = np.zeros(13)

@@ -364,8 +364,7 @@ def test_in_the_beacons_plane_a_prediction_is_enough() -> None:
 
 
 @pytest.mark.parametrize(
-    "prediction",
-    [(np.full(3, np.nan), np.array([1.0, 0, 0, 0])), (np.zeros(3), np.zeros(4))],
+    "prediction", [(np.full(3, np.nan), np.array([1.0, 0, 0, 0])), (np.zeros(3), np.zeros(4))]
 )
 def test_a_prediction_that_is_no_pose_is_refused(prediction: tuple[Array, Array]) -> None:
     with pytest.raises(MeasurementError, match="predicted pose is not finite"):

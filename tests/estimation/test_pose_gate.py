@@ -130,8 +130,12 @@ def test_a_tracker_that_moved_for_good_is_told_from_drift_and_followed(
     moved = float(flown.t[flown.estimates["agreement"] == Agreement.MOVED][0])
     assert JUMP_WAIT <= moved - WHEN <= JUMP_WAIT + 1.5 * every / 500.0
     assert agreements(flown) == [
-        Agreement.USED, Agreement.REFUSED, Agreement.JUMPED, Agreement.MOVED, Agreement.USED,
-    ]  # fmt: skip
+        Agreement.USED,
+        Agreement.REFUSED,
+        Agreement.JUMPED,
+        Agreement.MOVED,
+        Agreement.USED,
+    ]
     assert worst(flown, "position", WHEN, moved) < 0.03
     after = flown.t > moved + 0.01
     assert np.linalg.norm(flown.position[after] - off, axis=1).max() < 0.03
@@ -228,8 +232,12 @@ def test_poses_after_a_gap_that_the_prediction_did_not_survive_are_soon_followed
 
     flown = laboratory.fly(eight, laboratory.full, spoil=spoil)
     assert agreements(flown) == [
-        Agreement.USED, Agreement.REFUSED, Agreement.DRIFTED, Agreement.MOVED, Agreement.USED,
-    ]  # fmt: skip
+        Agreement.USED,
+        Agreement.REFUSED,
+        Agreement.DRIFTED,
+        Agreement.MOVED,
+        Agreement.USED,
+    ]
     assert worst(flown, "position", WHEN + 2.0, WHEN + 2.1) > 5.0
     back = WHEN + 2.0 + DRIFT_WAIT + 0.02
     assert worst(flown, "position", back) < 0.05

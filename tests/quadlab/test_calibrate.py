@@ -32,9 +32,12 @@ FOUND = CalibrationRecord(
     conditions={"battery": "16.5 V"},
 )
 BEFORE = CalibrationRecord(
-    name="motor", values={"model.motor_offset": 14.0}, requester="grace", stamp_ns=10**18,
+    name="motor",
+    values={"model.motor_offset": 14.0},
+    requester="grace",
+    stamp_ns=10**18,
     quality=(Quality(name="root law worst", value=0.15, unit="count", limit=0.2),),
-)  # fmt: skip
+)
 
 
 class Options(Parameters):
@@ -69,11 +72,13 @@ class ScriptedStation:
             hold = to_descriptor(hold)
             hold.name = "motor_bench.hold"
             return new(
-                "quadlab_msgs/srv/Experiment_Response", descriptors=[hold],
+                "quadlab_msgs/srv/Experiment_Response",
+                descriptors=[hold],
                 names=["hover", "motor_bench", "gyroscope", "mine.py"],
-                descriptions=["", "", "", ""], calibrations=["", "motor", "gyroscope", ""],
+                descriptions=["", "", "", ""],
+                calibrations=["", "motor", "gyroscope", ""],
                 problems=["", "", "", "mine.py line 3: SyntaxError"],
-            )  # fmt: skip
+            )
         if action == "in_force":
             records = [one.model_dump_json() for one in self.force]
             return new("quadlab_msgs/srv/Calibrate_Response", records=records)
@@ -290,9 +295,12 @@ def test_a_station_that_started_anew_ends_it(
     ],
 )
 def test_wrong_words_are_one_line_and_start_nothing(
-    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str], words: list[str], status: int,
+    scripted: ScriptedStation,
+    capsys: pytest.CaptureFixture[str],
+    words: list[str],
+    status: int,
     said: str,
-) -> None:  # fmt: skip
+) -> None:
     assert main(["calibrate", *words]) == status
     err = capsys.readouterr().err
     assert said in err
@@ -356,11 +364,17 @@ def test_on_a_terminal_the_newest_state_is_shown_with_its_figures(
     monkeypatch.setattr(screen, "_show", shown.append)
     screen.progress(
         new(
-            "quadlab_msgs/ExperimentStatus", instruction="Hold", step_number=1, step_count=2,
-            step_share=0.5, elapsed=12.0, live_names=["force", "pose 1 x"],
-            live_values=[1.5, math.nan], live_units=["N", ""],
+            "quadlab_msgs/ExperimentStatus",
+            instruction="Hold",
+            step_number=1,
+            step_count=2,
+            step_share=0.5,
+            elapsed=12.0,
+            live_names=["force", "pose 1 x"],
+            live_values=[1.5, math.nan],
+            live_units=["N", ""],
         )
-    )  # fmt: skip
+    )
     assert shown[0].splitlines() == [
         "[1/2] Hold",
         "━" * 15 + "─" * 15 + "    12 s",

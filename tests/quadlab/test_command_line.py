@@ -106,9 +106,12 @@ def test_a_full_disk_is_refused_before_anything_starts(
 
 @pytest.mark.parametrize(
     ("option", "kind"),
-    [("--port", socket.SOCK_STREAM), ("--link-port", socket.SOCK_DGRAM),
-     ("--link-port", socket.SOCK_STREAM)],
-)  # fmt: skip
+    [
+        ("--port", socket.SOCK_STREAM),
+        ("--link-port", socket.SOCK_DGRAM),
+        ("--link-port", socket.SOCK_STREAM),
+    ],
+)
 def test_a_port_in_use_is_named_with_the_option_that_changes_it(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, option: str, kind: socket.SocketKind
 ) -> None:
@@ -141,9 +144,11 @@ def test_a_second_up_on_the_same_data_folder_is_refused(
 
 def test_the_module_runs_as_a_program() -> None:
     ran = subprocess.run(
-        [sys.executable, "-m", "quadlab", "fly", "nothing"], capture_output=True, text=True,
+        [sys.executable, "-m", "quadlab", "fly", "nothing"],
+        capture_output=True,
+        text=True,
         check=False,
-    )  # fmt: skip
+    )
     assert ran.returncode == 2
     assert ran.stderr.count("\n") == 1
 
@@ -224,10 +229,14 @@ def test_a_command_without_a_word_helps(
 
 @pytest.mark.parametrize(
     ("words", "meant"),
-    [(["lgo"], "log"), (["replya", "x"], "replay"), (["log", "inof", "x"], "info"),
-     (["link", "lits"], "list"),
-(["user", "ad"], "add")],
-)  # fmt: skip
+    [
+        (["lgo"], "log"),
+        (["replya", "x"], "replay"),
+        (["log", "inof", "x"], "info"),
+        (["link", "lits"], "list"),
+        (["user", "ad"], "add"),
+    ],
+)
 def test_a_wrong_word_is_answered_with_the_nearest(
     capsys: pytest.CaptureFixture[str], words: list[str], meant: str
 ) -> None:

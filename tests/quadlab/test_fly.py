@@ -72,10 +72,19 @@ def test_the_log_holds_every_topic_at_its_rate(eight: dict[str, Any]) -> None:
         counts[message.topic.removeprefix("/quad1/")] += 1
     flown = eight["metrics"]["flown_s"]
     expected = {
-        "state": 500, "reference": 500, "imu": 500, "actuators": 500, "truth": 100,
-        "tracker_pose": 100, "bearings": 30, "bearing_pose": 30, "estimator": 50,
-        "status": 10, "battery": 2, "pressure": 25,
-    }  # fmt: skip
+        "state": 500,
+        "reference": 500,
+        "imu": 500,
+        "actuators": 500,
+        "truth": 100,
+        "tracker_pose": 100,
+        "bearings": 30,
+        "bearing_pose": 30,
+        "estimator": 50,
+        "status": 10,
+        "battery": 2,
+        "pressure": 25,
+    }
     for topic, rate in expected.items():
         assert counts[topic] / flown == pytest.approx(rate, rel=0.05), topic
     assert counts["events"] >= 5

@@ -99,9 +99,15 @@ def test_recorded_sticks_fly_the_complementary_filter(
     file = tmp_path / "sticks.csv"
     file.write_text("\n".join(rows))
     report = fly(
-        capsys, tmp_path, "--set", "experiment.manoeuvre=sticks",
-        "--set", f"experiment.sticks_file={file}", "--set", "experiment.estimator=complementary",
-    )  # fmt: skip
+        capsys,
+        tmp_path,
+        "--set",
+        "experiment.manoeuvre=sticks",
+        "--set",
+        f"experiment.sticks_file={file}",
+        "--set",
+        "experiment.estimator=complementary",
+    )
     assert report["verdict"] == "passed"
     assert 7.0 < report["metrics"]["judged_s"] < 12.0
     assert 0.005 < report["metrics"]["position_rms_m"] < 0.055
@@ -111,9 +117,15 @@ def test_a_failing_sensor_ends_on_the_tracker_and_fails(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     report = fly(
-        capsys, tmp_path, "--set", "experiment.duration=10",
-        "--set", "fallback.consistency_max=1.2", "--set", "fallback.window=0.2",
-    )  # fmt: skip
+        capsys,
+        tmp_path,
+        "--set",
+        "experiment.duration=10",
+        "--set",
+        "fallback.consistency_max=1.2",
+        "--set",
+        "fallback.window=0.2",
+    )
     assert report["metrics"]["fallbacks"] == 1.0
     assert report["verdict"] == "failed"
 
@@ -206,9 +218,7 @@ def test_the_vehicle_is_told_where_the_emulated_beacons_stand_unless_it_is_told_
 def test_a_coarser_sensor_is_held_to_limits_of_its_own(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    coarse = fly(
-        capsys, tmp_path, "--set", "experiment.duration=8", "--set", "bearings.sigma=5",
-    )  # fmt: skip
+    coarse = fly(capsys, tmp_path, "--set", "experiment.duration=8", "--set", "bearings.sigma=5")
     assert coarse["metrics"]["position_rms_m"] > 0.025
     assert coarse["verdict"] == "passed"
 
@@ -218,9 +228,15 @@ def test_bearings_that_are_all_turned_fail_by_the_attitude_they_give(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, estimator: str
 ) -> None:
     turned = fly(
-        capsys, tmp_path, "--set", "experiment.duration=5", "--set", "bearings.bias_z=3",
-        "--set", f"experiment.estimator={estimator}",
-    )  # fmt: skip
+        capsys,
+        tmp_path,
+        "--set",
+        "experiment.duration=5",
+        "--set",
+        "bearings.bias_z=3",
+        "--set",
+        f"experiment.estimator={estimator}",
+    )
     assert turned["verdict"] == "failed"
     assert turned["metrics"]["fallbacks"] == 0.0
     assert 2.5 < turned["metrics"]["estimate_attitude_rms_deg"] < 3.5
@@ -229,8 +245,14 @@ def test_bearings_that_are_all_turned_fail_by_the_attitude_they_give(
 def test_gains_whose_limits_nobody_knows_are_not_judged_with_a_status_of_their_own(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    words = ("--set", "experiment.duration=5", "--set", "experiment.estimator=complementary",
-             "--set", "experiment.gains=bearings")  # fmt: skip
+    words = (
+        "--set",
+        "experiment.duration=5",
+        "--set",
+        "experiment.estimator=complementary",
+        "--set",
+        "experiment.gains=bearings",
+    )
     assert main(["fly", "bearings", *words, "--out", str(tmp_path), "--json"]) == 3
     report = json.loads(capsys.readouterr().out.strip().splitlines()[-1])
     assert report["verdict"] == "not_judged"
@@ -242,9 +264,17 @@ def test_one_beacon_that_is_off_is_named_once_and_left_out(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     report = fly(
-        capsys, tmp_path, "--set", "experiment.duration=10", "--seed", "7",
-        "--set", "bearings.beacon_bias=3 0 0 5", "--set", "fallback.exclude_beacon=True",
-    )  # fmt: skip
+        capsys,
+        tmp_path,
+        "--set",
+        "experiment.duration=10",
+        "--seed",
+        "7",
+        "--set",
+        "bearings.beacon_bias=3 0 0 5",
+        "--set",
+        "fallback.exclude_beacon=True",
+    )
     told = [
         decode(message.payload, "rcl_interfaces/Log").msg
         for message in read_log(Path(report["log"]), {"/quad1/events"})

@@ -22,10 +22,15 @@ from vehicle.simulator.parameters import SimulatorParameters
 from vehicle_link.log import read_log
 
 TRUTH = {
-    "accelerometer_xx": 1.03, "accelerometer_xy": 0.02, "accelerometer_yz": -0.015,
-    "accelerometer_zx": 0.01, "accelerometer_zz": 0.97, "accelerometer_bias_x": 0.3,
-    "accelerometer_bias_y": -0.2, "accelerometer_bias_z": 0.25,
-}  # fmt: skip
+    "accelerometer_xx": 1.03,
+    "accelerometer_xy": 0.02,
+    "accelerometer_yz": -0.015,
+    "accelerometer_zx": 0.01,
+    "accelerometer_zz": 0.97,
+    "accelerometer_bias_x": 0.3,
+    "accelerometer_bias_y": -0.2,
+    "accelerometer_bias_z": 0.25,
+}
 SKEWED = [f"simulator.{name}={value}" for name, value in TRUTH.items()]
 IN_FORCE = [
     "imu.accelerometer_xx=0.98",

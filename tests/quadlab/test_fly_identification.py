@@ -16,13 +16,7 @@ from console.experiments.catalogue import find
 from console.experiments.client import ExperimentEndedError, VehicleView
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
-from console.experiments.inertia_log import (
-    RATES,
-    THRUSTS,
-    WANTED,
-    estimate_inertia,
-    read_inertia,
-)
+from console.experiments.inertia_log import RATES, THRUSTS, WANTED, estimate_inertia, read_inertia
 from console.experiments.log_columns import read_columns, read_parameters
 from console.experiments.mass_log import read_mass
 from quadlab.flight_log import FlightLog
@@ -56,9 +50,10 @@ def weighed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Path, Simula
     """A vehicle whose thrust is weaker than commanded, which makes it seem heavier."""
     log = tmp_path_factory.mktemp("mass") / "mass.mcap"
     settings = {
-        "experiment__duration": 6.0, "experiment__climb": 0.3,
+        "experiment__duration": 6.0,
+        "experiment__climb": 0.3,
         "simulator__thrust_efficiency": 0.938,
-    }  # fmt: skip
+    }
     with laboratory("mass", log, **settings) as (experiment, flight):
         experiment.fly(flight)
     return experiment, log, flight
@@ -134,9 +129,11 @@ def test_a_vehicle_that_does_not_lift_off_ends_with_the_reason_and_as_it_was(
     tmp_path: Path,
 ) -> None:
     settings = {
-        "experiment__initial": 0.5, "experiment__climb": 0.5, "experiment__height": 0.6,
+        "experiment__initial": 0.5,
+        "experiment__climb": 0.5,
+        "experiment__height": 0.6,
         "mass__initial": 1.2,
-    }  # fmt: skip
+    }
     with laboratory("mass", tmp_path / "mass.mcap", **settings) as (experiment, flight):
         with pytest.raises(
             RefusedError, match=r"lift-off in vain.* With 0.5 kg .* larger initial mass"
@@ -194,9 +191,7 @@ def test_a_weak_excitation_proposes_nothing(turned: Turned) -> None:
     columns = read_columns(turned[1], "quad1", WANTED)["state"]
     still = np.zeros((2000, 3))
     thrusts = np.full((2000, 4), 3.2)
-    flight = estimate_inertia(
-        columns.time[:2000], still, thrusts, read_parameters(turned[1])
-    )  # fmt: skip
+    flight = estimate_inertia(columns.time[:2000], still, thrusts, read_parameters(turned[1]))
     with pytest.raises(MeasurementError, match=r"excitation about x was too weak: 0\.0 mN m"):
         flight.record()
 

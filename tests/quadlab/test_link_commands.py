@@ -127,8 +127,9 @@ def test_known_vehicles_survive_in_their_order(tmp_path: Path) -> None:
     known.add("quad2", "10.0.0.2")
     found = KnownVehicles(tmp_path).all()
     assert {name: one.address for name, one in found.items()} == {
-        "quad2": "10.0.0.2", "quad1": "[fe80::1]:7000",
-    }  # fmt: skip
+        "quad2": "10.0.0.2",
+        "quad1": "[fe80::1]:7000",
+    }
     with pytest.raises(UsageError):
         known.add("quad3", "a:b")
     words = ["quad1", "quad3=10.0.0.3", "10.0.0.4"]
@@ -152,9 +153,10 @@ def vehicle(tls: TlsFiles) -> Iterator[int]:
     beats = node.advertise(TOPICS["vehicle_heartbeat"])
     holders: list[int] = [0]
     node.subscribe(
-        "station_heartbeat", TOPICS["station_heartbeat"].type_name,
+        "station_heartbeat",
+        TOPICS["station_heartbeat"].type_name,
         lambda received: holders.append(topics.decode_heartbeat(received.payload).instance),
-    )  # fmt: skip
+    )
 
     def run() -> None:
         ticks, k = np.zeros(1, TICK), 0
@@ -238,9 +240,16 @@ def test_own_networks_are_the_small_ones_without_a_gateway(tmp_path: Path) -> No
 
 def _figures(**changed: Any) -> Figures:
     values = {
-        "round_trips": [0.01] * 99, "clock_offset": 0.0, "packets": 500, "rate": 100.0,
-        "loss": 0.0, "jitter": 0.001, "throughput": 9e6, "vehicle": "quad1", "access": "pilot",
-    }  # fmt: skip
+        "round_trips": [0.01] * 99,
+        "clock_offset": 0.0,
+        "packets": 500,
+        "rate": 100.0,
+        "loss": 0.0,
+        "jitter": 0.001,
+        "throughput": 9e6,
+        "vehicle": "quad1",
+        "access": "pilot",
+    }
     return Figures("10.0.0.2:7447", **{**values, **changed})
 
 
@@ -277,9 +286,15 @@ def test_the_verdict_names_its_reasons(changed: dict[str, Any], grade: Grade, to
 
 def test_of_what_another_protocol_hides_the_radio_is_not_blamed() -> None:
     nothing = {
-        "round_trips": [], "unanswered": 40, "loss": math.nan, "jitter": math.nan, "packets": 0,
-        "rate": 0.0, "throughput": math.nan, "clock_offset": math.nan,
-    }  # fmt: skip
+        "round_trips": [],
+        "unanswered": 40,
+        "loss": math.nan,
+        "jitter": math.nan,
+        "packets": 0,
+        "rate": 0.0,
+        "throughput": math.nan,
+        "clock_offset": math.nan,
+    }
     figures = _figures(disagreement="another protocol", **nothing)
     assert verdict(figures) == (
         "bad",

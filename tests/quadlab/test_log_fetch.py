@@ -42,9 +42,14 @@ def port(tmp_path: Path) -> Iterator[int]:
     OnboardFiles(tmp_path / "board", list).serve(vehicle)
     catalogue = Catalogue(tmp_path / "data")
     transfers = Transfers(
-        station, catalogue, "quad1", RecorderParameters(keep_free=10.0), lambda: LinkState.GOOD,
-        lambda level, line: None, time.time_ns,
-    )  # fmt: skip
+        station,
+        catalogue,
+        "quad1",
+        RecorderParameters(keep_free=10.0),
+        lambda: LinkState.GOOD,
+        lambda level, line: None,
+        time.time_ns,
+    )
     closing = threading.Event()
 
     def beat() -> None:

@@ -116,9 +116,12 @@ def without(log: Path, to: Path, left_out: Collection[str]) -> Path:
     for message in read_log(log):
         if message.topic.rpartition("/")[2] not in left_out:
             writer.write(
-                message.topic, message.type_name, message.payload, message.log_ns,
+                message.topic,
+                message.type_name,
+                message.payload,
+                message.log_ns,
                 message.publish_ns,
-            )  # fmt: skip
+            )
     writer.close()
     return to
 
@@ -157,9 +160,10 @@ def test_a_flight_handed_over_to_bearings_is_replayed_byte_for_byte(tmp_path: Pa
     assert bearings.seconds == pytest.approx(ON_BEARINGS, abs=0.02)
     same = np.array(as_flown(recording, Truth(recording.truth_ns, recording.truth)))
     [begin_ns] = [
-        change.stamp_ns for change in recording.changes
+        change.stamp_ns
+        for change in recording.changes
         if (change.name, change.value) == ("estimation.source", "bearings")
-    ]  # fmt: skip
+    ]
     stamps = recording.imu["stamp_ns"]
     on_bearings = (stamps > begin_ns) & (stamps <= begin_ns + int(1e9 * ON_BEARINGS))
     assert on_bearings.sum() == ON_BEARINGS * 500
@@ -212,9 +216,12 @@ def test_runs_tell_good_gains_from_bad_and_noise_from_little_noise(
     capsys: pytest.CaptureFixture[str], log: Path
 ) -> None:
     words = [
-        "error_state", "error_state bearings.sigma=6", "complementary estimation.preset=paper",
-        "complementary estimation.preset=resolved", "error_state estimation.source=poses",
-    ]  # fmt: skip
+        "error_state",
+        "error_state bearings.sigma=6",
+        "complementary estimation.preset=paper",
+        "complementary estimation.preset=resolved",
+        "error_state estimation.source=poses",
+    ]
     rows, _ = table(capsys, log, *(word for one in words for word in ("--run", one)))
     rms = {name: rows[name]["position_rms_m"] for name in words}
     assert rms["error_state"] < 0.03
@@ -223,8 +230,11 @@ def test_runs_tell_good_gains_from_bad_and_noise_from_little_noise(
     assert rms["complementary estimation.preset=paper"] > 2.0 * resolved
     assert rms["error_state estimation.source=poses"] < 0.2 * rms["error_state"]
     assert [rows[name]["on"] for name in words] == [
-        "recorded bearings", "emulated bearings", *["recorded bearings"] * 2, "recorded poses",
-    ]  # fmt: skip
+        "recorded bearings",
+        "emulated bearings",
+        *["recorded bearings"] * 2,
+        "recorded poses",
+    ]
     found, fixed = rows["error_state"], rows["complementary estimation.preset=paper"]
     assert found["nis_low"] < found["nis"] < found["nis_high"]
     assert found["nis_high"] - found["nis_low"] < 0.5
@@ -489,12 +499,18 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["--run", "complementary estimation.preset=sporty"], "there are paper"),
         (["--set", "model.mass=1"], "a replay changes estimation.*"),
         (["--set", "estimation.shadow=error_state"], "a --run of its own"),
-        (["--estimator", "complementary", "--set", "estimation.estimator=error_state"],
-         "each a run of its own"),
-        (["--estimator", "error_state", "--on", "poses", "--set", "bearings.sigma=2"],
-         "only poses are used"),
-        (["--run", "error_state tracker.delay=0.1 estimation.source=bearings"],
-         "only bearings are used"),
+        (
+            ["--estimator", "complementary", "--set", "estimation.estimator=error_state"],
+            "each a run of its own",
+        ),
+        (
+            ["--estimator", "error_state", "--on", "poses", "--set", "bearings.sigma=2"],
+            "only poses are used",
+        ),
+        (
+            ["--run", "error_state tracker.delay=0.1 estimation.source=bearings"],
+            "only bearings are used",
+        ),
         (["--on", "recorded-bearings", "--set", "bearings.sigma=2"], "use --on bearings"),
         (["--on", "radar"], "recorded-bearings"),
         (["--from", "5", "--to", "4"], "the first must be earlier"),
@@ -502,7 +518,7 @@ def complaint(capsys: pytest.CaptureFixture[str], words: list[str], status: int)
         (["--from", "1000"], "airborne from"),
         (["--plot", "errors.txt"], "try .png"),
     ],
-)  # fmt: skip
+)
 def test_wrong_words_are_answered_in_one_line(
     capsys: pytest.CaptureFixture[str], log: Path, words: list[str], said: str
 ) -> None:
@@ -523,9 +539,13 @@ def test_wrong_words_are_answered_in_one_line(
     ],
 )
 def test_a_log_that_lacks_something_is_told_what(
-    capsys: pytest.CaptureFixture[str], log: Path, tmp_path: Path, left_out: set[str],
-    words: list[str], said: str,
-) -> None:  # fmt: skip
+    capsys: pytest.CaptureFixture[str],
+    log: Path,
+    tmp_path: Path,
+    left_out: set[str],
+    words: list[str],
+    said: str,
+) -> None:
     poorer = without(log, tmp_path / "poorer.mcap", left_out)
     assert said in complaint(capsys, ["replay", str(poorer), *words], 1)
 

@@ -58,9 +58,13 @@ class Lab:
     def fly(self, plan: Plan) -> Samples:
         self.log.kept.clear()
         self.flight.start(
-            "excite", axis=plan.axis, shape=plan.shape, amplitude=plan.amplitude,
-            duration=plan.duration, repeats=plan.repeats,
-        )  # fmt: skip
+            "excite",
+            axis=plan.axis,
+            shape=plan.shape,
+            amplitude=plan.amplitude,
+            duration=plan.duration,
+            repeats=plan.repeats,
+        )
         self.flight.wait(0.01)
         self.flight.wait_until(lambda v: v.behavior != "excite", what="the end", timeout=60)
         self.flight.wait(0.4)
@@ -152,9 +156,12 @@ def test_a_gap_is_said_drawn_and_its_edge_not_judged(step: tuple[Plan, Samples])
     time = samples.time
     kept = (time < 3.0) | (time > 3.2)
     torn = Samples(
-        samples.stamps_ns[kept], {k: v[kept] for k, v in samples.values.items()},
-        (Gap(3.0, 3.2),), "", "log.mcap",
-    )  # fmt: skip
+        samples.stamps_ns[kept],
+        {k: v[kept] for k, v in samples.values.items()},
+        (Gap(3.0, 3.2),),
+        "",
+        "log.mcap",
+    )
     found = evaluate(torn, plan)
     assert "1 gap in the vehicle's log, 200 ms" in found.problems[0]
     assert found.edges[0]["rise"] is not None
@@ -212,10 +219,18 @@ def test_gains_that_do_not_hold_the_path_end_the_test_by_braking() -> None:
 
 def kept(runs: KeptRuns, samples: Samples, **changes: Any) -> KeptRun:
     fields = {
-        "id": runs.new_id("quad1"), "started": "2026-01-01T00:00:00+00:00", "vehicle": "quad1",
-        "requester": "anna", "run_id": "", "plan": Plan("x", "step", 0.3, 2.0, 1),
-        "gains": {KP: 4.0}, "changed": [], "figures": {"rise": 0.5}, "edges": [], "problems": [],
-    }  # fmt: skip
+        "id": runs.new_id("quad1"),
+        "started": "2026-01-01T00:00:00+00:00",
+        "vehicle": "quad1",
+        "requester": "anna",
+        "run_id": "",
+        "plan": Plan("x", "step", 0.3, 2.0, 1),
+        "gains": {KP: 4.0},
+        "changed": [],
+        "figures": {"rise": 0.5},
+        "edges": [],
+        "problems": [],
+    }
     run = KeptRun(**{**fields, **changes})
     runs.keep(run, samples)
     return run

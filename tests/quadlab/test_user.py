@@ -53,8 +53,10 @@ def test_a_newcomers_first_account(user: Any, tmp_path: Path) -> None:
     assert user("add", "vera", "--role", "viewer", typed=WORDS)[0] == 0
     status, out, _ = user("list")
     assert [line.split()[:2] for line in out.splitlines()] == [
-        ["anna", "admin"], ["bob", "operator"], ["vera", "viewer"],
-    ]  # fmt: skip
+        ["anna", "admin"],
+        ["bob", "operator"],
+        ["vera", "viewer"],
+    ]
     assert "never signed in" in out
     assert accounts(tmp_path).verify("bob", WORDS) is not None, "the line's end is no part of it"
 
@@ -164,7 +166,9 @@ def test_the_password_is_no_word_of_the_command_line() -> None:
     """What stands there is seen by every user of the computer."""
     ran = subprocess.run(
         [sys.executable, "-m", "quadlab", "user", "add", "anna", "--password", WORDS],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert ran.returncode == 2
     assert ran.stderr.count("\n") == 1

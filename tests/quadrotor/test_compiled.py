@@ -48,9 +48,14 @@ def law(project: Path, gain: float, factor: float) -> list[str]:
     # -B: Python's own cache tells two versions of the same second and length not apart.
     command = [sys.executable, "-B", "-c", "import control.law"]
     return subprocess.run(
-        command, cwd=project, env={"PYTHONPATH": str(project), "PATH": ""}, check=True,
-        capture_output=True, text=True, timeout=120,
-    ).stdout.split()  # fmt: skip
+        command,
+        cwd=project,
+        env={"PYTHONPATH": str(project), "PATH": ""},
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    ).stdout.split()
 
 
 def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(project):

@@ -66,11 +66,24 @@ class Laboratory:
         self._used: set[str] = set()
         self._gains: dict[str, Any] = {}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "up", "--no-browser", "--data", str(data),
-             "--port", str(self.port), "--link-port", str(self.link_port)],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            [
+                sys.executable,
+                "-m",
+                "quadlab",
+                "up",
+                "--no-browser",
+                "--data",
+                str(data),
+                "--port",
+                str(self.port),
+                "--link-port",
+                str(self.link_port),
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )  # fmt: skip
+        )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
         self.url = f"http://127.0.0.1:{self.port}"
@@ -183,9 +196,16 @@ class Laboratory:
         self.ready()
         until("arming", lambda: self.command("arm").status_code == 200, 20)
         self.reach(mode="armed")
-        until("take-off", lambda: self.command(
-            "start_behavior", name="take_off", arguments={"height": height}
-        ).status_code == 200, 20)  # fmt: skip
+        until(
+            "take-off",
+            lambda: (
+                self.command(
+                    "start_behavior", name="take_off", arguments={"height": height}
+                ).status_code
+                == 200
+            ),
+            20,
+        )
         self.reach(behavior="hover")
 
     # ------------------------------------------------------------------ processes

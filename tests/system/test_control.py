@@ -50,8 +50,10 @@ class Person:
         cookie = "; ".join(f"{k}={v}" for k, v in self.client.cookies.items())
         socket = websockets.sync.client.connect(
             f"{self._lab.url.replace('http', 'ws')}/ws/events",
-            additional_headers={"Cookie": cookie}, origin=self._lab.url, proxy=None,
-        )  # fmt: skip
+            additional_headers={"Cookie": cookie},
+            origin=self._lab.url,
+            proxy=None,
+        )
 
         def read() -> None:
             with contextlib.suppress(websockets.exceptions.ConnectionClosed):

@@ -89,9 +89,11 @@ def test_a_program_flies_the_vehicle_and_its_silence_ends_in_hover(
     assert "no reference came on the topic external_reference; send them first" in refused.text
     session = loopback_session(lab.link_port)
     with closing(session), closing(Program(session)) as program:
-        until("the first references", lambda: lab.command(
-            "start_behavior", name="external", arguments={}
-        ).status_code == 200, 20)  # fmt: skip
+        until(
+            "the first references",
+            lambda: lab.command("start_behavior", name="external", arguments={}).status_code == 200,
+            20,
+        )
         lab.reach(behavior="external")
         program.going.set()
         until("the way to be flown", lambda: abs(program.flown - WAY) < 1e-6)

@@ -68,8 +68,10 @@ def test_a_killed_station_makes_the_vehicle_brake_and_land_and_its_file_is_recov
         lab.kill("station")
         until("the vehicle to land and close its log", lambda: is_closed(onboard), 40)
 
-    events = [(m.publish_ns * 1e-9 - killed, decode(m.payload, "rcl_interfaces/Log").msg)
-              for m in read_log(onboard, {"/quad1/events"})]  # fmt: skip
+    events = [
+        (m.publish_ns * 1e-9 - killed, decode(m.payload, "rcl_interfaces/Log").msg)
+        for m in read_log(onboard, {"/quad1/events"})
+    ]
     braked = next(t for t, text in events if text.startswith("braking"))
     landing = next(t for t, text in events if text.startswith("emergency land"))
     assert 0.0 < braked < 0.5, events

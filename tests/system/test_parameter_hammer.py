@@ -15,9 +15,13 @@ import pytest
 
 pytestmark = pytest.mark.timeout(300)
 FLAGS = [
-    "--no-sandbox", "--disable-gpu", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--no-first-run",
-]  # fmt: skip
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
 SECONDS = float(os.environ.get("QUADLAB_HAMMER_SECONDS", "5"))
 BOUND = 60_000
 GAIN = "control.position.kp_xy"

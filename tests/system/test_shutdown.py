@@ -31,7 +31,9 @@ def test_a_second_up_is_refused_and_ctrl_c_in_flight_lands_first_and_leaves_noth
     recorded, onboard = lab.newest("runs"), lab.newest("onboard")
     assert is_closed(recorded)
     assert is_closed(onboard)
-    heights = [decode_odometry(m.payload)[1]["position_w"][0, 2]
-               for m in read_log(onboard, {"/quad1/state"})]  # fmt: skip
+    heights = [
+        decode_odometry(m.payload)[1]["position_w"][0, 2]
+        for m in read_log(onboard, {"/quad1/state"})
+    ]
     assert max(heights) == pytest.approx(1.0, abs=0.1)
     assert heights[-1] == pytest.approx(0.0, abs=0.05), "stopped in the air"

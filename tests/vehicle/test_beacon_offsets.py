@@ -55,9 +55,15 @@ class Flight:
             seen.append(perturbed((x, y, z), *noise.tolist()))
         x, y, z, w = (Rotation.from_rotvec(self.error[3:]) * R_wb).as_quat()
         self.offsets.frame(
-            t, ids, self.beacons.positions_w, np.array(seen), SIGMA,
-            position + self.error[:3], np.array([w, x, y, z]), tracked,
-        )  # fmt: skip
+            t,
+            ids,
+            self.beacons.positions_w,
+            np.array(seen),
+            SIGMA,
+            position + self.error[:3],
+            np.array([w, x, y, z]),
+            tracked,
+        )
 
 
 @pytest.mark.parametrize("tracked", [True, False])

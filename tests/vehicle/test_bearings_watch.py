@@ -56,9 +56,13 @@ def test_squares_are_those_of_angles_and_have_mean_one(random: Random) -> None:
     for _ in range(500):
         state = somewhere(random)
         squares += normalised_squares(
-            state["position_w"][0], state["quaternion_wb"][0], PLACES, seen(state, random),
-            SIGMA, SURE,
-        )  # fmt: skip
+            state["position_w"][0],
+            state["quaternion_wb"][0],
+            PLACES,
+            seen(state, random),
+            SIGMA,
+            SURE,
+        )
     assert np.mean(squares) == pytest.approx(1.0, abs=4.0 / math.sqrt(len(squares)))
     state = somewhere(random)
     exact = seen(state, random, 0.0)

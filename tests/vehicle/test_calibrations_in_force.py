@@ -31,9 +31,7 @@ def test_their_values_are_started_with_and_told_in_one_line() -> None:
     assert found.values == MASS.values | MOTOR.values
     assert found.refused == []
     when = "2026-05-28 20:26 UTC by anna"
-    assert found.lines == [
-        (False, f"calibrations in force: mass of {when}, motor of {when}"),
-    ]
+    assert found.lines == [(False, f"calibrations in force: mass of {when}, motor of {when}")]
 
 
 def test_what_was_given_by_hand_wins_and_is_told() -> None:

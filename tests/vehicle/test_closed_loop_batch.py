@@ -18,10 +18,15 @@ from vehicle.closed_loop.batch import BatchResult, Scenario, fly_batch
 from vehicle.simulator.parameters import SimulatorParameters
 
 QUIET = {
-    "accelerometer_noise": 0.0, "gyroscope_noise": 0.0, "gyroscope_bias_x": 0.0,
-    "gyroscope_bias_y": 0.0, "gyroscope_bias_z": 0.0, "accelerometer_bias_x": 0.0,
-    "accelerometer_bias_y": 0.0, "accelerometer_bias_z": 0.0,
-}  # fmt: skip
+    "accelerometer_noise": 0.0,
+    "gyroscope_noise": 0.0,
+    "gyroscope_bias_x": 0.0,
+    "gyroscope_bias_y": 0.0,
+    "gyroscope_bias_z": 0.0,
+    "accelerometer_bias_x": 0.0,
+    "accelerometer_bias_y": 0.0,
+    "accelerometer_bias_z": 0.0,
+}
 
 
 def mixed() -> list[Scenario]:

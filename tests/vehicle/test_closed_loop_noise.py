@@ -41,8 +41,10 @@ def test_words_are_those_of_xoshiro256pp() -> None:
 def test_seed_0_gives_the_published_splitmix64() -> None:
     # First outputs of Vigna's reference splitmix64.c for the state 0.
     assert [hex(int(x)) for x in seeded([0])[0][:3]] == [
-        "0xe220a8397b1dcdaf", "0x6e789e6aa1b965f4", "0x6c45d188009454f",
-    ]  # fmt: skip
+        "0xe220a8397b1dcdaf",
+        "0x6e789e6aa1b965f4",
+        "0x6c45d188009454f",
+    ]
 
 
 def test_layers_have_one_area() -> None:

@@ -10,14 +10,7 @@ from control.parameters import AttitudeGains, ControlParameters
 from control.trajectories.figure_eight import FigureEight
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import EstimationParameters
-from quadrotor.records import (
-    ACTUATORS,
-    IMU_SAMPLE,
-    POSE_SAMPLE,
-    Record,
-    new_reference,
-    new_state,
-)
+from quadrotor.records import ACTUATORS, IMU_SAMPLE, POSE_SAMPLE, Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.closed_loop.onboard import new_onboard, new_settings, onboard_step, onboard_steps
 
@@ -62,9 +55,10 @@ def test_the_compiled_step_equals_the_python_composition(rates: str) -> None:
         controller.step(state, reference, True, PERIOD, actuators)
         onboard_step(onboard, settings, one, k * PERIOD, True, PERIOD)
         for ours, theirs in (
-            (onboard["state"], state), (onboard["actuators"], actuators),
+            (onboard["state"], state),
+            (onboard["actuators"], actuators),
             (onboard["reference"], reference),
-        ):  # fmt: skip
+        ):
             for name in ours.dtype.names:
                 np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-12, atol=1e-12)
         scaled += int(actuators["scaling"][0] < 1.0)

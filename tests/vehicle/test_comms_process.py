@@ -384,8 +384,12 @@ def test_a_link_port_in_use_is_one_line_and_the_end(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         vehicle = subprocess.run(
             [sys.executable, "-c", VEHICLE, str(tmp_path), str(tmp_path), str(port)],
-            cwd=ROOT, capture_output=True, text=True, timeout=BOUND, check=False,
-        )  # fmt: skip
+            cwd=ROOT,
+            capture_output=True,
+            text=True,
+            timeout=BOUND,
+            check=False,
+        )
     assert vehicle.returncode == 1
     (line,) = vehicle.stderr.splitlines()
     assert f"UDP port {port} of 0.0.0.0 is in use" in line

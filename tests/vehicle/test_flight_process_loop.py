@@ -258,8 +258,9 @@ def test_changes_leave_before_the_reply_that_reports_them(bench: Bench) -> None:
     bench.send(mailbox.Arm("r1", "anna"))
     bench.samples(1)
     assert bench.outbox() == [
-        mailbox.Event(0, mailbox.INFO, "armed by anna"), mailbox.Reply("r1", True),
-    ]  # fmt: skip
+        mailbox.Event(0, mailbox.INFO, "armed by anna"),
+        mailbox.Reply("r1", True),
+    ]
 
 
 def test_the_motor_state_is_passed_on_once_when_it_changes(bench: Bench) -> None:

@@ -40,9 +40,7 @@ def hovering() -> SimulatedFlight:
     return flight
 
 
-def test_a_larger_step_in_flight_is_refused_with_what_is_allowed(
-    hovering: SimulatedFlight,
-) -> None:
+def test_a_larger_step_in_flight_is_refused_with_what_is_allowed(hovering: SimulatedFlight) -> None:
     before, revision = hovering.stack.store.values(), hovering.stack.store.revision
     with pytest.raises(RefusedError, match=rf"{KP} = 12 .* 0 to 8 1/s² at once; .* 2 steps"):
         hovering.change({KP: 12.0, "control.position.kp_z": 8.1})

@@ -43,11 +43,7 @@ def test_the_drift_is_found_anew_and_kept(wired: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("to", "reason"),
-    [
-        (3.0, "standard deviation "),
-        (170.0, "the drift would change by "),
-    ],
+    ("to", "reason"), [(3.0, "standard deviation "), (170.0, "the drift would change by ")]
 )
 def test_a_vehicle_that_is_moved_meanwhile_keeps_its_drift(
     wired: Any, to: float, reason: str

@@ -26,9 +26,14 @@ later.wait()
 def prepare(cache: Path) -> list[str]:
     environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, "-c", PREPARE], env=environment, cwd=ROOT, check=True,
-        capture_output=True, text=True, timeout=150,
-    )  # fmt: skip
+        [sys.executable, "-c", PREPARE],
+        env=environment,
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+        timeout=150,
+    )
     return done.stdout.splitlines()
 
 

@@ -12,11 +12,7 @@ from vehicle.microcontroller_clock import FRAME_NS, MicrocontrollerClock
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.serial.commands import (
-    encode_data,
-    encode_mirrored,
-    encode_value,
-)
+from vehicle_link.serial.commands import encode_data, encode_mirrored, encode_value
 from vehicle_link.serial.exchange import TRIES
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.identity import Identity

@@ -53,13 +53,15 @@ class Vehicle:
     def start(self) -> None:
         """Anew, as after a crash: nothing is known of the files but what stands on the disk."""
         self.log = OnboardLog(
-            self.folder, "quad1", {"parameters.json": lambda: b"{}"}, lambda *_: None,
+            self.folder,
+            "quad1",
+            {"parameters.json": lambda: b"{}"},
+            lambda *_: None,
             free=lambda _: 10**10,
-        )  # fmt: skip
+        )
         self.files = OnboardFiles(
-            self.log.folder, self.log.files, free=lambda _: 10**10,
-            mending=lambda: self.log.mending,
-        )  # fmt: skip
+            self.log.folder, self.log.files, free=lambda _: 10**10, mending=lambda: self.log.mending
+        )
 
     def fly(self, first: int, count: int, *, late_ns: int = 1_000_000) -> None:
         starts = range(first, first + count, BATCH)
@@ -91,9 +93,11 @@ class Vehicle:
 
     def index(self, first: int, last: int, name: str = "") -> Any:
         return self.ask(
-            "onboard_index", name=name, start_ns=START_NS + STEP_NS * first,
+            "onboard_index",
+            name=name,
+            start_ns=START_NS + STEP_NS * first,
             end_ns=START_NS + STEP_NS * last,
-        )  # fmt: skip
+        )
 
     def fetch(self, name: str, begin: int, end: int) -> bytes:
         data = bytearray()

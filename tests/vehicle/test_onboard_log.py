@@ -88,12 +88,13 @@ def test_every_tick_from_arming_to_half_a_second_after_disarming_is_there(tmp_pa
 def test_calibrations_are_attached_as_they_are_when_the_file_begins(tmp_path: Path) -> None:
     in_force = [b"first", b"second"]
     log = OnboardLog(
-        tmp_path, "quad1", {"calibrations.json": lambda: in_force.pop(0)}, lambda *_: None,
+        tmp_path,
+        "quad1",
+        {"calibrations.json": lambda: in_force.pop(0)},
+        lambda *_: None,
         free=lambda _: 2 * FREE_BYTES_MIN,
-    )  # fmt: skip
-    for batch in (
-        ticks(0, 5, armed=True), ticks(5, 300, armed=False), ticks(1000, 5, armed=True)
-    ):  # fmt: skip
+    )
+    for batch in (ticks(0, 5, armed=True), ticks(5, 300, armed=False), ticks(1000, 5, armed=True)):
         log.ticks(batch, int(batch["imu"]["stamp_ns"][-1]))
     log.close()
     found = [read_attachments(path) for path in sorted((tmp_path / "onboard").glob("*"))]
@@ -138,9 +139,11 @@ def test_other_topics_are_kept_only_while_a_file_is_open(tmp_path: Path) -> None
 def test_each_flight_has_its_own_file(tmp_path: Path) -> None:
     harness = Harness(tmp_path)
     harness.feed(
-        ticks(0, 10, armed=True), ticks(10, 300, armed=False),
-        ticks(310, 10, armed=True), ticks(320, 300, armed=False),
-    )  # fmt: skip
+        ticks(0, 10, armed=True),
+        ticks(10, 300, armed=False),
+        ticks(310, 10, armed=True),
+        ticks(320, 300, armed=False),
+    )
     harness.log.close()
     first, second = harness.files()
     assert harness.stamps(first, "imu") == list(range(261))
@@ -363,9 +366,13 @@ def test_a_flight_is_logged_even_without_its_parameters(tmp_path: Path) -> None:
 
 def test_robot_and_firmware_are_in_the_file(tmp_path: Path) -> None:
     log = OnboardLog(
-        tmp_path, "quad1", {}, lambda *_: None, facts=microcontroller_facts(Identity(7, 3)),
+        tmp_path,
+        "quad1",
+        {},
+        lambda *_: None,
+        facts=microcontroller_facts(Identity(7, 3)),
         free=lambda _: 10 * FREE_BYTES_MIN,
-    )  # fmt: skip
+    )
     log.ticks(ticks(0, 10, armed=True), START_NS)
     log.close()
     (path,) = (tmp_path / "onboard").iterdir()
@@ -406,9 +413,7 @@ def test_it_tells_of_each_tick_once_that_nothing_is_left_to_do(
     log = OnboardLog(
         tmp_path, "quad1", {}, lambda *_: None, free=lambda _: 10 * FREE_BYTES_MIN, written=written
     )
-    for batch in (
-        ticks(0, 10, armed=False), ticks(10, 50, armed=True), ticks(60, 101, armed=True)
-    ):  # fmt: skip
+    for batch in (ticks(0, 10, armed=False), ticks(10, 50, armed=True), ticks(60, 101, armed=True)):
         log.ticks(batch, START_NS)
     log.close()
     assert sum(count for count, _ in done) == 161, "those that had no room, too"
@@ -498,8 +503,9 @@ def test_a_log_removed_after_landing_is_told_and_none_begins(tmp_path: Path) -> 
     harness.log._store([Batch(ticks(10, 300, armed=False), START_NS)])
     assert harness.files() == []
     assert [text.split(":")[0] for _, text in harness.said] == [
-        "onboard log quad1_20260528T202640_000Z.mcap started", "onboard log stopped",
-    ]  # fmt: skip
+        "onboard log quad1_20260528T202640_000Z.mcap started",
+        "onboard log stopped",
+    ]
     assert harness.said[1][0] == 40
 
 

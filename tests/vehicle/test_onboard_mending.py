@@ -65,9 +65,13 @@ class Harness:
         self.begun: list[list[Path]] = []
         self.process: Any = Process()
         self.mending = Mending(
-            folder, lambda level, text: self.said.append((level, text)), lambda _: self.free,
-            lambda: KEEP, lambda: self.now_s, self._begin,
-        )  # fmt: skip
+            folder,
+            lambda level, text: self.said.append((level, text)),
+            lambda _: self.free,
+            lambda: KEEP,
+            lambda: self.now_s,
+            self._begin,
+        )
 
     def _begin(self, paths: Sequence[Path]) -> Any:
         self.begun.append(list(paths))

@@ -61,9 +61,12 @@ class Vehicle:
 
     def ask(self, first: int, last: int, *columns: str, rows: int = 0) -> Any:
         request = new(
-            f"{TYPE}_Request", columns=columns or (HEIGHT,), rows=rows,
-            start_ns=START_NS + STEP_NS * first, end_ns=START_NS + STEP_NS * last,
-        )  # fmt: skip
+            f"{TYPE}_Request",
+            columns=columns or (HEIGHT,),
+            rows=rows,
+            start_ns=START_NS + STEP_NS * first,
+            end_ns=START_NS + STEP_NS * last,
+        )
         answer = self.reader.answer(decode(encode(request), f"{TYPE}_Request"))
         return decode(encode(answer), f"{TYPE}_Response")
 

@@ -163,8 +163,11 @@ def test_no_record_is_torn_or_swapped_between_two_processes() -> None:
     ring = RecordRing(fd, TICK, slots)
     writer = subprocess.Popen(
         [sys.executable, "-c", WRITER, str(fd), str(slots), str(count)],
-        pass_fds=[fd], cwd=ROOT, stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        pass_fds=[fd],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     seen: list[np.ndarray] = []
     while writer.poll() is None or len(ring):
         ticks = ring.pop_all()

@@ -27,9 +27,15 @@ def test_rights_disk_certificate_and_version_are_looked_at(tmp_path: Path) -> No
     answer = checks.answer(REQUEST)
     found = lines(answer)
     assert {
-        "clock", "real-time rights", "locked memory", "processor", "log's disk",
-        "link's certificate", "firmware", "version",
-    } == found.keys()  # fmt: skip
+        "clock",
+        "real-time rights",
+        "locked memory",
+        "processor",
+        "log's disk",
+        "link's certificate",
+        "firmware",
+        "version",
+    } == found.keys()
     assert {one.place for one in found.values()} == {"vehicle"}
     assert found["log's disk"].found.endswith(" free")
     assert found["version"].found == provenance()["git_revision"]

@@ -140,9 +140,19 @@ def test_ports_of_two_microcontrollers_are_not_flown_together(
 
 def test_the_command_ends_with_status_0_and_the_word_good(simulator: Simulator) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "quadlab", "vehicle", "--check", "--serial",
-         ",".join(simulator.paths)],
-        capture_output=True, text=True, timeout=BOUND, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "quadlab",
+            "vehicle",
+            "--check",
+            "--serial",
+            ",".join(simulator.paths),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=BOUND,
+        check=False,
+    )
     assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "good"), done.stderr
     assert "real time" in done.stdout

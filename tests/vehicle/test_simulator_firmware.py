@@ -176,9 +176,14 @@ def test_statistics_count_a_second() -> None:
             firmware.receive(ms // 2 % 2, c.encode_command(HOVER))
             firmware.next_data()
         firmware.statistics.steps(ms, 1, 1)
-    names = (Id.COMMANDS_PER_SECOND, Id.LONGEST_COMMAND_GAP, Id.PACKETS_PER_SECOND,
-             Id.LONGEST_PACKET_GAP, Id.CONTROL_STEPS_PER_SECOND,
-             Id.SECOND_SERIAL_PACKETS_PER_SECOND)  # fmt: skip
+    names = (
+        Id.COMMANDS_PER_SECOND,
+        Id.LONGEST_COMMAND_GAP,
+        Id.PACKETS_PER_SECOND,
+        Id.LONGEST_PACKET_GAP,
+        Id.CONTROL_STEPS_PER_SECOND,
+        Id.SECOND_SERIAL_PACKETS_PER_SECOND,
+    )
     # One more command than 500: the set that switched the motors on.
     assert [int(firmware.registers[id]) for id in names] == [501, 2, 500, 2, 1000, 250]
 
@@ -234,9 +239,7 @@ def test_damaged_frames_are_counted_and_obeyed_in_nothing() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 1), st.binary(max_size=120)), max_size=20))
 @settings(max_examples=100, deadline=None)
-def test_no_bytes_raise_and_a_whole_command_still_counts(
-    pieces: list[tuple[int, bytes]],
-) -> None:
+def test_no_bytes_raise_and_a_whole_command_still_counts(pieces: list[tuple[int, bytes]]) -> None:
     firmware = running()
     for port, piece in pieces:
         firmware.receive(port, piece)

@@ -105,10 +105,15 @@ def test_let_go_it_is_set_down_level_and_stands_by_itself() -> None:
 
 def test_the_accelerometer_feels_gravity_through_the_true_matrix_and_bias() -> None:
     robot = Robot(
-        held="hand", hand_pitch=-90.0, accelerometer_noise=0.2, accelerometer_xx=1.05,
-        accelerometer_yx=0.1, accelerometer_bias_x=0.5, accelerometer_bias_y=0.0,
+        held="hand",
+        hand_pitch=-90.0,
+        accelerometer_noise=0.2,
+        accelerometer_xx=1.05,
+        accelerometer_yx=0.1,
+        accelerometer_bias_x=0.5,
+        accelerometer_bias_y=0.0,
         accelerometer_bias_z=-0.3,
-    )  # fmt: skip
+    )
     robot.run(3.0)
     matrix, bias = robot.parameters.accelerometer_matrix, np.array((0.5, 0.0, -0.3))
     assert matrix @ (robot.measured() - bias) == pytest.approx([9.81, 0.0, 0.0], abs=0.05)
@@ -147,8 +152,9 @@ def test_readings_come_200_times_a_second_in_the_converters_steps() -> None:
     readings = on_bench(0, 100).readings
     assert len(readings) == pytest.approx(400, abs=2)
     for values, step in (
-        ([r.force for r in readings], FORCE_STEP), ([r.torque for r in readings], TORQUE_STEP),
-    ):  # fmt: skip
+        ([r.force for r in readings], FORCE_STEP),
+        ([r.torque for r in readings], TORQUE_STEP),
+    ):
         apart = (np.array(values) - values[0]) / step
         assert np.abs(apart - apart.round()).max() < 1e-6, "whole steps beside the offset"
     assert np.std([r.force for r in readings]) == pytest.approx(0.02, rel=0.2)

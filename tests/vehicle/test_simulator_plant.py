@@ -11,11 +11,7 @@ from scipy.integrate import solve_ivp
 
 from quadrotor.records import STATE, Record
 from quadrotor.rigid_body import derivative
-from quadrotor.rotations import (
-    euler_from_quaternion,
-    quaternion_from_euler,
-    quaternion_to_matrix,
-)
+from quadrotor.rotations import euler_from_quaternion, quaternion_from_euler, quaternion_to_matrix
 from quadrotor.vehicle_model import mixing_matrix, reference_of_thrust
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import (
@@ -223,9 +219,14 @@ def test_a_second_of_varying_commands_is_integrated_exactly() -> None:
         references = tuple(int(n) for n in rng.integers(115, 140, 4))
         advance(plant, references, 0.002)
         exact = solve_ivp(
-            derivatives, (0.0, 0.002), exact, "DOP853", rtol=1e-12, atol=1e-13,
+            derivatives,
+            (0.0, 0.002),
+            exact,
+            "DOP853",
+            rtol=1e-12,
+            atol=1e-13,
             args=(np.array(references, float),),
-        ).y[:, -1]  # fmt: skip
+        ).y[:, -1]
     away = np.abs(plant["x"][0] - exact[:13])
     assert away[3:6].max() < 2e-6, "m/s"
     assert away[10:13].max() < 2e-6, "rad/s"

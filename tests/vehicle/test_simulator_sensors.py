@@ -57,9 +57,12 @@ def test_sensors_saturate_at_ten_bits() -> None:
 
 def test_noise_and_bias_are_those_asked_for() -> None:
     parameters = SimulatorParameters(
-        accelerometer_noise=0.5, accelerometer_bias_x=0.4, gyroscope_noise=3.0,
-        gyroscope_bias_z=-2.0, pressure_noise=5.0,
-    )  # fmt: skip
+        accelerometer_noise=0.5,
+        accelerometer_bias_x=0.4,
+        gyroscope_noise=3.0,
+        gyroscope_bias_z=-2.0,
+        pressure_noise=5.0,
+    )
     plant, sensors, noise = new_plant(parameters), new_sensors(parameters), Noise(3)
     rows = []
     for _ in range(8 * BLOCK):

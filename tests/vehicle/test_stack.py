@@ -157,8 +157,11 @@ def test_a_lost_station_makes_it_brake_and_land_on_its_inertial_sensors() -> Non
     lab = Lab(**{"safety.link_land_after": 1.0}).hovering()
     silent = lab.stack.stamp_ns
     lab.station_alive = False
-    lab.wait_until(lambda v: v.behavior in ("brake", "hover") and "braking" in lab.texts(),
-                   what="braking", timeout=0.5)  # fmt: skip
+    lab.wait_until(
+        lambda v: v.behavior in ("brake", "hover") and "braking" in lab.texts(),
+        what="braking",
+        timeout=0.5,
+    )
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=1.2)
     lab.wait_until(lambda v: not v.armed, what="disarmed", timeout=15)
     flown = (lab.stack.stamp_ns - silent) * 1e-9

@@ -111,8 +111,9 @@ def test_single_heartbeats_do_not_keep_it_in_the_air_without_poses() -> None:
     pose_age, found = 1.5, []
     while pose_age < 10.0 and not found:
         assert [v.reaction for _, v in flight.fly(0.5, heard=False, pose_age=pose_age)] in (
-            [], [Reaction.BRAKE],
-        )  # fmt: skip
+            [],
+            [Reaction.BRAKE],
+        )
         pose_age += 0.5
         found = [v.reaction for _, v in flight.fly(0.002, pose_age=pose_age)]
     assert (found, pose_age) == ([Reaction.DESCEND], pytest.approx(3.5))
@@ -199,8 +200,11 @@ def test_a_cause_that_has_reacted_or_is_to_be_ignored_hides_no_other() -> None:
     worst = {"tilt": math.radians(75.0), "innovation": math.nan, "outside": 2.0, "saturated": True}
     reactions = flight.fly(3.0, **worst, speed=9.0, voltage=12.0, lost_ports=1)
     assert Counter(v.reaction for _, v in reactions) == {
-        Reaction.DESCEND: 1, Reaction.LAND: 3, Reaction.BRAKE: 1, Reaction.EMERGENCY: 1,
-    }  # fmt: skip
+        Reaction.DESCEND: 1,
+        Reaction.LAND: 3,
+        Reaction.BRAKE: 1,
+        Reaction.EMERGENCY: 1,
+    }
 
 
 def test_the_names_of_reactions_are_those_of_the_parameters() -> None:

@@ -178,8 +178,10 @@ def test_certificates_for_others_are_whole_and_never_hold_the_authoritys_key(
     with pytest.raises(LinkError, match=r"not for 10\.0\.0\.8"):
         check_certificate(vehicle, "vehicle", "10.0.0.8")
     assert {path.name for path in vehicle.folder.iterdir()} == {
-        "ca.pem", "vehicle.pem", "vehicle.key",
-    }  # fmt: skip
+        "ca.pem",
+        "vehicle.pem",
+        "vehicle.key",
+    }
     assert all(path.stat().st_mode & 0o077 == 0 for path in vehicle.folder.iterdir())
     with pytest.raises(LinkError, match=r"no authority's key .*; issue certificates on the base"):
         issue_station(vehicle.folder, tmp_path / "x", "x", "pilot")

@@ -61,9 +61,12 @@ pytestmark = pytest.mark.skipif(
 
 def printed(program: str, *arguments: str) -> list[float]:
     done = subprocess.run(
-        [sys.executable, "-c", HEAP + program, *arguments], check=True, stdout=subprocess.PIPE,
-        text=True, timeout=60,
-    )  # fmt: skip
+        [sys.executable, "-c", HEAP + program, *arguments],
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=60,
+    )
     return [float(line) for line in done.stdout.split()]
 
 

@@ -64,9 +64,7 @@ def test_what_is_sealed_opens_to_the_same_and_fits_every_network(size: int) -> N
     datagram = Sealer(KEY_ID, KEY).seal("telemetry", message(payload=payload))
     assert len(datagram) <= LARGEST
     assert key_id_of(datagram) == KEY_ID
-    assert said(opener()[0].open(datagram)) == (
-        "telemetry", 5, -12_345, bytes(range(16)), payload,
-    )  # fmt: skip
+    assert said(opener()[0].open(datagram)) == ("telemetry", 5, -12_345, bytes(range(16)), payload)
     assert size < 9 or payload not in datagram
 
 

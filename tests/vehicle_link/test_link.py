@@ -426,11 +426,7 @@ def test_parameters_are_set_together(authority: Authority, parameters: Parameter
     ],
 )
 def test_a_bad_value_comes_back_with_the_authoritys_words(
-    authority: Authority,
-    parameters: ParameterClient,
-    name: str,
-    value: ParameterValue,
-    reason: str,
+    authority: Authority, parameters: ParameterClient, name: str, value: ParameterValue, reason: str
 ) -> None:
     before = authority.store.values()
     with pytest.raises(ParameterError) as refused:

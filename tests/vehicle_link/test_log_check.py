@@ -69,10 +69,17 @@ def test_a_stamp_that_goes_back_is_a_problem(tmp_path: Path) -> None:
 
 OVERTOOK = "datagrams overtook one another"
 REASONS = {
-    "tracker_pose": OVERTOOK, "bearings": OVERTOOK, "joy": OVERTOOK, "bearing_pose": OVERTOOK,
-    "estimator": OVERTOOK, "state": "", "imu": "", "truth": "", "station_status": "",
+    "tracker_pose": OVERTOOK,
+    "bearings": OVERTOOK,
+    "joy": OVERTOOK,
+    "bearing_pose": OVERTOOK,
+    "estimator": OVERTOOK,
+    "state": "",
+    "imu": "",
+    "truth": "",
+    "station_status": "",
     "events": "vehicle and station each stamp their own",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("topic", "reason"), REASONS.items())

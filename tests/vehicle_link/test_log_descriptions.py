@@ -40,8 +40,9 @@ def write_log(path: Path, *, ends: bool = True) -> Path:
 def test_a_description_in_a_chunk_of_other_messages_is_found(tmp_path: Path, ends: bool) -> None:
     found = check_log(write_log(tmp_path / "a.mcap", ends=ends))
     assert {name: topic.count for name, topic in found.topics.items()} == {
-        "/a": COUNT + 1, "/b": COUNT - 1,
-    }  # fmt: skip
+        "/a": COUNT + 1,
+        "/b": COUNT - 1,
+    }
     assert len(found.problems) == (not ends)
 
 

@@ -52,7 +52,7 @@ def test_what_claims_or_holds_too_much_is_read_within_bounds(tmp_path: Path, kin
     run = [sys.executable, "-c", READERS, str(log)]
     done = subprocess.run(
         run, preexec_fn=limited, capture_output=True, text=True, timeout=300, check=False
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr[-2000:]
     assert int(done.stdout.split()[-1]) * 1024 <= MOST
 

@@ -27,14 +27,29 @@ def messages(count: int) -> list[tuple[str, Any]]:
         found.append(("/q/state", new("nav_msgs/Odometry", header=head, pose=pose)))
         seen = int(random.integers(0, 5))
         found.append(
-            ("/q/bearings", new("quadlab_msgs/BearingArray", header=head, sigma=0.1 * k,
-                                beacon_ids=list(range(seen)),
-                                bearings=[tuple(random.standard_normal(3)) for _ in range(seen)]))
-        )  # fmt: skip
+            (
+                "/q/bearings",
+                new(
+                    "quadlab_msgs/BearingArray",
+                    header=head,
+                    sigma=0.1 * k,
+                    beacon_ids=list(range(seen)),
+                    bearings=[tuple(random.standard_normal(3)) for _ in range(seen)],
+                ),
+            )
+        )
         found.append(
-            ("/q/status", new("quadlab_msgs/VehicleStatus", header=head, armed=k % 2 == 0,
-                              mode="armed" if k % 7 else "ready", flags=["a", "bc"][: k % 3]))
-        )  # fmt: skip
+            (
+                "/q/status",
+                new(
+                    "quadlab_msgs/VehicleStatus",
+                    header=head,
+                    armed=k % 2 == 0,
+                    mode="armed" if k % 7 else "ready",
+                    flags=["a", "bc"][: k % 3],
+                ),
+            )
+        )
     return found
 
 

@@ -20,8 +20,14 @@ from vehicle_link.parameter_messages import (
 )
 
 VALUES: dict[str, ParameterValue] = {
-    "a": True, "b": False, "c": -(2**63), "d": 0.1, "e": "", "f": "grün", "g": math.inf,
-}  # fmt: skip
+    "a": True,
+    "b": False,
+    "c": -(2**63),
+    "d": 0.1,
+    "e": "",
+    "f": "grün",
+    "g": math.inf,
+}
 
 DESCRIPTIONS = [
     *ParameterStore(VehicleModel()).descriptions(),
@@ -80,7 +86,9 @@ def test_ros_tools_see_the_range() -> None:
 def test_a_foreign_descriptor_is_a_link_error(constraints: str) -> None:
     message = new(
         "rcl_interfaces/ParameterDescriptor",
-        name="foreign", type=3, additional_constraints=constraints,
-    )  # fmt: skip
+        name="foreign",
+        type=3,
+        additional_constraints=constraints,
+    )
     with pytest.raises(LinkError, match="description of 'foreign' cannot be read"):
         from_descriptor(message)

@@ -75,9 +75,13 @@ class Lab:
         self, vehicle: Vehicle, heard: Heard, answers: Callable[[float], bool] = bool
     ) -> Radio:
         made = Radio(
-            f"127.0.0.1:{vehicle.port}", self.tls, self.port, heard.silent,
-            say=self.said.append, answers=answers,
-        )  # fmt: skip
+            f"127.0.0.1:{vehicle.port}",
+            self.tls,
+            self.port,
+            heard.silent,
+            say=self.said.append,
+            answers=answers,
+        )
         self.closed.append(lambda: made.close(WAIT))
         return made
 

@@ -24,26 +24,31 @@ from vehicle_link.node import Node, Received
 from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.radio import Radio
 from vehicle_link.session import hub_session, vehicle_session
-from vehicle_link.topics import (
-    SERVICES,
-    TOPICS,
-    decode_external_reference,
-    decode_joy,
-    decode_pose,
-)
+from vehicle_link.topics import SERVICES, TOPICS, decode_external_reference, decode_joy, decode_pose
 
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed")
 WAIT = 20.0  # s: a bound, not an expectation
 STANDARD = (
-    "builtin_interfaces/msg/Time", "std_msgs/msg/Header", "nav_msgs/msg/Odometry",
-    "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/Pose", "geometry_msgs/msg/Point",
-    "geometry_msgs/msg/Quaternion", "geometry_msgs/msg/PoseWithCovariance",
-    "geometry_msgs/msg/TwistWithCovariance", "geometry_msgs/msg/Twist",
-    "geometry_msgs/msg/Vector3", "sensor_msgs/msg/Joy", "rcl_interfaces/msg/Parameter",
-    "rcl_interfaces/msg/ParameterValue", "rcl_interfaces/msg/SetParametersResult",
-    "rcl_interfaces/msg/ListParametersResult", "rcl_interfaces/msg/ParameterDescriptor",
-    "rcl_interfaces/msg/FloatingPointRange", "rcl_interfaces/msg/IntegerRange",
-)  # fmt: skip
+    "builtin_interfaces/msg/Time",
+    "std_msgs/msg/Header",
+    "nav_msgs/msg/Odometry",
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/Pose",
+    "geometry_msgs/msg/Point",
+    "geometry_msgs/msg/Quaternion",
+    "geometry_msgs/msg/PoseWithCovariance",
+    "geometry_msgs/msg/TwistWithCovariance",
+    "geometry_msgs/msg/Twist",
+    "geometry_msgs/msg/Vector3",
+    "sensor_msgs/msg/Joy",
+    "rcl_interfaces/msg/Parameter",
+    "rcl_interfaces/msg/ParameterValue",
+    "rcl_interfaces/msg/SetParametersResult",
+    "rcl_interfaces/msg/ListParametersResult",
+    "rcl_interfaces/msg/ParameterDescriptor",
+    "rcl_interfaces/msg/FloatingPointRange",
+    "rcl_interfaces/msg/IntegerRange",
+)
 HASHES = {
     "DescribeParameters": "RIHS01_845b484d71eb0673dae682f2e3ba3c4851a65a3dcfb97bddd82c5b57e91e4cff"
 }
@@ -78,8 +83,11 @@ class Peer:
         script = Path(__file__).with_name("ros2_node.py")
         self._process = subprocess.Popen(
             [sys.executable, str(script), str(port), str(definitions)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+        )
         assert self._next() == "ready"
 
     def __call__(self, action: str, *arguments: Any) -> Any:
@@ -166,9 +174,7 @@ def test_a_node_hears_the_state(vehicle: Node, peer: Peer) -> None:
     message = new("nav_msgs/Odometry", header=header(START, "world"), pose=pose)
     publisher.put(encode(message), START)
     heard = peer("hear", "/quad1/state")
-    assert heard["header"] == {
-        "stamp": {"sec": 1_769_851_842, "nanosec": 0}, "frame_id": "world",
-    }  # fmt: skip
+    assert heard["header"] == {"stamp": {"sec": 1_769_851_842, "nanosec": 0}, "frame_id": "world"}
     assert heard["pose"]["pose"]["position"] == {"x": 1.0, "y": -2.0, "z": 3.5}
 
 
@@ -215,8 +221,11 @@ def test_a_node_sends_references(vehicle: Node, peer: Peer) -> None:
     stamp_ns, reference = decode_external_reference(received.payload)
     assert stamp_ns == START + 7
     assert reference.view("f8").tolist() == [
-        *(value for k in range(5) for value in (k + 0.5, -k, 2.0 * k)), 0.5, -0.25, 0.125
-    ]  # fmt: skip
+        *(value for k in range(5) for value in (k + 0.5, -k, 2.0 * k)),
+        0.5,
+        -0.25,
+        0.125,
+    ]
 
 
 def numbers(kind: str, *values: float) -> dict[str, Any]:
@@ -239,9 +248,10 @@ def _sent_until_heard(
 def test_a_node_calls_a_service(vehicle: Node, peer: Peer) -> None:
     kind = SERVICES["arm"]
     vehicle.serve(
-        "arm", kind,
+        "arm",
+        kind,
         lambda r: new(f"{kind}_Response", accepted=False, reason=f"not for {r.requester}"),
-    )  # fmt: skip
+    )
     answer = peer("call", "/quad1/arm", kind, {"request_id": "1", "requester": "a ROS node"}, None)
     assert answer == {"accepted": False, "reason": "not for a ROS node"}
 
@@ -263,15 +273,22 @@ def test_the_parameter_services_list_get_describe_set_and_refuse(
 
     def value(number: float) -> dict[str, Any]:
         return {
-            "of": "rcl_interfaces/msg/Parameter", "name": "control.kp",
+            "of": "rcl_interfaces/msg/Parameter",
+            "name": "control.kp",
             "value": {
-                "of": "rcl_interfaces/msg/ParameterValue", "type": 3, "bool_value": False,
-                "integer_value": 0, "double_value": number, "string_value": "",
-                "byte_array_value": numbers("uint8"), "bool_array_value": numbers("bool"),
+                "of": "rcl_interfaces/msg/ParameterValue",
+                "type": 3,
+                "bool_value": False,
+                "integer_value": 0,
+                "double_value": number,
+                "string_value": "",
+                "byte_array_value": numbers("uint8"),
+                "bool_array_value": numbers("bool"),
                 "integer_array_value": numbers("int64"),
-                "double_array_value": numbers("float64"), "string_array_value": [],
+                "double_array_value": numbers("float64"),
+                "string_array_value": [],
             },
-        }  # fmt: skip
+        }
 
     [done] = call("SetParameters", {"parameters": [value(6.5)]})["results"]
     assert done == {"successful": True, "reason": ""}

@@ -95,10 +95,7 @@ def test_a_new_request_about_the_same_id_replaces_the_open_one() -> None:
     exchange = Exchange([ask(Id.BATTERY)])
     exchange.put(set_value(Id.MOTOR_STATE, 1))
     exchange.put(set_value(Id.MOTOR_STATE, 3))
-    assert [(r.key, r.expected) for r in exchange.open] == [
-        (Id.BATTERY, None),
-        (Id.MOTOR_STATE, 3),
-    ]
+    assert [(r.key, r.expected) for r in exchange.open] == [(Id.BATTERY, None), (Id.MOTOR_STATE, 3)]
 
 
 def test_replies_name_what_they_answer() -> None:

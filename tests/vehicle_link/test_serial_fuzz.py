@@ -66,8 +66,14 @@ def noise(generator: Random) -> bytes:
 
 
 HOSTILE: tuple[Callable[[Random], bytes], ...] = (
-    flipped, truncated, interleaved, endless, repeated, forged, noise,
-)  # fmt: skip
+    flipped,
+    truncated,
+    interleaved,
+    endless,
+    repeated,
+    forged,
+    noise,
+)
 
 
 def pieces(generator: Random, stream: bytes, most: int) -> Iterator[bytes]:

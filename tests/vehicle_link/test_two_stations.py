@@ -66,8 +66,12 @@ class Vehicle(_Beating):
         self.instance = new_instance()
         clock = VehicleClock()
         self.inbound = Inbound(
-            None, clock, lambda level, text: self.said.append(text), print, self._taken  # type: ignore[arg-type]
-        )  # fmt: skip
+            None,
+            clock,
+            lambda level, text: self.said.append(text),
+            print,
+            self._taken,  # type: ignore[arg-type]
+        )
         for name in ("station_heartbeat", "tracker_pose"):
             self.subscribe(name, partial(self._heard, name))
         self._out = self.node.advertise(TOPICS["vehicle_heartbeat"])

@@ -23,9 +23,12 @@ EARLIER = "20260101T080000Z_quad1"
 SILENT = "the vehicle has not told its calibrations yet"
 DAY_NS = 86_400 * 10**9
 PROPOSES = {
-    "gyroscope": "gyroscope", "accelerometer": "accelerometer", "motor_bench": "motor",
-    "mass": "mass", "inertia": "inertia",
-}  # fmt: skip
+    "gyroscope": "gyroscope",
+    "accelerometer": "accelerometer",
+    "motor_bench": "motor",
+    "mass": "mass",
+    "inertia": "inertia",
+}
 NAMES = ("bearings", *PROPOSES, "my_hops", "my_slip.py")
 ABOUT = {
     "bearings": "Flies on bearings alone and back.",
@@ -59,35 +62,50 @@ def _record(name: str, days: float, **fields: Any) -> CalibrationRecord:
 
 def accelerometer(bias: float = 0.031, worst: float = 0.021) -> CalibrationRecord:
     """A proposal: twelve poses."""
-    values = {"imu.accelerometer_xx": 1.0042, "imu.accelerometer_yy": 0.9971,
-              "imu.accelerometer_zz": 1.0015, "imu.accelerometer_xy": 0.0021,
-              "imu.accelerometer_bias_x": bias, "imu.accelerometer_bias_y": -0.12,
-              "imu.accelerometer_bias_z": 0.2}  # fmt: skip
+    values = {
+        "imu.accelerometer_xx": 1.0042,
+        "imu.accelerometer_yy": 0.9971,
+        "imu.accelerometer_zz": 1.0015,
+        "imu.accelerometer_xy": 0.0021,
+        "imu.accelerometer_bias_x": bias,
+        "imu.accelerometer_bias_y": -0.12,
+        "imu.accelerometer_bias_z": 0.2,
+    }
     return CalibrationRecord(
-        name="accelerometer", values=values,
-        quality=(Quality(name="residual, rms", value=0.018, unit="m/s²", limit=0.05),
-                 Quality(name="worst residual", value=worst, unit="m/s²", limit=0.1),
-                 Quality(name="condition number", value=6.2, limit=120.0)),
+        name="accelerometer",
+        values=values,
+        quality=(
+            Quality(name="residual, rms", value=0.018, unit="m/s²", limit=0.05),
+            Quality(name="worst residual", value=worst, unit="m/s²", limit=0.1),
+            Quality(name="condition number", value=6.2, limit=120.0),
+        ),
         residuals=tuple((f"pose {k + 1}, m/s²", abs(worst * math.cos(2.3 * k))) for k in range(12)),
         conditions={"attitude": "tracker", "rate": "500 Hz", "poses": "12", "simulated": "yes"},
-    )  # fmt: skip
+    )
 
 
 def motor() -> CalibrationRecord:
     """A proposal: seventeen steps, the time constant from force alone."""
-    values = {"model.motor_slope": 0.0126611, "model.motor_offset": 14.131,
-              "model.torque_ratio": 0.01738, "model.motor_time_constant": 0.0473}  # fmt: skip
+    values = {
+        "model.motor_slope": 0.0126611,
+        "model.motor_offset": 14.131,
+        "model.torque_ratio": 0.01738,
+        "model.motor_time_constant": 0.0473,
+    }
     return CalibrationRecord(
-        name="motor", values=values,
+        name="motor",
+        values=values,
         figures=(Quality(name="worst of the quadratic", value=3.1, unit="count"),),
-        quality=(Quality(name="worst of the root law", value=0.14, unit="count", limit=0.5),
-                 Quality(name="torque residual", value=0.0021, unit="N m", limit=0.002)),
+        quality=(
+            Quality(name="worst of the root law", value=0.14, unit="count", limit=0.5),
+            Quality(name="torque residual", value=0.0021, unit="N m", limit=0.002),
+        ),
         residuals=tuple(
             (f"step {30 + 10 * k}, count", 0.14 * math.sin(1.9 * k)) for k in range(16)
         ),
         warnings=("the time constant is found from force alone; measure the speed to be sure",),
         conditions={"sensor": "simulated Nano17", "battery": "15.2 V"},
-    )  # fmt: skip
+    )
 
 
 def history() -> list[CalibrationRecord]:
@@ -104,14 +122,18 @@ def history() -> list[CalibrationRecord]:
             update={"requester": "start", "run_id": ""}
         ),
         _record(
-            "mass", 2.0, quality=hovered,
-            values={"model.mass": 1.308}, previous={"model.mass": 1.2},
+            "mass", 2.0, quality=hovered, values={"model.mass": 1.308}, previous={"model.mass": 1.2}
         ),
         _record(
-            "accelerometer", 9.0, values=held.values, previous=dict.fromkeys(held.values, 0.0),
-            quality=held.quality, residuals=held.residuals, conditions=held.conditions,
+            "accelerometer",
+            9.0,
+            values=held.values,
+            previous=dict.fromkeys(held.values, 0.0),
+            quality=held.quality,
+            residuals=held.residuals,
+            conditions=held.conditions,
         ),
-    ]  # fmt: skip
+    ]
 
 
 def pose_figures(count: int) -> dict[str, tuple[float, str]]:
@@ -133,19 +155,31 @@ def told(
     """Fields of an ExperimentStatus while it runs."""
     live = live or {}
     return {
-        "name": name, "phase": "flying", "requester": "anna", "elapsed": 24.0, "planned": 90.0,
-        "live_names": list(live), "live_values": [value for value, _ in live.values()],
-        "live_units": [unit for _, unit in live.values()], **fields,
-    }  # fmt: skip
+        "name": name,
+        "phase": "flying",
+        "requester": "anna",
+        "elapsed": 24.0,
+        "planned": 90.0,
+        "live_names": list(live),
+        "live_values": [value for value, _ in live.values()],
+        "live_units": [unit for _, unit in live.values()],
+        **fields,
+    }
 
 
 def ended(name: str, record: CalibrationRecord | None, **fields: Any) -> dict[str, Any]:
     """Fields of an ExperimentStatus after it."""
     return {
-        "name": name, "phase": "passed", "verdict": "passed", "requester": "anna", "run_id": RUN,
-        "elapsed": 93.0, "planned": 90.0, "proposal": record.model_dump_json() if record else "",
+        "name": name,
+        "phase": "passed",
+        "verdict": "passed",
+        "requester": "anna",
+        "run_id": RUN,
+        "elapsed": 93.0,
+        "planned": 90.0,
+        "proposal": record.model_dump_json() if record else "",
         **fields,
-    }  # fmt: skip
+    }
 
 
 def answered(service: str, request: Any, answer: Any, kept: list[CalibrationRecord]) -> Any:
@@ -226,6 +260,10 @@ class Bench:
         record = parse_record(self.status["proposal"])
         before = {name: self.station.store.get(name) for name in record.values}
         self._set(record.values, requester)
-        update = {"stamp_ns": time.time_ns(), "requester": requester, "previous": before,
-                  "run_id": self.status["run_id"]}  # fmt: skip
+        update = {
+            "stamp_ns": time.time_ns(),
+            "requester": requester,
+            "previous": before,
+            "run_id": self.status["run_id"],
+        }
         self.kept.insert(0, record.model_copy(update=update))

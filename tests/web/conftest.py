@@ -107,9 +107,14 @@ class ScriptedStation(Station):
         """Who commands, as the station tells it."""
         self.put(
             "control",
-            new("quadlab_msgs/ControlStatus", header=header(time.time_ns()), holder=holder,
-                asking=asking, answer_within=answer_within),
-        )  # fmt: skip
+            new(
+                "quadlab_msgs/ControlStatus",
+                header=header(time.time_ns()),
+                holder=holder,
+                asking=asking,
+                answer_within=answer_within,
+            ),
+        )
 
     def put(self, topic: str, message: Any) -> None:
         self._live.put(topic, encode(message))
@@ -130,18 +135,28 @@ class ScriptedStation(Station):
         self.put(
             "status",
             new(
-                "quadlab_msgs/VehicleStatus", header=stamp,
+                "quadlab_msgs/VehicleStatus",
+                header=stamp,
                 **{
-                    "mode": "armed", "behavior": "hover", "control_mode": "direct",
-                    "armed": True, "airborne": True, "flags": ["not_real_time"],
-                    "lateness_p50": 4.2e-5, "lateness_p99": 1.4e-4, "lateness_max": 6e-3,
-                    "tick_rate": 499.8, "nominal_rate": 500.0,
+                    "mode": "armed",
+                    "behavior": "hover",
+                    "control_mode": "direct",
+                    "armed": True,
+                    "airborne": True,
+                    "flags": ["not_real_time"],
+                    "lateness_p50": 4.2e-5,
+                    "lateness_p99": 1.4e-4,
+                    "lateness_max": 6e-3,
+                    "tick_rate": 499.8,
+                    "nominal_rate": 500.0,
                     "lateness_histogram": (91234, 8123, 712, 60, 5, 0, 0, 1),
-                    "overruns": 2, "missed_frames": 5,
-                    "parameter_revision": self.store.revision, **self.said,
+                    "overruns": 2,
+                    "missed_frames": 5,
+                    "parameter_revision": self.store.revision,
+                    **self.said,
                 },
             ),
-        )  # fmt: skip
+        )
         self.put("battery", new("sensor_msgs/BatteryState", header=stamp, voltage=15.6))
         self.put(
             "link_status",
@@ -149,10 +164,16 @@ class ScriptedStation(Station):
         )
         self.put(
             "station_status",
-            new("quadlab_msgs/StationStatus", header=stamp, tracker_rate=100.0, recording=True,
-                recording_duration=12.0, recording_bytes=84_000_000,
-                real_time_factor=self.real_time_factor),
-        )  # fmt: skip
+            new(
+                "quadlab_msgs/StationStatus",
+                header=stamp,
+                tracker_rate=100.0,
+                recording=True,
+                recording_duration=12.0,
+                recording_bytes=84_000_000,
+                real_time_factor=self.real_time_factor,
+            ),
+        )
 
     def compare(
         self, names: tuple[str, ...] = ("vehicle", "error_state"), residuals: Any = None
@@ -161,25 +182,41 @@ class ScriptedStation(Station):
         seen = {1: 0.010, 2: 0.020, 3: 0.030, 4: 0.120} if residuals is None else residuals
         results = [
             new(
-                "quadlab_msgs/EstimatorResult", name=name, initialized=True, converged=True,
-                position_error=0.010 + 0.001 * i, attitude_error=0.005,
-                position_rms_recent=0.020 + 0.001 * i, position_max_recent=0.050,
-                position_rms=0.030 + 0.001 * i, position_max=0.2, attitude_rms_recent=0.01,
-                attitude_rms=0.02, attitude_max=0.03, attitude_max_recent=0.02,
+                "quadlab_msgs/EstimatorResult",
+                name=name,
+                initialized=True,
+                converged=True,
+                position_error=0.010 + 0.001 * i,
+                attitude_error=0.005,
+                position_rms_recent=0.020 + 0.001 * i,
+                position_max_recent=0.050,
+                position_rms=0.030 + 0.001 * i,
+                position_max=0.2,
+                attitude_rms_recent=0.01,
+                attitude_rms=0.02,
+                attitude_max=0.03,
+                attitude_max_recent=0.02,
                 processor=math.nan if name == "vehicle" else 0.0123,
-                position_covariance=[4e-4, 0, 0, 0, 4e-4, 0, 0, 0, 1e-4], attitude_variance=1e-4,
-                beacon_ids=list(seen), residuals=list(seen.values()),
+                position_covariance=[4e-4, 0, 0, 0, 4e-4, 0, 0, 0, 1e-4],
+                attitude_variance=1e-4,
+                beacon_ids=list(seen),
+                residuals=list(seen.values()),
             )
             for i, name in enumerate(names)
-        ]  # fmt: skip
+        ]
         self.put(
             "comparison",
             new(
-                "quadlab_msgs/EstimatorComparison", header=header(time.time_ns()), truth="truth",
-                duration=133.0, sigma=math.radians(1.5), position_bound=0.027,
-                attitude_bound=0.02, estimators=results,
+                "quadlab_msgs/EstimatorComparison",
+                header=header(time.time_ns()),
+                truth="truth",
+                duration=133.0,
+                sigma=math.radians(1.5),
+                position_bound=0.027,
+                attitude_bound=0.02,
+                estimators=results,
             ),
-        )  # fmt: skip
+        )
 
     def _read_parameters(self, remote: str) -> Any:
         if remote != f"/{self._vehicle}/vehicle":
@@ -292,17 +329,36 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     (data / "runs" / f"{RUN}.mcap").write_bytes(LOG)
     catalogue.add(
         RunEntry(
-            id=RUN, vehicle="quad1", start_ns=1_769_851_842_000_000_000, duration=63.2,
-            file=f"{RUN}.mcap", bytes=len(LOG), messages=7, operator="operator 1", complete=True,
-            recovered=False, problem="", notes="",
+            id=RUN,
+            vehicle="quad1",
+            start_ns=1_769_851_842_000_000_000,
+            duration=63.2,
+            file=f"{RUN}.mcap",
+            bytes=len(LOG),
+            messages=7,
+            operator="operator 1",
+            complete=True,
+            recovered=False,
+            problem="",
+            notes="",
         )
-    )  # fmt: skip
+    )
     catalogue.add(
         RunEntry(
-            id="elsewhere", vehicle="quad1", start_ns=1, duration=1.0, file="../web/door.json",
-            bytes=1, messages=1, operator="", complete=True, recovered=False, problem="", notes="",
+            id="elsewhere",
+            vehicle="quad1",
+            start_ns=1,
+            duration=1.0,
+            file="../web/door.json",
+            bytes=1,
+            messages=1,
+            operator="",
+            complete=True,
+            recovered=False,
+            problem="",
+            notes="",
         )
-    )  # fmt: skip
+    )
     with serving(data, catalogue) as running:
         yield running
 
@@ -404,10 +460,17 @@ class serving:  # noqa: N801 - used as `with serving(...)`
 
         now = [0.0]  # s, of the sign-in limits; a test moves it
         app = assemble(
-            attempts=Attempts(lambda: now[0]), passwords=Passwords(1, 8),
-            data=data, base_url=base, vehicles=vehicles, token=token, connect=connect,
-            catalogue=catalogue, show_link=show, new_view_server=new_view_server,
-        )  # fmt: skip
+            attempts=Attempts(lambda: now[0]),
+            passwords=Passwords(1, 8),
+            data=data,
+            base_url=base,
+            vehicles=vehicles,
+            token=token,
+            connect=connect,
+            catalogue=catalogue,
+            show_link=show,
+            new_view_server=new_view_server,
+        )
         self._server: uvicorn.Server = server(_with_view(app), tls)
         self._thread = threading.Thread(
             target=self._server.run, kwargs={"sockets": [self._listener]}, daemon=True

@@ -76,12 +76,18 @@ class StepVehicle:
             self.behavior = self.ends_with
         flies = {"mode": "armed", "armed": True, "behavior": self.behavior}
         return new(
-            "quadlab_msgs/VehicleStatus", header=header(now_ns), control_mode="direct",
+            "quadlab_msgs/VehicleStatus",
+            header=header(now_ns),
+            control_mode="direct",
             **{**flies, "airborne": self.airborne, **self._station.said},
-            parameter_revision=self._station.store.revision, tick_rate=500.0, nominal_rate=500.0,
-            lateness_p50=4.2e-5, lateness_p99=1.4e-4, lateness_max=6e-4,
+            parameter_revision=self._station.store.revision,
+            tick_rate=500.0,
+            nominal_rate=500.0,
+            lateness_p50=4.2e-5,
+            lateness_p99=1.4e-4,
+            lateness_max=6e-4,
             lateness_histogram=(912345, 8123, 712, 60, 5, 0, 0, 0),
-        )  # fmt: skip
+        )
 
     def _call(self, service: str, request: Any) -> Any:
         if service == "onboard_log":
@@ -144,9 +150,13 @@ class StepVehicle:
         sent = wanted[:ROWS]
         assert list(request.columns) == list(COLUMNS)
         return new(
-            kind, accepted=True, file="quad1.mcap", stamps_ns=stamps[sent],
-            values=values[sent].ravel(), complete=len(wanted) <= ROWS,
-        )  # fmt: skip
+            kind,
+            accepted=True,
+            file="quad1.mcap",
+            stamps_ns=stamps[sent],
+            values=values[sent].ravel(),
+            complete=len(wanted) <= ROWS,
+        )
 
 
 def _response(zeta: float, omega: float, time_s: np.ndarray) -> np.ndarray:

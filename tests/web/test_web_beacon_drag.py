@@ -25,10 +25,16 @@ HANDLE = "/beacons/0/handle"
 EYE = (-2.0, -2.0, 3.0)
 CAMERA = {
     "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0], "position": list(EYE), "fov": 1.0, "near": 0.01,
-    "far": 100.0, "image_height": 400, "image_width": 640, "look_at": [0.0, 0.0, 0.0],
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": list(EYE),
+    "fov": 1.0,
+    "near": 0.01,
+    "far": 100.0,
+    "image_height": 400,
+    "image_width": 640,
+    "look_at": [0.0, 0.0, 0.0],
     "up_direction": [0.0, 0.0, 1.0],
-}  # fmt: skip
+}
 
 
 def message(
@@ -37,12 +43,20 @@ def message(
     """As viser's client sends it."""
     return encode(
         {
-            "type": "SceneNodeDragMessage", "phase": phase, "name": name, "instance_index": None,
-            "start_position": [0.0, 0.0, 0.0], "start_screen_pos": [0.5, 0.5],
-            "end_position": list(pointer), "end_screen_pos": [0.5, 0.5], "button": "left",
-            "modifier": None, "owner": "", **other,
+            "type": "SceneNodeDragMessage",
+            "phase": phase,
+            "name": name,
+            "instance_index": None,
+            "start_position": [0.0, 0.0, 0.0],
+            "start_screen_pos": [0.5, 0.5],
+            "end_position": list(pointer),
+            "end_screen_pos": [0.5, 0.5],
+            "button": "left",
+            "modifier": None,
+            "owner": "",
+            **other,
         }
-    )  # fmt: skip
+    )
 
 
 def toward(place: tuple[float, float, float], share: float = 0.6) -> tuple[float, float, float]:

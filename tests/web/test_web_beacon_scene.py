@@ -91,9 +91,14 @@ def bearings(
     in_body = unit @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     rows = [tuple(one) for one in in_body.tolist()]
     return encode(
-        new("quadlab_msgs/BearingArray", header=header(stamp_ns), beacon_ids=seen, bearings=rows,
-            sigma=sigma)
-    )  # fmt: skip
+        new(
+            "quadlab_msgs/BearingArray",
+            header=header(stamp_ns),
+            beacon_ids=seen,
+            bearings=rows,
+            sigma=sigma,
+        )
+    )
 
 
 def one_frame(place: tuple[float, float, float], covariance: Any) -> bytes:
@@ -101,18 +106,25 @@ def one_frame(place: tuple[float, float, float], covariance: Any) -> bytes:
     whole[:3, :3] = covariance
     pose = {"position": place, "orientation": (0.0, 0.0, 0.0, 1.0)}
     return encode(
-        new("geometry_msgs/PoseWithCovarianceStamped", header=header(0),
-            pose={"pose": pose, "covariance": whole.ravel().tolist()})
-    )  # fmt: skip
+        new(
+            "geometry_msgs/PoseWithCovarianceStamped",
+            header=header(0),
+            pose={"pose": pose, "covariance": whole.ravel().tolist()},
+        )
+    )
 
 
 def comparison(**places: tuple[float, float, float]) -> bytes:
     results = [
-        new("quadlab_msgs/EstimatorResult", name=name.replace("__", ":"), initialized=place[2] > 0,
+        new(
+            "quadlab_msgs/EstimatorResult",
+            name=name.replace("__", ":"),
+            initialized=place[2] > 0,
             pose={"position": place, "orientation": (0.0, 0.0, 0.0, 1.0)},
-            position_covariance=(0.01 * np.eye(3)).ravel().tolist())
+            position_covariance=(0.01 * np.eye(3)).ravel().tolist(),
+        )
         for name, place in places.items()
-    ]  # fmt: skip
+    ]
     return encode(new("quadlab_msgs/EstimatorComparison", header=header(0), estimators=results))
 
 
@@ -346,9 +358,12 @@ def test_the_ghost_is_the_estimate_that_was_chosen(
     live.put("bearing_pose", one_frame((1.0, 0.0, 1.0), 0.01 * np.eye(3)))
     live.put(
         "comparison",
-        comparison(vehicle=(0.1, 0.0, 1.0), complementary__paper=(0.2, 0.0, 1.0),
-                   error_state=(0.0, 0.0, 0.0)),
-    )  # fmt: skip
+        comparison(
+            vehicle=(0.1, 0.0, 1.0),
+            complementary__paper=(0.2, 0.0, 1.0),
+            error_state=(0.0, 0.0, 0.0),
+        ),
+    )
     ghost = node("/estimate")
     expected = {"one frame": 1.0, "vehicle": 0.1, "complementary:paper": 0.2}
     for name, x in expected.items():
@@ -443,8 +458,10 @@ def test_a_flight_on_bearings_stays_within_its_bandwidth(server: ViewServer) -> 
         server.url,
         subprotocols=[websockets.Subprotocol(f"viser-v{server.version}")],
         additional_headers={SECRET_HEADER: server.secret, VIEW_HEADER: "a"},
-        compression=None, max_size=None, proxy=None,
-    ) as socket:  # fmt: skip
+        compression=None,
+        max_size=None,
+        proxy=None,
+    ) as socket:
 
         def read() -> None:
             nonlocal received

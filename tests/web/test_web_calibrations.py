@@ -82,9 +82,14 @@ def test_the_summary_has_instruction_live_figures_and_the_proposal(
 ) -> None:
     live = {"mass": (1.3, "kg"), "mass deviation": (float("inf"), "kg")}
     bench.status = calibrating.told(
-        "mass", live, instruction="It hovers", question="Is it clear?",
-        step_number=3, step_count=4, step_share=0.25,
-    )  # fmt: skip
+        "mass",
+        live,
+        instruction="It hovers",
+        question="Is it clear?",
+        step_number=3,
+        step_count=4,
+        step_share=0.25,
+    )
     bench.fly()
     summary = operator.get("/api/summary").json()
     shown = summary["experiment"]

@@ -24,20 +24,48 @@ def site(beacon_site: Any) -> Any:
 
 def comparison(**fields: Any) -> Any:
     results = [
-        new("quadlab_msgs/EstimatorResult", name="vehicle", position_error=0.0123,
-            position_rms_recent=0.021, position_max_recent=0.05, position_rms=0.031,
-            position_max=0.2, attitude_rms_recent=0.01, initialized=True, converged=True,
-            attitude_error=0.01, processor=math.nan, beacon_ids=[3, 1], residuals=[0.02, 0.04],
-            position_covariance=[math.nan] * 9),
-        new("quadlab_msgs/EstimatorResult", name="mine", initialized=True,
-            position_error=0.2, processor=0.025),
-        new("quadlab_msgs/EstimatorResult", name="complementary:paper", position_error=0.5,
-            attitude_error=0.02, position_covariance=[4e-4, 9, 9, 9, 4e-4, 9, 9, 9, 1e-4]),
-    ]  # fmt: skip
+        new(
+            "quadlab_msgs/EstimatorResult",
+            name="vehicle",
+            position_error=0.0123,
+            position_rms_recent=0.021,
+            position_max_recent=0.05,
+            position_rms=0.031,
+            position_max=0.2,
+            attitude_rms_recent=0.01,
+            initialized=True,
+            converged=True,
+            attitude_error=0.01,
+            processor=math.nan,
+            beacon_ids=[3, 1],
+            residuals=[0.02, 0.04],
+            position_covariance=[math.nan] * 9,
+        ),
+        new(
+            "quadlab_msgs/EstimatorResult",
+            name="mine",
+            initialized=True,
+            position_error=0.2,
+            processor=0.025,
+        ),
+        new(
+            "quadlab_msgs/EstimatorResult",
+            name="complementary:paper",
+            position_error=0.5,
+            attitude_error=0.02,
+            position_covariance=[4e-4, 9, 9, 9, 4e-4, 9, 9, 9, 1e-4],
+        ),
+    ]
     return new(
-        "quadlab_msgs/EstimatorComparison", truth="truth", duration=75.25, sigma=0.02,
-        position_bound=0.027, attitude_bound=math.nan, estimators=results, **fields,
-    )  # fmt: skip
+        "quadlab_msgs/EstimatorComparison",
+        truth="truth",
+        duration=75.25,
+        sigma=0.02,
+        position_bound=0.027,
+        attitude_bound=math.nan,
+        estimators=results,
+        **fields,
+    )
 
 
 def test_the_feed_has_lengths_in_mm_angles_in_degrees_and_no_nan() -> None:

@@ -32,9 +32,13 @@ class Bench:
         self.may_answer.set()
         self.live = Live(decode, lambda: self.now)
         self.desk = EmergencyDesk(
-            self, self.live, self.published.append, lambda _, line: self.said.append(line),
-            lambda: self.now, lambda: self.chosen,
-        )  # fmt: skip
+            self,
+            self.live,
+            self.published.append,
+            lambda _, line: self.said.append(line),
+            lambda: self.now,
+            lambda: self.chosen,
+        )
 
     async def command(self, service: str, requester: str, **fields: Any) -> None:
         self.calls.append((fields["action"], requester, fields["request_id"]))

@@ -17,10 +17,15 @@ from vehicle_link.parameter_messages import from_parameters
 RUN = "20260131T093042Z_quad1"
 PNG = b"\x89PNG\r\n\x1a\nnot much of a picture"
 RESULT = {
-    "experiment": "bearings", "run_id": RUN, "options": {"duration": 10.0}, "verdict": "passed",
-    "metrics": {"position_rms_m": 0.02}, "limits": {"position_rms_m": 0.025},
-    "files": [f"{RUN}.png"], "problem": "",
-}  # fmt: skip
+    "experiment": "bearings",
+    "run_id": RUN,
+    "options": {"duration": 10.0},
+    "verdict": "passed",
+    "metrics": {"position_rms_m": 0.02},
+    "limits": {"position_rms_m": 0.025},
+    "files": [f"{RUN}.png"],
+    "problem": "",
+}
 
 
 class NoFiles:
@@ -75,10 +80,17 @@ def test_experiments_come_with_their_options_and_status(
     assert options["manoeuvre"]["choices"] == ["hover", "figure_eight", "sticks", "manual"]
     describing.put(
         "experiment_status",
-        new("quadlab_msgs/ExperimentStatus", name="bearings", phase="passed", run_id=RUN,
-            metric_names=["a", "b"], metric_values=[1.0, float("nan")],
-            metric_limits=[2.0, float("nan")], reports=["x.png"]),
-    )  # fmt: skip
+        new(
+            "quadlab_msgs/ExperimentStatus",
+            name="bearings",
+            phase="passed",
+            run_id=RUN,
+            metric_names=["a", "b"],
+            metric_values=[1.0, float("nan")],
+            metric_limits=[2.0, float("nan")],
+            reports=["x.png"],
+        ),
+    )
     status = operator.get("/api/summary").json()["experiment"]
     assert (status["phase"], status["run_id"], status["reports"]) == ("passed", RUN, ["x.png"])
     assert status["metrics"] == [
@@ -118,10 +130,13 @@ def test_a_refusal_is_one_line_with_the_stations_reason(
 @pytest.mark.parametrize(
     "body",
     [
-        {}, {"name": ""}, {"name": "bearings", "options": {"a": [1]}},
-        {"name": "bearings", "speed": 3}, {"name": "x", "options": {"a": None}},
+        {},
+        {"name": ""},
+        {"name": "bearings", "options": {"a": [1]}},
+        {"name": "bearings", "speed": 3},
+        {"name": "x", "options": {"a": None}},
     ],
-)  # fmt: skip
+)
 def test_what_is_no_start_is_refused_here(
     operator: httpx.Client, station: Any, body: dict[str, Any]
 ) -> None:

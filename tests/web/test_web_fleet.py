@@ -162,8 +162,11 @@ def test_the_fleet_s_socket_tells_how_and_where_each_one_is(
     assert [where and where[:3] for where in told["positions"]] == [[1.0, 2.0, 1.5], [-1.0, 0.5, 0]]
     one, two = told["vehicles"]
     assert (one["armed"], one["height"], one["battery"], one["link"]["state"]) == (
-        True, 1.5, 15.6, "good",
-    )  # fmt: skip
+        True,
+        1.5,
+        15.6,
+        "good",
+    )
     assert (two["name"], two["armed"]) == ("quad2", False)
 
 

@@ -13,10 +13,19 @@ import websockets.exceptions
 from console.catalogue import Catalogue
 
 READ = [
-    "/", "/kill", "/static/app.js", "/vendor/uPlot.iife.js", "/viser/", "/api/session",
-    "/api/signals", "/api/summary", "/api/events", "/api/parameters", "/api/runs",
+    "/",
+    "/kill",
+    "/static/app.js",
+    "/vendor/uPlot.iife.js",
+    "/viser/",
+    "/api/session",
+    "/api/signals",
+    "/api/summary",
+    "/api/events",
+    "/api/parameters",
+    "/api/runs",
     "/api/openapi.json",
-]  # fmt: skip
+]
 WRITE = [
     ("POST", "/api/commands/arm", {}),
     ("POST", "/api/commands/disarm", {}),
@@ -106,8 +115,7 @@ def test_a_foreign_host_name_is_refused(signed_in: httpx.Client) -> None:
 def test_localhost_is_our_name_too(site: Any, signed_in: httpx.Client) -> None:
     port = site.host.split(":")[1]
     answer = signed_in.get(
-        "/api/session",
-        headers={"Host": f"localhost:{port}", "Cookie": site.cookie(signed_in)},
+        "/api/session", headers={"Host": f"localhost:{port}", "Cookie": site.cookie(signed_in)}
     )
     assert answer.status_code == 200
 

@@ -142,7 +142,8 @@ def test_a_changed_file_is_joined_anew(tmp_path: Path) -> None:
     files = KeptFiles(tmp_path)
     first = bytes(files.document("page.html").body).decode()
     assert re.findall(r'"/static/v-[0-9a-f]{16}/([^"]+)"', first) == [
-        "joined/page.css", "joined/a.js",
-    ]  # fmt: skip
+        "joined/page.css",
+        "joined/a.js",
+    ]
     (tmp_path / "a.js").write_text("/* another */")
     assert bytes(files.document("page.html").body).decode() != first

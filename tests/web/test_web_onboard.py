@@ -21,10 +21,17 @@ LOG = "quad1_20260131T093042_120Z.mcap"
 @pytest.fixture
 def logs(site: Any) -> Iterator[None]:
     files = [
-        new("quadlab_msgs/OnboardFile", name=LOG, size=7, identity=1, start_ns=5_000_000_000,
-            end_ns=65_000_000_000, closed=True),
+        new(
+            "quadlab_msgs/OnboardFile",
+            name=LOG,
+            size=7,
+            identity=1,
+            start_ns=5_000_000_000,
+            end_ns=65_000_000_000,
+            closed=True,
+        ),
         new("quadlab_msgs/OnboardFile", name="quad1_torn.mcap", size=9, identity=2),
-    ]  # fmt: skip
+    ]
     site.station.answers["onboard_files"] = {"files": files, "free_bytes": 4_000_000_000}
     yield
     site.station.answers.clear()
@@ -55,14 +62,19 @@ def test_what_is_asked_for_goes_to_the_station_with_who_asked(
     me = operator.get("/api/session").json()["label"]
     site.station.requests.clear()
     for path in (
-        f"/api/onboard/{LOG}/download", f"/api/onboard/{LOG}/cancel",
-        f"/api/runs/{RUN}/backfill", f"/api/runs/{RUN}/backfill/cancel",
-    ):  # fmt: skip
+        f"/api/onboard/{LOG}/download",
+        f"/api/onboard/{LOG}/cancel",
+        f"/api/runs/{RUN}/backfill",
+        f"/api/runs/{RUN}/backfill/cancel",
+    ):
         assert operator.post(path).json() == {"accepted": True}
     asked = [(r.action, r.name, r.requester) for _, r in site.station.requests]
     assert asked == [
-        ("download", LOG, me), ("cancel", LOG, me), ("backfill", RUN, me), ("cancel", RUN, me),
-    ]  # fmt: skip
+        ("download", LOG, me),
+        ("cancel", LOG, me),
+        ("backfill", RUN, me),
+        ("cancel", RUN, me),
+    ]
     assert operator.post("/api/runs/unknown/backfill").status_code == 404
 
 
@@ -77,16 +89,30 @@ def test_a_refusal_is_its_one_line(site: Any, operator: httpx.Client) -> None:
 
 
 def test_the_summary_tells_what_is_under_way(site: Any, operator: httpx.Client) -> None:
-    one = new("quadlab_msgs/Transfer", kind="backfill", name=RUN, phase="fetching", bytes=20,
-              total_bytes=100, rate=10.0)  # fmt: skip
+    one = new(
+        "quadlab_msgs/Transfer",
+        kind="backfill",
+        name=RUN,
+        phase="fetching",
+        bytes=20,
+        total_bytes=100,
+        rate=10.0,
+    )
     site.station.put(
         "transfers", new("quadlab_msgs/Transfers", header=header(time.time_ns()), transfers=[one])
     )
     told = operator.get("/api/summary").json()["transfers"]
     assert told == [
-        {"kind": "backfill", "name": RUN, "phase": "fetching", "bytes": 20, "total_bytes": 100,
-         "rate": 10.0, "problem": ""}
-    ]  # fmt: skip
+        {
+            "kind": "backfill",
+            "name": RUN,
+            "phase": "fetching",
+            "bytes": 20,
+            "total_bytes": 100,
+            "rate": 10.0,
+            "problem": "",
+        }
+    ]
 
 
 def test_a_run_tells_how_it_compares_with_the_vehicle_s_log(

@@ -69,9 +69,13 @@ def test_no_request_makes_the_server_fail(own_site: Any) -> None:
             )
             with contextlib.suppress(Unsatisfiable):  # a body of any text: none is wrong
                 settings(
-                max_examples=EXAMPLES, deadline=None, derandomize=True, database=None,
-                suppress_health_check=list(HealthCheck), phases=(Phase.generate,),
-            )(attempt)()  # fmt: skip
+                    max_examples=EXAMPLES,
+                    deadline=None,
+                    derandomize=True,
+                    database=None,
+                    suppress_health_check=list(HealthCheck),
+                    phases=(Phase.generate,),
+                )(attempt)()
     print({label: sorted(seen) for label, seen in statuses.items()})
     assert len(statuses) > 30
     assert not any(401 in seen or 403 in seen for seen in statuses.values()), statuses

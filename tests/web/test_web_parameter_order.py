@@ -19,9 +19,16 @@ KP, KV, RATES, STATION = "control.kp", "control.kv", "control.rates", "station.d
 
 def described(name: str, kind: str = "float", **changes: Any) -> ParameterDescription:
     fields: dict[str, Any] = {
-        "default": 4.0, "description": "", "unit": "", "minimum": 0.0, "maximum": 20.0,
-        "step": 0.1, "read_only": False, "choices": (), "flight_step": None,
-    }  # fmt: skip
+        "default": 4.0,
+        "description": "",
+        "unit": "",
+        "minimum": 0.0,
+        "maximum": 20.0,
+        "step": 0.1,
+        "read_only": False,
+        "choices": (),
+        "flight_step": None,
+    }
     return ParameterDescription(name=name, type=kind, **(fields | changes))
 
 
@@ -29,10 +36,11 @@ def mirror_of(told: list[Any] | None = None) -> ParameterMirror:
     mirror = ParameterMirror((told if told is not None else []).append)
     free = {"minimum": None, "maximum": None, "step": None}
     descriptions = [
-        described(KP, flight_step=4.0), described(KV, flight_step=2.0),
+        described(KP, flight_step=4.0),
+        described(KV, flight_step=2.0),
         described(RATES, "str", default="nominal", choices=("nominal", "exact"), **free),
         described(STATION),
-    ]  # fmt: skip
+    ]
     mirror.load(descriptions, {KP: 4.0, KV: 3.0, RATES: "nominal", STATION: 0.0}, 0)
     return mirror
 
@@ -149,8 +157,9 @@ def test_two_hands_that_walk_against_each_other_come_to_an_end() -> None:
     async def scenario() -> None:
         path, vehicle, mirror = flying()
         both = (
-            path.change({KP: 20.0}, "anna", walks=True), path.change({KP: 0.0}, "ben", walks=True)
-        )  # fmt: skip
+            path.change({KP: 20.0}, "anna", walks=True),
+            path.change({KP: 0.0}, "ben", walks=True),
+        )
         await asyncio.wait_for(asyncio.gather(*both, return_exceptions=True), 10.0)
         assert len(vehicle.calls) <= 6
         assert mirror.value(KP) == vehicle.values[KP]

@@ -104,8 +104,9 @@ def test_a_preset_is_saved_by_who_compared_switched_to_deleted_and_restored(
     assert listed["defaults"]["built_in"] is True
     lines = known.get(f"/api/parameters/presets/{saved['id']}").json()["lines"]
     assert {line["name"]: (line["now"], line["new"]) for line in lines} == {
-        "gains.kp": (4.0, 9.0), "gains.laps": (3, 5),
-    }  # fmt: skip
+        "gains.kp": (4.0, 9.0),
+        "gains.laps": (3, 5),
+    }
     station.requests.clear()
     values = {line["name"]: line["new"] for line in lines}
     known.put("/api/parameters", json={"values": values, "walks": True})

@@ -26,9 +26,15 @@ def description(
     name: str = "gains.kp", kind: str = "float", **changes: Any
 ) -> ParameterDescription:
     fields: dict[str, Any] = {
-        "default": 4.0, "description": "", "unit": "", "minimum": 0.0, "maximum": 20.0,
-        "step": 0.1, "read_only": False, "choices": (),
-    }  # fmt: skip
+        "default": 4.0,
+        "description": "",
+        "unit": "",
+        "minimum": 0.0,
+        "maximum": 20.0,
+        "step": 0.1,
+        "read_only": False,
+        "choices": (),
+    }
     return ParameterDescription(name=name, type=kind, **(fields | changes))
 
 
@@ -191,9 +197,13 @@ def test_pages_hear_only_news() -> None:
     mirror.apply({"gains.kp": 5.0}, "operator 1", 4)  # the same again, from parameter_changes
     assert [m["type"] for m in told] == ["parameters", "parameter"]
     assert told[1] == {
-        "type": "parameter", "name": "gains.kp", "value": 5.0, "requester": "operator 1",
-        "revision": 4, "generation": mirror.generation,
-    }  # fmt: skip
+        "type": "parameter",
+        "name": "gains.kp",
+        "value": 5.0,
+        "requester": "operator 1",
+        "revision": 4,
+        "generation": mirror.generation,
+    }
 
 
 @pytest.fixture

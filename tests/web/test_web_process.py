@@ -60,9 +60,12 @@ def test_the_slow_libraries_are_not_imported() -> None:
         "print([m for m in ('numba', 'scipy', 'cv2', 'IPython') if m in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True,
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
         cwd=Path(app.__file__).parent.parent,
-    )  # fmt: skip
+    )
     assert done.stdout.strip() == "[]"
 
 
@@ -119,9 +122,11 @@ def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) 
     )
     process = subprocess.Popen(
         [sys.executable, "-c", code],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
         cwd=Path(app.__file__).parent.parent,
-    )  # fmt: skip
+    )
     try:
         assert process.stdout is not None
         said = process.stdout.readline()

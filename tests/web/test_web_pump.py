@@ -27,10 +27,16 @@ from web.view_server import ViewServer
 
 CAMERA = {
     "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [1.0, 1.0, 1.0], "fov": 1.0, "near": 0.01,
-    "far": 100.0, "image_height": 400, "image_width": 640, "look_at": [0.0, 0.0, 0.0],
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [1.0, 1.0, 1.0],
+    "fov": 1.0,
+    "near": 0.01,
+    "far": 100.0,
+    "image_height": 400,
+    "image_width": 640,
+    "look_at": [0.0, 0.0, 0.0],
     "up_direction": [0.0, 0.0, 1.0],
-}  # fmt: skip
+}
 HARMFUL = [
     {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"value": 1e6}},
     {"type": "GuiUpdateMessage", "uuid": "u", "updates": {"update_cb": []}},
@@ -86,9 +92,16 @@ def test_what_our_scene_has_no_use_for_ends_the_connection(
 
 @pytest.mark.parametrize(
     "frame",
-    [b"", b"\xc1", b"text", encode(3), encode({"type": 1}), encode({**CAMERA, "x": "y" * 5000}),
-     None],
-)  # fmt: skip
+    [
+        b"",
+        b"\xc1",
+        b"text",
+        encode(3),
+        encode({"type": 1}),
+        encode({**CAMERA, "x": "y" * 5000}),
+        None,
+    ],
+)
 def test_what_is_no_message_ends_the_connection(upstream: Any, frame: bytes | None) -> None:
     with pytest.raises(pump.HostileError):
         upstream(Role.ADMIN).takes(frame)
@@ -289,9 +302,13 @@ def test_a_page_that_leaves_in_the_midst_of_frames_is_let_go() -> None:
 
     async def whole() -> None:
         async with websockets.asyncio.server.serve(
-            flood, "127.0.0.1", 0, subprotocols=[websockets.Subprotocol("viser-vtest")],
-            compression=None, close_timeout=0.1,
-        ) as viewer:  # fmt: skip
+            flood,
+            "127.0.0.1",
+            0,
+            subprotocols=[websockets.Subprotocol("viser-vtest")],
+            compression=None,
+            close_timeout=0.1,
+        ) as viewer:
             url = f"ws://127.0.0.1:{viewer.sockets[0].getsockname()[1]}"
             server: Any = SimpleNamespace(
                 version="test", secret="secret", url=url, draggable=frozenset()

@@ -23,9 +23,11 @@ from web.replay.reader import Replay
 from web.replay.track import PARTS, WIDTH
 
 RUN = MadeRun(
-    24.0, silence=(11.0, 12.5), marks=[(13.0, "gust"), (14.5, "")],
+    24.0,
+    silence=(11.0, 12.5),
+    marks=[(13.0, "gust"), (14.5, "")],
     changes=[(9.0, "control.position.kp_xy", 4.0, 5.5)],
-)  # fmt: skip
+)
 HEIGHT = ["state.position.z"]
 SECOND = 10**9
 
@@ -209,12 +211,16 @@ def test_the_track_holds_the_path_and_its_silence(replay: Replay) -> None:
 def test_the_time_line_says_what_happened_and_when(replay: Replay) -> None:
     index = replay.described()
     assert [(one["text"], one["from"]) for one in index["spans"]["behavior"]] == [
-        ("ground", 0.0), ("take_off", 3.0), ("follow_trajectory", 6.0), ("land", 21.0),
+        ("ground", 0.0),
+        ("take_off", 3.0),
+        ("follow_trajectory", 6.0),
+        ("land", 21.0),
         ("ground", 23.1),
-    ]  # fmt: skip
+    ]
     assert index["marks"] == [
-        {"t": 13.0, "text": "gust", "who": "anna"}, {"t": 14.5, "text": "", "who": "anna"},
-    ]  # fmt: skip
+        {"t": 13.0, "text": "gust", "who": "anna"},
+        {"t": 14.5, "text": "", "who": "anna"},
+    ]
     assert index["changes"] == [
         {"t": 9.0, "name": "control.position.kp_xy", "who": "anna", "old": 4.0, "new": 5.5}
     ]
@@ -236,9 +242,13 @@ def test_of_each_mark_the_newest_text_counts_at_the_marks_own_time(tmp_path: Pat
     """A text that follows has the stamp of its mark, and may be empty."""
     log = tmp_path / "a.mcap"
     told = [
-        ("a", 2.0, 2.0, "gust"), ("b", 3.0, 3.0, "door"), ("c", 4.0, 4.0, ""),
-        ("a", 2.0, 4.5, ""), ("b", 3.0, 5.0, "a door"), ("c", 4.0, 5.5, "wind"),
-    ]  # fmt: skip
+        ("a", 2.0, 2.0, "gust"),
+        ("b", 3.0, 3.0, "door"),
+        ("c", 4.0, 4.0, ""),
+        ("a", 2.0, 4.5, ""),
+        ("b", 3.0, 5.0, "a door"),
+        ("c", 4.0, 5.5, "wind"),
+    ]
     with LogWriter(log, {"vehicle": "quad1"}, {}) as writer:
         for t in (0.0, 1.0):
             clock = new("std_msgs/String", data="x")

@@ -96,8 +96,10 @@ def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
 
 def test_the_vehicles_own_logs_are_listed(viewer_there: httpx.Client) -> None:
     assert {one["id"] for one in viewer_there.get("/api/replay").json()} == {
-        "onboard:quad1_flight", "onboard:quad2:quad2_flight", "onboard:quad3:here:quad3_flight",
-    }  # fmt: skip
+        "onboard:quad1_flight",
+        "onboard:quad2:quad2_flight",
+        "onboard:quad3:here:quad3_flight",
+    }
 
 
 def test_an_empty_file_answers_in_one_line(viewer_there: httpx.Client, until: Until) -> None:
@@ -125,11 +127,14 @@ def test_no_name_leads_out_of_the_folders(viewer_there: httpx.Client, name: str)
 @pytest.mark.parametrize(
     "query",
     [
-        "start=nan&end=1&signal=thrust", "start=0&end=inf&signal=thrust", "start=0&end=1",
-        "start=0&end=1&signal=nothing", "start=0&end=1&signal=thrust&points=1000000",
+        "start=nan&end=1&signal=thrust",
+        "start=0&end=inf&signal=thrust",
+        "start=0&end=1",
+        "start=0&end=1&signal=nothing",
+        "start=0&end=1&signal=thrust&points=1000000",
         "start=0&end=1&" + "&".join(["signal=thrust"] * 65),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_asked_is_refused(
     viewer_there: httpx.Client, until: Until, query: str
 ) -> None:
@@ -140,9 +145,12 @@ def test_what_cannot_be_asked_is_refused(
 
 
 def test_others_are_answered_while_a_log_is_read(
-    viewer_there: httpx.Client, replay_site: Any, serve: type, until: Until,
+    viewer_there: httpx.Client,
+    replay_site: Any,
+    serve: type,
+    until: Until,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """The builder waits until somebody else was answered."""
     heard = threading.Event()
     real = ReplayStore._run

@@ -219,8 +219,9 @@ def test_a_builder_ends_when_its_page_is_gone(log: Path) -> None:
     read, write = os.pipe()
     process = subprocess.Popen(
         [sys.executable, "-m", "web.replay.build", str(log), str(log.parent / "cache")],
-        stdin=read, stdout=subprocess.PIPE,
-    )  # fmt: skip
+        stdin=read,
+        stdout=subprocess.PIPE,
+    )
     os.close(read)
     os.close(write)
     process.communicate(timeout=60.0)

@@ -50,8 +50,11 @@ def test_it_tells_its_progress_and_then_its_files(
     wait.touch()
     reports = making()
     assert reports.state("run").as_json(log) == {
-        "state": "none", "progress": 0.0, "reason": "", "files": [],
-    }  # fmt: skip
+        "state": "none",
+        "progress": 0.0,
+        "reason": "",
+        "files": [],
+    }
     first = reports.ask("run", log)
     until(lambda: reports.state("run").progress == 0.25)
     assert reports.ask("run", log) is first, "one under way is enough"

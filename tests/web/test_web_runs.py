@@ -53,10 +53,16 @@ def test_a_range_beyond_the_end_is_refused(operator: httpx.Client) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        "unknown", "..", "%2e%2e", "..%2f..%2fweb%2fdoor.json", "%2fetc%2fpasswd",
-        "..%5cweb%5cdoor.json", f"{RUN}.mcap", "elsewhere",
+        "unknown",
+        "..",
+        "%2e%2e",
+        "..%2f..%2fweb%2fdoor.json",
+        "%2fetc%2fpasswd",
+        "..%5cweb%5cdoor.json",
+        f"{RUN}.mcap",
+        "elsewhere",
     ],
-)  # fmt: skip
+)
 def test_no_name_leads_out_of_the_runs_folder(site: Any, operator: httpx.Client, name: str) -> None:
     """`elsewhere` is in the catalogue, with a path that leads out of the folder."""
     answer = operator.get(f"/api/runs/{name}/download")
@@ -148,11 +154,14 @@ def test_a_mark_goes_to_the_station_with_the_time_of_the_key_press(
 @pytest.mark.parametrize(
     "body",
     [
-        {"id": "short", "ago": 1.0}, {"id": "mark-0001", "ago": -1.0},
-        {"id": "mark-0001", "ago": 11.0}, {"id": "mark-0001", "text": "x" * 501},
-        {"id": "mark/0001"}, {"id": "mark-0001", "run": "other"},
+        {"id": "short", "ago": 1.0},
+        {"id": "mark-0001", "ago": -1.0},
+        {"id": "mark-0001", "ago": 11.0},
+        {"id": "mark-0001", "text": "x" * 501},
+        {"id": "mark/0001"},
+        {"id": "mark-0001", "run": "other"},
     ],
-)  # fmt: skip
+)
 def test_a_mark_that_makes_no_sense_never_reaches_the_station(
     operator: httpx.Client, station: Any, body: dict[str, Any]
 ) -> None:

@@ -33,8 +33,10 @@ def connect(server: ViewServer, name: str) -> Any:
         server.url,
         subprotocols=[websockets.Subprotocol(f"viser-v{server.version}")],
         additional_headers={SECRET_HEADER: server.secret, VIEW_HEADER: name},
-        compression=None, max_size=None, proxy=None,
-    )  # fmt: skip
+        compression=None,
+        max_size=None,
+        proxy=None,
+    )
 
 
 @pytest.fixture
@@ -160,10 +162,17 @@ def test_the_camera_follows_only_the_page_that_asked(server: ViewServer, until: 
     live = Live(decode)
     scene = Scene(server, live)
     camera = {
-        "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [-2.0, 0.0, 2.0],
-        "fov": 1.0, "near": 0.01, "far": 100.0, "image_height": 400, "image_width": 640,
-        "look_at": [0.0, 0.0, 1.0], "up_direction": [0.0, 0.0, 1.0],
-    }  # fmt: skip
+        "type": "ViewerCameraMessage",
+        "wxyz": [1.0, 0.0, 0.0, 0.0],
+        "position": [-2.0, 0.0, 2.0],
+        "fov": 1.0,
+        "near": 0.01,
+        "far": 100.0,
+        "image_height": 400,
+        "image_width": 640,
+        "look_at": [0.0, 0.0, 1.0],
+        "up_direction": [0.0, 0.0, 1.0],
+    }
     with connect(server, "mine") as mine, connect(server, "other") as other:
         for socket in (mine, other):
             socket.send(msgspec.msgpack.encode(camera))

@@ -46,9 +46,13 @@ def test_what_station_and_vehicle_found_stands_beside_what_the_page_finds(
     answer = viewer.get("/api/setup/checks").json()
     assert answer["checked"] == 1e9
     assert answer["checks"][0] == {
-        "name": "clock", "place": "station", "state": "warn", "found": "not synchronised",
-        "wanted": "synchronised", "advice": "start chrony",
-    }  # fmt: skip
+        "name": "clock",
+        "place": "station",
+        "state": "warn",
+        "found": "not synchronised",
+        "wanted": "synchronised",
+        "advice": "start chrony",
+    }
     assert {one["place"] for one in answer["checks"]} == {"station", "vehicle", "page"}
     service, request = checked.requests[-1]
     assert (service, request.again) == ("checks", False)
@@ -100,8 +104,10 @@ def test_an_enrolled_vehicle_is_known_before_it_ever_flew(tmp_path: Path) -> Non
     ours, enrolled = known_vehicles({"quad1": live}, Catalogue(tmp_path), 0.0)
     assert (ours["name"], ours["address"]) == ("quad1", "")
     assert (enrolled["name"], enrolled["ours"], enrolled["address"]) == (
-        "quad7", False, "quad7.local",
-    )  # fmt: skip
+        "quad7",
+        False,
+        "quad7.local",
+    )
 
 
 def test_everybody_sees_who_is_signed_in_and_only_that(site: Any, viewer: httpx.Client) -> None:
@@ -125,10 +131,13 @@ def test_the_pre_flight_list_is_in_the_summary_while_it_is_fresh(
     assert (told["ready"], told["armed"], told["blocks"]) == (False, False, True)
     assert told["checks"] == [
         {
-            "name": "battery", "state": "fail", "found": "13.2 V", "wanted": "at least 14.0 V",
+            "name": "battery",
+            "state": "fail",
+            "found": "13.2 V",
+            "wanted": "at least 14.0 V",
             "advice": "charge it",
         }
-    ]  # fmt: skip
+    ]
     station._live._newest["preflight"].received -= 3.0
     assert viewer.get("/api/summary").json()["preflight"] is None
 

@@ -326,8 +326,12 @@ def test_an_admin_sees_and_manages_users(place: Any) -> None:
             assert users["gina"]["sessions"] == 1
             assert users["gina"]["last_seen"] > 1_700_000_000
             assert users["oleg"] == {
-                "name": "oleg", "role": "operator", "account": True, "sessions": 0, "last_seen": 0,
-            }  # fmt: skip
+                "name": "oleg",
+                "role": "operator",
+                "account": True,
+                "sessions": 0,
+                "last_seen": 0,
+            }
             assert users[label]["account"] is False
             promoted = admin.put("/api/users/gina/role", json={"role": "operator"})
             assert promoted.status_code == 200

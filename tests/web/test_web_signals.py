@@ -74,9 +74,12 @@ def test_a_plain_signal_is_the_number_of_its_field() -> None:
 
 def test_consistency_is_told_a_number_and_deviations_as_lengths() -> None:
     told = new(
-        "quadlab_msgs/EstimatorStatus", nis=12.0, nis_freedom=8,
-        position_variance=(4e-4, 4e-4, 1e-4), attitude_variance=(math.radians(0.5) ** 2, 0.0, 0.0),
-    )  # fmt: skip
+        "quadlab_msgs/EstimatorStatus",
+        nis=12.0,
+        nis_freedom=8,
+        position_variance=(4e-4, 4e-4, 1e-4),
+        attitude_variance=(math.radians(0.5) ** 2, 0.0, 0.0),
+    )
     now = values(live_with("estimator", told))
     assert now["nis"] == 1.5
     assert now["deviation.position"] == pytest.approx(30.0)

@@ -69,10 +69,13 @@ def test_the_viewers_pages_may_read_it_and_see_that_ranges_work(
 @pytest.mark.parametrize(
     "origin",
     [
-        "https://evil.example", "null", "https://app.foxglove.dev.evil.example",
-        "http://localhost.evil.example", "http://app.foxglove.dev",
+        "https://evil.example",
+        "null",
+        "https://app.foxglove.dev.evil.example",
+        "http://localhost.evil.example",
+        "http://app.foxglove.dev",
     ],
-)  # fmt: skip
+)
 def test_no_other_page_may_read_it(
     stranger: httpx.Client, link: dict[str, Any], origin: str
 ) -> None:
@@ -126,11 +129,25 @@ def changed(url: str, name: str) -> str:
 @pytest.mark.parametrize(
     "name",
     [
-        "none", "no signature", "no time", "forged", "empty", "not ASCII", "longer",
-        "time no number", "twice", "more", "other run", "traversal", "out of the folder",
-        "other route", "the page", "deeper", "no ending",
+        "none",
+        "no signature",
+        "no time",
+        "forged",
+        "empty",
+        "not ASCII",
+        "longer",
+        "time no number",
+        "twice",
+        "more",
+        "other run",
+        "traversal",
+        "out of the folder",
+        "other route",
+        "the page",
+        "deeper",
+        "no ending",
     ],
-)  # fmt: skip
+)
 def test_a_link_that_was_changed_opens_nothing(
     stranger: httpx.Client, link: dict[str, Any], name: str
 ) -> None:

@@ -93,8 +93,9 @@ def test_a_document_names_its_files_by_version_and_those_are_fetched_once(script
     assert named() == first
     answer = ask(first)
     assert (answer.text, answer.headers["cache-control"]) == (
-        "first", "private, max-age=31536000, immutable",
-    )  # fmt: skip
+        "first",
+        "private, max-age=31536000, immutable",
+    )
     assert "cache-control" not in ask("a.js").headers
     script.write_text("again, and longer")
     second = named()

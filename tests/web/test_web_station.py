@@ -81,8 +81,10 @@ class Router:
                 fields = {"applied": to_parameters(applied), "revision": 7}
             return new(
                 f"{SERVICES[name]}_Response",
-                accepted=not self.refusal, reason=self.refusal, **fields,
-            )  # fmt: skip
+                accepted=not self.refusal,
+                reason=self.refusal,
+                **fields,
+            )
 
         return answer
 
@@ -171,9 +173,12 @@ def test_events_and_parameter_changes_reach_the_page(
     def both() -> bool:
         router.events.put(encode(new("rcl_interfaces/Log", level=30, msg="battery low", name="q")))
         change = new(
-            "quadlab_msgs/ParameterChange", name="gains.kp", new_value="5.5",
-            requester="ros2 param", revision=3,
-        )  # fmt: skip
+            "quadlab_msgs/ParameterChange",
+            name="gains.kp",
+            new_value="5.5",
+            requester="ros2 param",
+            revision=3,
+        )
         router.changes.put(encode(change))
         return bool(client.hub.lines) and bool(changes)
 

@@ -14,8 +14,15 @@ from web.sticks import CAUSES, REMEMBERED, SILENCE, Axes, Frame, Hand, StickOutp
 STILL = (0.0, 0.0, 0.0, 0.0)
 
 
-def frame(forward: float = 0.0, left: float = 0.0, up: float = 0.0, yaw: float = 0.0,
-          held: bool = False, number: int = 1, cause: int = 0) -> bytes:  # fmt: skip
+def frame(
+    forward: float = 0.0,
+    left: float = 0.0,
+    up: float = 0.0,
+    yaw: float = 0.0,
+    held: bool = False,
+    number: int = 1,
+    cause: int = 0,
+) -> bytes:
     return struct.pack("<5f2I", forward, left, up, yaw, float(held), number, cause)
 
 
@@ -190,8 +197,11 @@ def test_who_loses_control_loses_the_sticks_and_is_told(
         station.control("grace")
         page.send(frame(held=True, number=3))
         assert json.loads(page.recv(20)) == {
-            "n": 3, "by": "web", "on": False, "why": "another has control",
-        }  # fmt: skip
+            "n": 3,
+            "by": "web",
+            "on": False,
+            "why": "another has control",
+        }
         assert station.sticks[-1] == (STILL, False)
         station.control(label)
         page.send(frame(held=True, number=4))

@@ -111,12 +111,19 @@ def test_what_a_page_costs_a_second(signals: int, most: int) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "", "{", "[]", '{"id": 1}', '{"ping": "now"}', '{"ping": 1, "id": 2}',
+        "",
+        "{",
+        "[]",
+        '{"id": 1}',
+        '{"ping": "now"}',
+        '{"ping": 1, "id": 2}',
         '{"id": 1, "signals": ["no.such"]}',
-        '{"id": -1, "signals": []}', '{"id": 70000, "signals": []}', '{"id": 1, "signals": [3]}',
+        '{"id": -1, "signals": []}',
+        '{"id": 70000, "signals": []}',
+        '{"id": 1, "signals": [3]}',
         json.dumps({"id": 1, "signals": ["thrust"] * (MOST_SIGNALS + 1)}),
     ],
-)  # fmt: skip
+)
 def test_a_bad_subscription_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         parse(text)

@@ -219,9 +219,13 @@ def test_elsewhere_needs_tls_and_an_account(host: str) -> None:
 def test_hosts_are_those_we_are_reached_by() -> None:
     hosts = allowed_hosts("https://192.0.2.7:8443", ("Base.lab", "fd00::7"))
     assert hosts == {
-        "192.0.2.7:8443", "127.0.0.1:8443", "localhost:8443", "[::1]:8443", "base.lab:8443",
+        "192.0.2.7:8443",
+        "127.0.0.1:8443",
+        "localhost:8443",
+        "[::1]:8443",
+        "base.lab:8443",
         "[fd00::7]:8443",
-    }  # fmt: skip
+    }
     assert {"base.lab", "base.lab:443"} <= allowed_hosts("https://base.lab:443")
 
 

@@ -72,8 +72,12 @@ def test_a_test_is_flown_fetched_judged_and_kept(bench: Bench) -> None:
     assert run["id"] == status["id"]
     assert run["requester"] == bench.admin.get("/api/session").json()["label"]
     assert run["plan"] == {
-        "axis": "x", "shape": "step", "amplitude": 0.3, "duration": 2.0, "repeats": 1,
-    }  # fmt: skip
+        "axis": "x",
+        "shape": "step",
+        "amplitude": 0.3,
+        "duration": 2.0,
+        "repeats": 1,
+    }
     assert run["gains"][KP] == 4.0
     assert set(run["gains"]) == {n for n in bench.site.station.store.values() if "control." in n}
     # zeta 0.5, omega 2 rad/s
@@ -165,9 +169,16 @@ def test_what_the_vehicle_refuses_is_answered_and_nothing_begins(bench: Bench) -
 
 @pytest.mark.parametrize(
     "body",
-    [{"axis": "roll"}, {"shape": "ramp"}, {"amplitude": 7}, {"duration": 0.1}, {"repeats": 6},
-     {"speed": 1}, {"amplitude": "much"}],
-)  # fmt: skip
+    [
+        {"axis": "roll"},
+        {"shape": "ramp"},
+        {"amplitude": 7},
+        {"duration": 0.1},
+        {"repeats": 6},
+        {"speed": 1},
+        {"amplitude": "much"},
+    ],
+)
 def test_a_body_out_of_bounds_is_answered_with_what_is_allowed(bench: Bench, body: Any) -> None:
     answer = bench.admin.post("/api/tuning/run", json=body)
     assert answer.status_code == 422

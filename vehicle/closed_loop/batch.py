@@ -163,10 +163,20 @@ def fly_batch(
             one = slice(k, k + 1)
             onboard[:], case[:], plant[:], judged[:] = fresh, cases[one], plants[one], outcome[one]
             fly(
-                case, plant, onboard, judged, history[k],
-                wanted, np.zeros(4), ticks, period_ns, substeps, hover_ticks, judge_every,
+                case,
+                plant,
+                onboard,
+                judged,
+                history[k],
+                wanted,
+                np.zeros(4),
+                ticks,
+                period_ns,
+                substeps,
+                hover_ticks,
+                judge_every,
                 keep_every,
-            )  # fmt: skip
+            )
             plants[one], outcome[one] = plant, judged
 
     workers = min(threads or os.cpu_count() or 1, size)

@@ -153,10 +153,20 @@ def _keep(t: float, x: Any, v: Item, h: Item) -> None:
 
 @compiled(nogil=True)
 def fly(
-    case: Record, plant: Record, onboard: Record, outcome: Record, history: Record,
-    wanted: Array, carry: Array, ticks: int, period_ns: int, substeps: int, hover_ticks: int,
-    judge_every: int, keep_every: int,
-) -> None:  # fmt: skip
+    case: Record,
+    plant: Record,
+    onboard: Record,
+    outcome: Record,
+    history: Record,
+    wanted: Array,
+    carry: Array,
+    ticks: int,
+    period_ns: int,
+    substeps: int,
+    hover_ticks: int,
+    judge_every: int,
+    keep_every: int,
+) -> None:
     """One flight of `ticks` control periods; records of shape (1,), all but settings written.
 
     One period: sample the sensors, step the laws, hold their motor references over `substeps`

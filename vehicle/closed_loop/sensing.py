@@ -72,8 +72,10 @@ def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) 
     for i in range(3):
         count = accelerometer_count(
             sensed_force(s.accelerometer_matrix, p.specific_force_b, i),
-            s.accelerometer_bias[i], s.accelerometer_noise, drawn[i],
-        )  # fmt: skip
+            s.accelerometer_bias[i],
+            s.accelerometer_noise,
+            drawn[i],
+        )
         imu.specific_force_b[i] = ACCELEROMETER_SCALE * (count - ZERO)
         count = gyroscope_count(p.x[10 + i], s.gyroscope_bias[i], s.gyroscope_noise, drawn[3 + i])
         imu.angular_velocity_b[i] = GYROSCOPE_SCALE * (count - ZERO) - bias_b[i]

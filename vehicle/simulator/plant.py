@@ -137,8 +137,12 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
     plant["gust"], plant["gust_time"] = parameters.gust, parameters.gust_time
     plant["disturbance_w"] = parameters.push_x, parameters.push_y, parameters.push_z
     plant["ground_effect"] = parameters.ground_effect
-    gains = [parameters.motor_gain_front, parameters.motor_gain_left,
-             parameters.motor_gain_rear, parameters.motor_gain_right]  # fmt: skip
+    gains = [
+        parameters.motor_gain_front,
+        parameters.motor_gain_left,
+        parameters.motor_gain_rear,
+        parameters.motor_gain_right,
+    ]
     if parameters.failed_motor:
         gains[parameters.failed_motor - 1] = 0.0
     plant["motor_gain"] = gains
@@ -178,8 +182,11 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
     steps = math.ceil(duration / SUBSTEP - 1e-9)
     dt = duration / steps
     target = (
-        float(references[0]), float(references[1]), float(references[2]), float(references[3])
-    )  # fmt: skip
+        float(references[0]),
+        float(references[1]),
+        float(references[2]),
+        float(references[3]),
+    )
     move(p, target, steps, dt, motor_share(p.model.motor_time_constant, dt))
     discharge(plant, duration)
 

@@ -60,8 +60,10 @@ def new_sensors(parameters: SimulatorParameters) -> Record:
     sensors = np.zeros(1, SENSORS)
     sensors["accelerometer_matrix"] = np.linalg.inv(p.accelerometer_matrix)
     sensors["accelerometer_bias"] = (
-        p.accelerometer_bias_x, p.accelerometer_bias_y, p.accelerometer_bias_z,
-    )  # fmt: skip
+        p.accelerometer_bias_x,
+        p.accelerometer_bias_y,
+        p.accelerometer_bias_z,
+    )
     sensors["accelerometer_noise"] = p.accelerometer_noise
     sensors["gyroscope_bias"] = np.radians(
         (p.gyroscope_bias_x, p.gyroscope_bias_y, p.gyroscope_bias_z)
@@ -132,8 +134,10 @@ def sample(plant: Record, sensors: Record, noise: Array, row: int, registers: Re
     for i in range(3):
         registers[_ACCELEROMETER + i] = accelerometer_count(
             sensed_force(s.accelerometer_matrix, p.specific_force_b, i),
-            s.accelerometer_bias[i], shaken, noise[row, i],
-        )  # fmt: skip
+            s.accelerometer_bias[i],
+            shaken,
+            noise[row, i],
+        )
         registers[_GYROSCOPE + i] = gyroscope_count(
             p.x[10 + i], s.gyroscope_bias[i], twisted, noise[row, 3 + i]
         )

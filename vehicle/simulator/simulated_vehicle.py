@@ -34,10 +34,17 @@ PERIOD_MAX_US = 1000
 
 @compiled
 def _run(
-    plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
-    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], holder: Record,
-    periods: int, dt: float,
-) -> None:  # fmt: skip
+    plant: Record,
+    sensors: Record,
+    noise: npt.NDArray[np.float64],
+    row: int,
+    program: Record,
+    registers: npt.NDArray[np.int16],
+    command: tuple[int, int, int, int],
+    holder: Record,
+    periods: int,
+    dt: float,
+) -> None:
     """`periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
     p, h = program[0], holder[0]
     for k in range(periods):
@@ -53,9 +60,15 @@ def _run(
 
 @compiled
 def _begin(
-    plant: Record, sensors: Record, noise: npt.NDArray[np.float64], row: int, program: Record,
-    registers: npt.NDArray[np.int16], command: tuple[int, int, int, int], dt: float,
-) -> None:  # fmt: skip
+    plant: Record,
+    sensors: Record,
+    noise: npt.NDArray[np.float64],
+    row: int,
+    program: Record,
+    registers: npt.NDArray[np.int16],
+    command: tuple[int, int, int, int],
+    dt: float,
+) -> None:
     """The very first period: nothing has moved yet."""
     sample(plant, sensors, noise, row, registers)
     period(program[0], registers, command, dt)
@@ -163,9 +176,14 @@ class SimulatedVehicle:
         self.stamp_ns = stamp_ns = self._time_ns(last)
         firmware.advance(stamp_ns // 1_000_000)
         arguments = (
-            self._plant, self._sensors, noise.block, noise.next_rows(periods), firmware.program,
-            firmware.registers, command,
-        )  # fmt: skip
+            self._plant,
+            self._sensors,
+            noise.block,
+            noise.next_rows(periods),
+            firmware.program,
+            firmware.registers,
+            command,
+        )
         if first:
             _begin(*arguments, self._period)
         else:

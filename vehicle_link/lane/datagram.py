@@ -31,8 +31,11 @@ TO_STATION = ("telemetry", "vehicle_heartbeat")
 TO_VEHICLE = (HELLO, "tracker_pose", "bearings", "joy", "station_heartbeat")
 
 _TOPICS = {0: HELLO, 1: "telemetry", 2: "vehicle_heartbeat"} | {
-    3: "tracker_pose", 4: "bearings", 5: "joy", 6: "station_heartbeat",
-}  # fmt: skip
+    3: "tracker_pose",
+    4: "bearings",
+    5: "joy",
+    6: "station_heartbeat",
+}
 _NUMBERS = {name: number for number, name in _TOPICS.items()}
 _HEADER = struct.Struct("<BIQ")
 _NONCE = struct.Struct("<4xQ")

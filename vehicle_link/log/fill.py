@@ -108,9 +108,12 @@ def _copy(
             if record.channel_id in channels:
                 count += 1
                 writer.add_message(
-                    channels[record.channel_id], record.log_ns, record.payload,
-                    record.publish_ns, count,
-                )  # fmt: skip
+                    channels[record.channel_id],
+                    record.log_ns,
+                    record.payload,
+                    record.publish_ns,
+                    count,
+                )
                 if count % 10_000 == 0:
                     tell()
         elif isinstance(record, Attachment):

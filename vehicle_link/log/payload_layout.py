@@ -94,19 +94,25 @@ class SchemaLayouts:
     def foreign(self) -> list[str]:
         """Message types in it that have other fields than ours of the same name."""
         ours = typestore().fielddefs
-        return [name for name, (_, fields) in self._found.items()
-                if name in ours and list(fields) != list(ours[name][1])]  # fmt: skip
+        return [
+            name
+            for name, (_, fields) in self._found.items()
+            if name in ours and list(fields) != list(ours[name][1])
+        ]
 
     def _grows(self, name: str) -> bool:
         """Whether a message may have more numbers than another one."""
         return any(
             (kind == Nodetype.SEQUENCE and details[0] != (Nodetype.BASE, ("string", 0)))
             or (kind == Nodetype.NAME and self._grows(str(details)))
-            or (kind == Nodetype.ARRAY and details[0][0] == Nodetype.NAME
-                and self._grows(str(details[0][1])))
+            or (
+                kind == Nodetype.ARRAY
+                and details[0][0] == Nodetype.NAME
+                and self._grows(str(details[0][1]))
+            )
             for key, (kind, details) in self._types[name][1]
             if key not in _NAMELESS
-        )  # fmt: skip
+        )
 
     def of(self, payload: bytes) -> PayloadLayout:
         """Raises LogFormatError when the bytes are no such message."""

@@ -85,12 +85,7 @@ class QuickWriter(Writer):
         library._Writer__chunk_indices = ChunkIndexes(aside)
 
     def add_message(
-        self,
-        channel_id: int,
-        log_time: int,
-        data: bytes,
-        publish_time: int,
-        sequence: int = 0,
+        self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
     ) -> None:
         """As the library's: `data` into the chunk being filled; times in ns."""
         chunk = self._count(channel_id, 1, log_time, log_time)
@@ -98,10 +93,14 @@ class QuickWriter(Writer):
         self._index(chunk, channel_id).entries += _ENTRY.pack(log_time, buffer.tell())
         buffer.write(
             _HEAD.pack(
-                _OPCODE, _FIXED + len(data), channel_id, sequence & 0xFFFF_FFFF,
-                log_time, publish_time,
+                _OPCODE,
+                _FIXED + len(data),
+                channel_id,
+                sequence & 0xFFFF_FFFF,
+                log_time,
+                publish_time,
             )
-        )  # fmt: skip
+        )
         buffer.write(data)
         self._close_full(buffer)
 

@@ -24,9 +24,15 @@ from vehicle_link.messages import decode
 Stamps = npt.NDArray[np.int64]
 
 OTHER_TOPICS = (
-    "status", "estimator", "battery", "pressure", "bearing_pose", "parameter_events",
-    "parameter_changes", "events",
-)  # fmt: skip
+    "status",
+    "estimator",
+    "battery",
+    "pressure",
+    "bearing_pose",
+    "parameter_events",
+    "parameter_changes",
+    "events",
+)
 """The vehicle's besides those of every tick."""
 FILLED_TOPICS = (*TICK_TOPICS, *OTHER_TOPICS)
 REGULAR_TOPICS = ("estimator", "status", "pressure", "battery", "bearing_pose")
@@ -151,9 +157,17 @@ def index_run(path: Path) -> RunIndex:
     topics = {name: _joined(found, sums.get(name, set())) for name, found in parts.items()}
     vehicle = reader.metadata.get(RUN_METADATA, {}).get("vehicle", "")
     return RunIndex(
-        vehicle, topics, _ticks(topics), _delay(topics, offset_ns), first, last,
-        dict(sorted(armed.items())), reader.metadata, reader.channels, reader.schemas,
-    )  # fmt: skip
+        vehicle,
+        topics,
+        _ticks(topics),
+        _delay(topics, offset_ns),
+        first,
+        last,
+        dict(sorted(armed.items())),
+        reader.metadata,
+        reader.channels,
+        reader.schemas,
+    )
 
 
 def _joined(parts: list[tuple[Stamps, Stamps, Stamps]], sums: set[tuple[int, int]]) -> TopicIndex:

@@ -11,14 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mcap.opcode import Opcode
-from mcap.records import (
-    AttachmentIndex,
-    Channel,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-)
+from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema, Statistics
 
 from quadrotor.errors import LogFormatError, StorageError
 from vehicle_link.log.blocks import BlockReader, field_at

@@ -130,9 +130,13 @@ class ColumnReader:
                 if self._wanted is not None:
                     paths = frozenset(self._wanted.get(channel.topic.rsplit("/", 1)[-1], ()))
                 reader = _TopicReader(
-                    channel.topic, schema.name, layouts, channel.topic.endswith(self._whole),
-                    paths, self._dtype,
-                )  # fmt: skip
+                    channel.topic,
+                    schema.name,
+                    layouts,
+                    channel.topic.endswith(self._whole),
+                    paths,
+                    self._dtype,
+                )
             except LogFormatError as error:
                 self.problems[channel.topic] = str(error)
         self._topics[channel_id] = reader
@@ -168,10 +172,12 @@ class _TopicReader:
         sound = (sizes >= 0) & (places + HEAD_BYTES + sizes <= len(data))
         places, sizes = places[sound], sizes[sound]
         out = Columns(
-            self._topic, self._type_name,
-            field_at(data, places, 15, "<i8"), field_at(data, places, 23, "<i8"),
+            self._topic,
+            self._type_name,
+            field_at(data, places, 15, "<i8"),
+            field_at(data, places, 23, "<i8"),
             grows=self._grows,
-        )  # fmt: skip
+        )
         texts: dict[str, npt.NDArray[Any]] = {}
         for size in np.unique(sizes).tolist() if self._paths != frozenset() else ():
             chosen = np.flatnonzero(sizes == size)

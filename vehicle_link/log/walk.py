@@ -31,8 +31,14 @@ RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # first and last time, size, checksum, length of the name
 _STORED = struct.Struct("<Q")
 UNREADABLE = (
-    McapError, RuntimeError, ValueError, struct.error, IndexError, OverflowError, MemoryError,
-)  # fmt: skip
+    McapError,
+    RuntimeError,
+    ValueError,
+    struct.error,
+    IndexError,
+    OverflowError,
+    MemoryError,
+)
 """What the library and lz4 raise for bytes that are no such record."""
 
 

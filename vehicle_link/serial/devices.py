@@ -55,9 +55,10 @@ def await_devices(
         again = [
             path
             for path in paths
-            if path not in found or found[path].finding in WORTH_WAITING
+            if path not in found
+            or found[path].finding in WORTH_WAITING
             or (waited and found[path].finding is Finding.FORBIDDEN)
-        ]  # fmt: skip
+        ]
         devices = discover(again, robot_id=robot_id, firmware=firmware)
         found.update((device.path, device) for device in devices)
         wanting = [device for device in devices if device.finding in WORTH_WAITING]

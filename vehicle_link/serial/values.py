@@ -97,9 +97,13 @@ _AXES = ("x, forward", "y, left", "z, up")
 
 
 def _axes(
-    first: Id, of: str, unit: str, counts_per_unit: float = 1,
-    bounds: tuple[int, int] = INT16, writable: bool = False,
-) -> dict[Id, Quantity]:  # fmt: skip
+    first: Id,
+    of: str,
+    unit: str,
+    counts_per_unit: float = 1,
+    bounds: tuple[int, int] = INT16,
+    writable: bool = False,
+) -> dict[Id, Quantity]:
     """Three ids in a row."""
     return {
         Id(first + axis): Quantity(f"{of}, {name}", unit, counts_per_unit, 0, bounds, writable)

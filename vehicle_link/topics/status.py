@@ -19,18 +19,34 @@ DISCHARGING = 2  # POWER_SUPPLY_STATUS_DISCHARGING
 
 
 _STATUS_FIELDS = (
-    "armed", "airborne", "parameter_revision", "tick_rate", "lateness_p50", "lateness_p99",
-    "lateness_max", "missed_share", "lateness_histogram", "overruns", "missed_frames",
-    "damaged_frames", "nominal_rate", "suspect_offset", "suspect_beacon", "suspect_left_out",
-)  # fmt: skip
+    "armed",
+    "airborne",
+    "parameter_revision",
+    "tick_rate",
+    "lateness_p50",
+    "lateness_p99",
+    "lateness_max",
+    "missed_share",
+    "lateness_histogram",
+    "overruns",
+    "missed_frames",
+    "damaged_frames",
+    "nominal_rate",
+    "suspect_offset",
+    "suspect_beacon",
+    "suspect_left_out",
+)
 
 
 @cache
 def _status_layout(mode: str, behavior: str, control_mode: str) -> FixedLayout:
     """Of a status without flags."""
     strings = {
-        "header.frame_id": WORLD, "mode": mode, "behavior": behavior, "control_mode": control_mode,
-    }  # fmt: skip
+        "header.frame_id": WORLD,
+        "mode": mode,
+        "behavior": behavior,
+        "control_mode": control_mode,
+    }
     return FixedLayout("quadlab_msgs/VehicleStatus", strings)
 
 
@@ -63,9 +79,16 @@ def encode_status(
 
 
 _ESTIMATE_NUMBERS = (
-    "mass", "mass_variance", "measurement_age", "measurements_used", "measurements_refused",
-    "measurements_ignored", "agreement", "nis", "nis_freedom",
-)  # fmt: skip
+    "mass",
+    "mass_variance",
+    "measurement_age",
+    "measurements_used",
+    "measurements_refused",
+    "measurements_ignored",
+    "agreement",
+    "nis",
+    "nis_freedom",
+)
 
 
 @cache
@@ -96,9 +119,7 @@ def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
     out = batteries.new(len(ticks))
     set_stamps(out, ticks["imu"]["stamp_ns"])
     out["voltage"] = ticks["status"]["battery_voltage"]
-    for field in (
-        "temperature", "current", "charge", "capacity", "design_capacity", "percentage",
-    ):  # fmt: skip
+    for field in ("temperature", "current", "charge", "capacity", "design_capacity", "percentage"):
         out[field] = np.nan  # the message's way of saying not measured
     out["power_supply_status"] = DISCHARGING
     out["power_supply_technology"] = LIPO

@@ -55,10 +55,14 @@ class Sessions:
             transaction.execute(delete(SessionRow).where(SessionRow.id.in_(old.all())))
             transaction.add(
                 SessionRow(
-                    id=session.id, label=label, role=role.value, generation=generation,
-                    issued=now, last_seen=now,
+                    id=session.id,
+                    label=label,
+                    role=role.value,
+                    generation=generation,
+                    issued=now,
+                    last_seen=now,
                 )
-            )  # fmt: skip
+            )
             if generation > 0:
                 account = update(AccountRow).where(AccountRow.name == label)
                 transaction.execute(account.values(last_seen=now))

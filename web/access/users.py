@@ -141,17 +141,23 @@ def _everyone(people: People) -> list[dict[str, Any]]:
     sessions = {one.label: one.sessions for one in online if one.has_account}
     known = [
         {
-            "name": one.name, "role": one.role.value, "account": True,
-            "sessions": sessions.get(one.name, 0), "last_seen": one.last_seen,
+            "name": one.name,
+            "role": one.role.value,
+            "account": True,
+            "sessions": sessions.get(one.name, 0),
+            "last_seen": one.last_seen,
         }
         for one in people.accounts.all()
-    ]  # fmt: skip
+    ]
     guests = [
         {
-            "name": one.label, "role": one.role.value, "account": False,
-            "sessions": one.sessions, "last_seen": one.last_seen,
+            "name": one.label,
+            "role": one.role.value,
+            "account": False,
+            "sessions": one.sessions,
+            "last_seen": one.last_seen,
         }
         for one in online
         if not one.has_account
-    ]  # fmt: skip
+    ]
     return known + guests

@@ -76,9 +76,10 @@ class ViewBody(BaseModel):
     map: bool | None = Field(None, description="map of the position bound")
     map_height: float | None = Field(None, ge=0.0, le=20.0, description="of the map's slice, m")
     estimate: str | None = Field(
-        None, max_length=64,
+        None,
+        max_length=64,
         description="the ghost: none, one frame, vehicle, or an estimator of the comparison",
-    )  # fmt: skip
+    )
     drag: bool | None = Field(None, description="handles that drag beacons")
 
 

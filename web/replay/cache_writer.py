@@ -88,14 +88,18 @@ class CacheWriter:
             "problems": reader.problems,
             "bases": self._base_rows,
             "topics": {
-                topic: {"type": one.type_name, "count": one.count, "base": self._base_of[topic],
-                        "columns": self._columns[topic]}
+                topic: {
+                    "type": one.type_name,
+                    "count": one.count,
+                    "base": self._base_of[topic],
+                    "columns": self._columns[topic],
+                }
                 for topic, one in self._spools.items()
             },
             "signals": self._signals(),
             "track": {"rate": rate, "width": WIDTH, "parts": {k: len(v) for k, v in PARTS.items()}},
             **self._timeline(reader, duration),
-        }  # fmt: skip
+        }
 
     def _read_times(self) -> int:
         """Seconds since the run's first message, in order; ns of that."""
@@ -147,15 +151,18 @@ class CacheWriter:
             found[topic] = derived.of_odometry(column(topic))
         if "state" in found and has("reference", (*derived.REFERENCE, "yaw")):
             error = derived.tracking(
-                self._times["state"], column("state"),
-                self._times["reference"], column("reference"),
-            )  # fmt: skip
+                self._times["state"], column("state"), self._times["reference"], column("reference")
+            )
             found["state"] |= error
         if len(odometries) == 2:
             found["truth"] |= derived.to_truth(
-                self._times["truth"], column("truth"), found["truth"],
-                self._times["state"], column("state"), found["state"],
-            )  # fmt: skip
+                self._times["truth"],
+                column("truth"),
+                found["truth"],
+                self._times["state"],
+                column("state"),
+                found["state"],
+            )
         for topic, columns in found.items():
             for name, values in columns.items():
                 self._fresh[topic, name] = values.astype(np.float32)
@@ -186,8 +193,9 @@ class CacheWriter:
             stored = self._columns[signal.topic][signal.column]
             constant = stored.get("constant", np.nan) if "constant" in stored else None
             row = as_json(signal, np.nan if "constant" in stored and constant is None else constant)
-            found.append({**row, "topic": signal.topic, "column": signal.column,
-                          "factor": signal.factor})  # fmt: skip
+            found.append(
+                {**row, "topic": signal.topic, "column": signal.column, "factor": signal.factor}
+            )
         return found
 
     def _write_track(self, duration: float) -> float:
@@ -195,8 +203,9 @@ class CacheWriter:
         for topic in PARTS:
             if topic in self._spools:
                 sources[topic] = (
-                    self._times[topic], lambda name, topic=topic: self._read(topic, name)
-                )  # fmt: skip
+                    self._times[topic],
+                    lambda name, topic=topic: self._read(topic, name),
+                )
         if "state" not in sources and "tracker_pose" in self._spools:
             sources["state"] = (self._times["tracker_pose"], self._tracked)
         rate, rows = track(duration, sources)

@@ -54,9 +54,13 @@ def tracking(times: Array, state: Column, reference_times: Array, reference: Col
 
 
 def to_truth(
-    times: Array, truth: Column, velocity: Columns,
-    state_times: Array, state: Column, state_velocity: Columns,
-) -> Columns:  # fmt: skip
+    times: Array,
+    truth: Column,
+    velocity: Columns,
+    state_times: Array,
+    state: Column,
+    state_velocity: Columns,
+) -> Columns:
     """Lengths of the state's errors of position and velocity at the truth's times."""
     position = [
         at(times, state_times, state(name)) - truth(name).astype(float) for name in POSITION

@@ -107,11 +107,13 @@ def _compared(names: Mapping[str, str]) -> dict[str, Source]:
     """`comparison.vehicle.position_error` is `estimators[0].position_error`, and so on."""
     return {
         f"comparison.{estimator}.{figure}": (
-            "comparison", f"{path.removesuffix('.name')}.{figure}", factor,
+            "comparison",
+            f"{path.removesuffix('.name')}.{figure}",
+            factor,
         )
         for path, estimator in names.items()
         for figure, factor in _COMPARED.items()
-    }  # fmt: skip
+    }
 
 
 def _recorded(signal: Signal, topic: str, column: str, factor: float) -> Recorded:
@@ -121,9 +123,12 @@ def _recorded(signal: Signal, topic: str, column: str, factor: float) -> Recorde
 def as_json(signal: Recorded, constant: float | None) -> dict[str, Any]:
     """For the page; `constant`: the only value it has."""
     fields: dict[str, Any] = {
-        "name": signal.name, "label": signal.label, "unit": signal.unit, "group": signal.group,
+        "name": signal.name,
+        "label": signal.label,
+        "unit": signal.unit,
+        "group": signal.group,
         "known": signal.known,
-    }  # fmt: skip
+    }
     if constant is not None:
         fields["constant"] = None if math.isnan(constant) else constant * signal.factor
     return fields

@@ -147,9 +147,12 @@ class ReplayStore:
         # Its standard input closes with this process, and then it ends too.
         process = subprocess.Popen(
             [sys.executable, "-m", MODULE, str(log), str(new)],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": path}, text=True,
-        )  # fmt: skip
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": path},
+            text=True,
+        )
         is_done, problem, looked = False, "", -1.0
         with process:
             assert process.stdout is not None

@@ -55,11 +55,12 @@ def lines_of(
 def as_events(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [
         {
-            "t": line["t"], "text": line["text"],
+            "t": line["t"],
+            "text": line["text"],
             "warn": int(line["fields"].get("level", 0)) >= _WARNING,
         }
         for line in lines
-    ]  # fmt: skip
+    ]
 
 
 def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -76,12 +77,14 @@ def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Values are those of Python's text where it is one, else the text."""
     return [
         {
-            "t": line["t"], "name": str(line["fields"].get("name", "")), "who": line["who"],
+            "t": line["t"],
+            "name": str(line["fields"].get("name", "")),
+            "who": line["who"],
             "old": _value(line["fields"].get("old_value")),
             "new": _value(line["fields"].get("new_value")),
         }
         for line in lines
-    ]  # fmt: skip
+    ]
 
 
 def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
@@ -102,9 +105,11 @@ def rises(times: Times, values: npt.NDArray[np.float32]) -> list[float]:
 
 
 def moments(
-    armed: list[float], airborne: list[float], marks: list[dict[str, Any]],
+    armed: list[float],
+    airborne: list[float],
+    marks: list[dict[str, Any]],
     behaviors: list[dict[str, Any]],
-) -> list[Moment]:  # fmt: skip
+) -> list[Moment]:
     """What two runs can be aligned at: kind, label, t (s)."""
     found: list[Moment] = [{"kind": "start", "label": "start of recording", "t": 0.0}]
     found += _numbered("arming", "arming", armed)

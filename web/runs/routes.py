@@ -56,8 +56,7 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
         """Newest first; each word of `search` must stand in id, operator, notes, vehicle, a tag or
         the text of a mark. `report`: whether it has one."""
         return lines(
-            catalogue,
-            catalogue.runs(search, limit=min(max(limit, 1), MOST), offset=max(offset, 0)),
+            catalogue, catalogue.runs(search, limit=min(max(limit, 1), MOST), offset=max(offset, 0))
         )
 
     @app.get("/api/runs/search")

@@ -115,9 +115,11 @@ class _Flight:
         try:
             sensor = BearingParameters(**own)
             self._scene.beacons.set_beacons(
-                parse_layout(sensor.layout), math.radians(sensor.sigma), Sight.of(sensor),
+                parse_layout(sensor.layout),
+                math.radians(sensor.sigma),
+                Sight.of(sensor),
                 sensor.rate,
-            )  # fmt: skip
+            )
         except (QuadlabError, ValueError, TypeError):
             return  # of another version; the beacons stay where they were
 

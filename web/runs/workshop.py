@@ -115,9 +115,12 @@ class Workshop:
                 return "stopped before its turn"
             self._process = process = subprocess.Popen(
                 [sys.executable, "-m", self._module, *arguments],
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                text=True, env={**os.environ, "PYTHONPATH": path},
-            )  # fmt: skip
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                env={**os.environ, "PYTHONPATH": path},
+            )
         late = threading.Timer(self._seconds, process.kill)
         if self._seconds:
             late.start()

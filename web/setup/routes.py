@@ -42,11 +42,14 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
         """Who has a browser signed in; `last_seen` in s, epoch."""
         return [
             {
-                "name": one.label, "role": one.role.value, "account": one.has_account,
-                "sessions": one.sessions, "last_seen": one.last_seen,
+                "name": one.label,
+                "role": one.role.value,
+                "account": one.has_account,
+                "sessions": one.sessions,
+                "last_seen": one.last_seen,
             }
             for one in await asyncio.to_thread(people.sessions.people)
-        ]  # fmt: skip
+        ]
 
     async def found(requester: str, *, again: bool) -> dict[str, Any]:
         ours = page_checks(
@@ -60,10 +63,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
         except LinkError as error:
             advice = f"{error}; start quadlab up or quadlab station"
             told = [Check("station", "fail", "does not answer", "answers", advice, "station")]
-        return {
-            "checked": checked or None,
-            "checks": [check_fields(one) for one in (*told, *ours)],
-        }
+        return {"checked": checked or None, "checks": [check_fields(one) for one in (*told, *ours)]}
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:

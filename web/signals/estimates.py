@@ -26,10 +26,7 @@ _RESULT = "quadlab_msgs/EstimatorResult"
 
 def _bearing_pose(m: Any) -> Sequence[float]:
     covariance = m.pose.covariance  # 6 by 6, position first
-    return (
-        *vector(m.pose.pose.position),
-        1e3 * rms(covariance[0], covariance[7], covariance[14]),
-    )
+    return (*vector(m.pose.pose.position), 1e3 * rms(covariance[0], covariance[7], covariance[14]))
 
 
 def _comparison(m: Any) -> Sequence[float]:

@@ -22,12 +22,7 @@ def _state(m: Any) -> Sequence[float]:
 
 
 def _reference(m: Any) -> Sequence[float]:
-    return (
-        *vector(m.position),
-        *vector(m.velocity),
-        *vector(m.acceleration),
-        math.degrees(m.yaw),
-    )
+    return (*vector(m.position), *vector(m.velocity), *vector(m.acceleration), math.degrees(m.yaw))
 
 
 def _tracking(state: Any, reference: Any) -> Sequence[float]:
@@ -41,11 +36,7 @@ def _truth(state: Any, truth: Any) -> Sequence[float]:
     p, t = state.pose.pose.position, truth.pose.pose.position
     v = rotate(state.pose.pose.orientation, state.twist.twist.linear)
     u = rotate(truth.pose.pose.orientation, truth.twist.twist.linear)
-    return (
-        *vector(t),
-        1e3 * math.dist((p.x, p.y, p.z), (t.x, t.y, t.z)),
-        math.dist(v, u),
-    )
+    return (*vector(t), 1e3 * math.dist((p.x, p.y, p.z), (t.x, t.y, t.z)), math.dist(v, u))
 
 
 MOTION = (

@@ -102,12 +102,20 @@ class TuningBench:
                 problems.append(f"it was ended by {followed_by}; the events say why")
             now = self.gains()
             run = KeptRun(
-                id=self.kept.new_id(self._vehicle), started=started, vehicle=self._vehicle,
-                requester=requester, run_id=str(station.run_id) if station else "", plan=plan,
-                gains=dict(gains), changed=[n for n, v in gains.items() if now.get(n) != v],
-                figures=found.figures, edges=found.edges, problems=problems, file=samples.file,
+                id=self.kept.new_id(self._vehicle),
+                started=started,
+                vehicle=self._vehicle,
+                requester=requester,
+                run_id=str(station.run_id) if station else "",
+                plan=plan,
+                gains=dict(gains),
+                changed=[n for n, v in gains.items() if now.get(n) != v],
+                figures=found.figures,
+                edges=found.edges,
+                problems=problems,
+                file=samples.file,
                 rate=samples.rate,
-            )  # fmt: skip
+            )
             if run.changed:
                 run.problems.append(f"changed while it flew: {', '.join(run.changed)}")
             await asyncio.to_thread(self.kept.keep, run, samples)

@@ -20,10 +20,7 @@ from web.tuning.bench import TuningBench
 if TYPE_CHECKING:
     from web.parts import Parts
 
-LIMITS = {
-    "position": "behavior.excite_position_max",
-    "yaw": "behavior.excite_yaw_max",
-}
+LIMITS = {"position": "behavior.excite_position_max", "yaw": "behavior.excite_yaw_max"}
 """Parameters with the largest amplitudes, for the page's form."""
 
 

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.calibration.accelerometer import (
-    FACES,
-    coverage,
-    face_of,
-    identify_accelerometer,
-)
+from estimation.calibration.accelerometer import FACES, coverage, face_of, identify_accelerometer
 from estimation.calibration.still_poses import StillPose, StillPoses
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 from quadrotor.vehicle_model import GRAVITY
@@ -142,8 +137,7 @@ def test_a_moved_vehicle_begins_its_pose_anew(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize(
-    ("force", "said"),
-    [((19.5, 0.0, 1.0), "saturated at 19.5"), ((np.nan, 0.0, 9.8), "not finite")],
+    ("force", "said"), [((19.5, 0.0, 1.0), "saturated at 19.5"), ((np.nan, 0.0, 9.8), "not finite")]
 )
 def test_what_the_sensor_cannot_show_is_no_pose(force, said: str) -> None:
     assert said in StillPoses(RATE).add(np.array(force), np.zeros(3)).moving

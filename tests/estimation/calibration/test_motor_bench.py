@@ -41,8 +41,13 @@ def test_the_schedule_is_the_papers() -> None:
     assert schedule.references == tuple(range(30, 200, 10))
     assert schedule.duration == 17 * 15.0
     assert [schedule.reference(t) for t in (0.0, 9.99, 10.0, 14.99, 15.0, 25.0)] == [
-        25, 25, 30, 30, 25, 40,
-    ]  # fmt: skip
+        25,
+        25,
+        30,
+        30,
+        25,
+        40,
+    ]
     assert schedule.reference(schedule.duration) == 25
     assert schedule.hold_of(16) == (250.0, 255.0)
 

@@ -74,9 +74,7 @@ def test_what_tells_no_lag_is_refused() -> None:
         lag_and_dead_time(time, step, time, step)
 
 
-def test_means_of_a_reference_held_several_times_are_put_together(
-    rng: np.random.Generator,
-) -> None:
+def test_means_of_a_reference_held_several_times_are_put_together(rng: np.random.Generator) -> None:
     time = np.arange(0.0, 12.0, 0.01)
     reference = np.array([25.0, 50, 25, 70])[(time // 3.0).astype(int)]
     force = 0.01 * reference + 0.02 * rng.standard_normal(len(time))

@@ -39,9 +39,10 @@ RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 NAME, PASSWORD = "anna", "correct horse battery"
 PERIOD = 0.02  # s, between two samples
 CHANGES = (
-    ("control.position.kp_xy", 4.0, 4.4), ("control.position.kp_z", 8.0, 8.6),
+    ("control.position.kp_xy", 4.0, 4.4),
+    ("control.position.kp_z", 8.0, 8.6),
     ("control.position.kp_xy", 4.4, 4.8),
-)  # fmt: skip
+)
 FOUND = [
     Check("link", "ok", "good", "good"),
     Check("clock", "warn", "not synchronised", "synchronised", "start chrony", "vehicle"),
@@ -80,8 +81,12 @@ def circle(station: Any, t: float, *, stands: bool = False) -> None:
     half = 0.0 if stands else 0.5 * 0.12
     pose = {"pose": {"position": (x + wobble, y, z), "orientation": (half, half, 0.0, 0.995)}}
     truth = {"pose": {"position": (x, y + 0.004, z), "orientation": (half, half, 0.0, 0.995)}}
-    twist = {"twist": {"linear": (-speed * math.sin(angle), speed * math.cos(angle), wobble),
-                       "angular": (wobble, 0.4 * wobble, 0.1 * speed)}}  # fmt: skip
+    twist = {
+        "twist": {
+            "linear": (-speed * math.sin(angle), speed * math.cos(angle), wobble),
+            "angular": (wobble, 0.4 * wobble, 0.1 * speed),
+        }
+    }
     put = station.put
     ours = ("state", "truth", "reference", "link_status", "station_status")
     station.put = lambda topic, message: None if topic in ours else put(topic, message)
@@ -92,21 +97,41 @@ def circle(station: Any, t: float, *, stands: bool = False) -> None:
     put("reference", new("quadlab_msgs/Reference", header=stamp, position=place(angle)))
     put(
         "link_status",
-        new("quadlab_msgs/LinkStatus", header=stamp, state="good", age=0.006 + 0.2 * abs(wobble),
-            round_trip=0.004 + 0.1 * abs(wobble), jitter=0.0007 + 0.02 * abs(wobble),
-            clock_offset=0.0002 + 0.003 * wobble, telemetry_rate=100.0, state_duration=t % 3600.0),
-    )  # fmt: skip
+        new(
+            "quadlab_msgs/LinkStatus",
+            header=stamp,
+            state="good",
+            age=0.006 + 0.2 * abs(wobble),
+            round_trip=0.004 + 0.1 * abs(wobble),
+            jitter=0.0007 + 0.02 * abs(wobble),
+            clock_offset=0.0002 + 0.003 * wobble,
+            telemetry_rate=100.0,
+            state_duration=t % 3600.0,
+        ),
+    )
     put(
         "station_status",
-        new("quadlab_msgs/StationStatus", header=stamp, tracker_rate=100.0, recording=True,
-            recording_duration=t % 3600.0, recording_bytes=round(2.5e5 * (t % 3600.0)),
-            run_id=LATER),
-    )  # fmt: skip
+        new(
+            "quadlab_msgs/StationStatus",
+            header=stamp,
+            tracker_rate=100.0,
+            recording=True,
+            recording_duration=t % 3600.0,
+            recording_bytes=round(2.5e5 * (t % 3600.0)),
+            run_id=LATER,
+        ),
+    )
     put(
         "preflight",
-        new("quadlab_msgs/Preflight", header=stamp, ready=True, armed=True, blocks=True,
-            checks=to_messages(FOUND[:1])),
-    )  # fmt: skip
+        new(
+            "quadlab_msgs/Preflight",
+            header=stamp,
+            ready=True,
+            armed=True,
+            blocks=True,
+            checks=to_messages(FOUND[:1]),
+        ),
+    )
     station.control(NAME)
 
 

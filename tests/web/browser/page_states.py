@@ -95,9 +95,13 @@ class Room:
         found = self.lab.calibrating
         live = {**found.pose_figures(5), "poses": (5.0, ""), "condition number": (14.2, "")}
         self.lab.experiment = found.told(
-            "accelerometer", live, step_number=6, step_count=12, step_share=0.6,
+            "accelerometer",
+            live,
+            step_number=6,
+            step_count=12,
+            step_share=0.6,
             instruction="Hold the vehicle 20° nose and right side up, still for 1 s",
-        )  # fmt: skip
+        )
         self.page.wait_for_selector(".sphere .held >> nth=4")
 
     def beacons(self) -> None:

@@ -86,9 +86,10 @@ def see(tab: Any, look_at: Any) -> Any:
 
 def asked(bench: Any, action: str) -> list[Any]:
     return [
-        request for service, request in bench.station.requests
+        request
+        for service, request in bench.station.requests
         if service == "experiment" and request.action == action
-    ]  # fmt: skip
+    ]
 
 
 def hold(page: Any, selector: str, until: Any, done: Callable[[], bool]) -> None:
@@ -130,9 +131,14 @@ def test_while_it_runs_it_guides_asks_and_shows_what_it_measures(
 ) -> None:
     live = {**calibrating.pose_figures(5), "condition number": (14.25, "")}
     bench.status = calibrating.told(
-        "accelerometer", live, instruction="Hold the vehicle nose up", question="In your hands?",
-        step_number=6, step_count=12, step_share=0.5,
-    )  # fmt: skip
+        "accelerometer",
+        live,
+        instruction="Hold the vehicle nose up",
+        question="In your hands?",
+        step_number=6,
+        step_count=12,
+        step_share=0.5,
+    )
     see.text(".run .instruction", "^Hold the vehicle nose up$")
     see.text(".run .number", "^Step 6 of 12$")
     assert tab.get_attribute(".run [role=progressbar]", "aria-valuenow") == "46"

@@ -192,11 +192,18 @@ def test_keys_work_on_keyboards_that_write_no_latin_letters(
     still: Any, station: Any, until: Any
 ) -> None:
     cases = {
-        ("e", "KeyE", False): "e", ("E", "KeyE", True): "e", ("у", "KeyE", False): "e",
-        ("Ч", "KeyX", True): "x", ("ε", "KeyE", False): "e", ("х", "BracketLeft", False): "[",
-        ("é", "Digit2", False): "2", ("؟", "Slash", True): "?", ("ж", "Semicolon", False): "ж",
-        ("e", "KeyD", False): "e", ("ArrowLeft", "ArrowLeft", False): "ArrowLeft",
-    }  # fmt: skip
+        ("e", "KeyE", False): "e",
+        ("E", "KeyE", True): "e",
+        ("у", "KeyE", False): "e",
+        ("Ч", "KeyX", True): "x",
+        ("ε", "KeyE", False): "e",
+        ("х", "BracketLeft", False): "[",
+        ("é", "Digit2", False): "2",
+        ("؟", "Slash", True): "?",
+        ("ж", "Semicolon", False): "ж",
+        ("e", "KeyD", False): "e",
+        ("ArrowLeft", "ArrowLeft", False): "ArrowLeft",
+    }
     found = still.evaluate(
         """async (cases) => { const { characterOf } = await import('/static/keys.js');
         return cases.map(([key, code, shiftKey]) => characterOf({ key, code, shiftKey })); }""",

@@ -61,11 +61,20 @@ def section(
 def report(site: Any) -> Iterator[Path]:
     folder = Path(site.data) / "runs" / f"{RUN}_report"
     folder.mkdir()
-    (folder / "result.json").write_text(json.dumps({
-        "experiment": "bearings", "run_id": RUN, "options": {"manoeuvre": "hover"},
-        "verdict": "failed", "metrics": {"position_rms_m": 0.04}, "files": [], "problem": "",
-        "limits": {"position_rms_m": 0.025},
-    }))  # fmt: skip
+    (folder / "result.json").write_text(
+        json.dumps(
+            {
+                "experiment": "bearings",
+                "run_id": RUN,
+                "options": {"manoeuvre": "hover"},
+                "verdict": "failed",
+                "metrics": {"position_rms_m": 0.04},
+                "files": [],
+                "problem": "",
+                "limits": {"position_rms_m": 0.025},
+            }
+        )
+    )
     yield folder
     (folder / "result.json").unlink()
     folder.rmdir()
@@ -143,10 +152,15 @@ def test_the_verdict_has_its_figures_and_leads_to_the_report(
     section: Any, look: Any, station: Any, report: Path, context: Any, site: Any
 ) -> None:
     tell(
-        station, name="bearings", phase="failed", verdict="failed", run_id=RUN,
-        metric_names=["position_rms_m", "samples"], metric_values=[0.04, 700.0],
+        station,
+        name="bearings",
+        phase="failed",
+        verdict="failed",
+        run_id=RUN,
+        metric_names=["position_rms_m", "samples"],
+        metric_values=[0.04, 700.0],
         metric_limits=[0.025, float("nan")],
-    )  # fmt: skip
+    )
     look.text("#experiment .verdict", "^bearings: failed")
     look.text("#experiment .figures .above", r"^position rms0\.040\.025m$")
     assert section.locator("#experiment .above").count() == 1
@@ -170,10 +184,16 @@ def test_a_run_that_is_not_judged_says_so_everywhere_and_why(
     result |= {"verdict": "not_judged", "reason": reason, "limits": {}}
     (report / "result.json").write_text(json.dumps(result))
     tell(
-        station, name="bearings", phase="not_judged", verdict="not_judged", run_id=RUN,
-        reason=reason, metric_names=["position_rms_m"], metric_values=[0.04],
+        station,
+        name="bearings",
+        phase="not_judged",
+        verdict="not_judged",
+        run_id=RUN,
+        reason=reason,
+        metric_names=["position_rms_m"],
+        metric_values=[0.04],
         metric_limits=[float("nan")],
-    )  # fmt: skip
+    )
     look.text("#experiment .verdict", "^bearings: not judged")
     look.has_class("#experiment .verdict", "not_judged")
     look.text("#experiment .reason", f"^{reason}$")

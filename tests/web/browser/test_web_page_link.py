@@ -123,18 +123,32 @@ def test_the_link_tab_tells_figures_state_outages_and_the_loop_on_board(
     look.text("#tab-link p >> nth=0", "No outage of 0.2 s")
     look.text("#tab-link .strip:has-text('Round trip') output >> nth=0", r"^3\.1 ms$")
     look.text("#tab-link .strip:has-text('Loss') output", r"^1\.5 %$")
-    link(state="lost", state_duration=2.5, outages=2, outage_last=2.5, outage_longest=2.5,
-         outage_total=3.0)  # fmt: skip
+    link(
+        state="lost",
+        state_duration=2.5,
+        outages=2,
+        outage_last=2.5,
+        outage_longest=2.5,
+        outage_total=3.0,
+    )
     look.text("#tab-link .state", "^○ lost$")
     look.has_class("#tab-link .state", "warn")
     look.text("#tab-link p >> nth=0", "^2 outages .*last 2.5 s, the longest 2.5 s, together 3.0 s")
     look.text("#tab-link .reaction", "its parameters have not been read")
     assert page.is_hidden("#tab-link .problem")
-    link(address="10.0.0.2:7447", access="observer", path="datagram", reopened=2,
-         problem="this station's certificate lets it observe quad1, not command it")  # fmt: skip
+    link(
+        address="10.0.0.2:7447",
+        access="observer",
+        path="datagram",
+        reopened=2,
+        problem="this station's certificate lets it observe quad1, not command it",
+    )
     look.text("#tab-link .problem", "^⚠ Not commanded from here: this station's certificate")
-    look.text("#tab-link .way", "^Dialled at 10.0.0.2:7447, let in as observer, telemetry by "
-              "datagrams beside the link, opened anew 2 times")  # fmt: skip
+    look.text(
+        "#tab-link .way",
+        "^Dialled at 10.0.0.2:7447, let in as observer, telemetry by "
+        "datagrams beside the link, opened anew 2 times",
+    )
     # The flight loop on board: only growth is marked.
     look.text("#tab-link .bin .count >> nth=0", "^91k$")
     said = page.get_attribute("#tab-link .histogram", "aria-label")

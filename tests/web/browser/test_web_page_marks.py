@@ -20,8 +20,11 @@ def marked(page: Any, station: Any, look: Any, monkeypatch: pytest.MonkeyPatch) 
             known = station.times.setdefault(request.id, 42.3 + len(station.times))
             answer = new(
                 "quadlab_msgs/srv/Mark_Response",
-                accepted=True, run_id="r1", time=known, logged=True,
-            )  # fmt: skip
+                accepted=True,
+                run_id="r1",
+                time=known,
+                logged=True,
+            )
             fields = {"id": request.id, "text": request.text, "requester": request.requester}
             mark = {"type": "mark", "run_id": "r1", "time": known, **fields}
             station._hub.publish_from_thread(mark)
@@ -79,9 +82,15 @@ def test_marks_of_others_appear_and_those_of_another_run_do_not(
 ) -> None:
     for run, text in (("r0", "of yesterday"), ("r1", "from grace")):
         station._hub.publish_from_thread(
-            {"type": "mark", "id": f"mark-{run}", "run_id": run, "time": 5.0, "text": text,
-             "requester": "grace"}
-        )  # fmt: skip
+            {
+                "type": "mark",
+                "id": f"mark-{run}",
+                "run_id": run,
+                "time": 5.0,
+                "text": text,
+                "requester": "grace",
+            }
+        )
     look.value("#marks input", "from grace")
     assert marked.locator("#marks li").count() == 1
 

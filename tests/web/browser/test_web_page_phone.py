@@ -91,10 +91,12 @@ def test_in_a_wider_window_the_charts_are_in_sight_and_no_tab(console: Any) -> N
 @pytest.mark.parametrize(
     ("path", "ready"),
     [
-        ("/runs", "#list tr[data-index]"), ("/setup", "#checks li"),
-        ("/replay/{run}", "main[data-shown]"), ("/kill", "#cut"),
+        ("/runs", "#list tr[data-index]"),
+        ("/setup", "#checks li"),
+        ("/replay/{run}", "main[data-shown]"),
+        ("/kill", "#cut"),
     ],
-)  # fmt: skip
+)
 def test_every_other_page_is_accessible_and_within_the_width(
     phone: Any, flying_lab: Any, lab_of_pages: Any, axe: Any, crooked: Any, path: str, ready: str
 ) -> None:

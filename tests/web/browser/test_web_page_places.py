@@ -32,9 +32,11 @@ STANDS = {"mode": "ready", "armed": False, "airborne": False, "behavior": "groun
 FLIES: dict[str, Any] = {}
 NEAR = {"control_mode": "near_hovering", "behavior": "follow_trajectory"}
 ALONE = {
-    "mode": "emergency_land", "control_mode": "emergency", "behavior": "emergency_landing",
+    "mode": "emergency_land",
+    "control_mode": "emergency",
+    "behavior": "emergency_landing",
     "flags": ["not_real_time", "battery_low", "no_pose", "link_degraded", "tilt_limited"],
-}  # fmt: skip
+}
 PICTURES = os.environ.get("QUADLAB_PICTURES", "")
 """A folder for a picture of each step, to be looked at."""
 
@@ -76,9 +78,12 @@ class Cockpit:
                 for i in range(6)
             ]
             message = new(
-                "quadlab_msgs/Preflight", header=header(1), ready=not self.reasons, blocks=True,
+                "quadlab_msgs/Preflight",
+                header=header(1),
+                ready=not self.reasons,
+                blocks=True,
                 checks=to_messages(checks),
-            )  # fmt: skip
+            )
             self.station.put("preflight", message)
 
 
@@ -183,9 +188,17 @@ def test_no_flight_control_moves_from_arming_to_a_lost_contact(
 
 
 TOPICS_OF_ALL = (
-    "state", "status", "truth", "reference", "actuators", "estimator", "battery", "link_status",
-    "station_status", "preflight",
-)  # fmt: skip
+    "state",
+    "status",
+    "truth",
+    "reference",
+    "actuators",
+    "estimator",
+    "battery",
+    "link_status",
+    "station_status",
+    "preflight",
+)
 
 
 BY_ITSELF = """async ([cause, silent, said]) => {

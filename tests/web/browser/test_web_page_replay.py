@@ -13,9 +13,11 @@ from console.run_files import tidy_runs
 
 RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 MADE = MadeRun(
-    16.0, silence=(9.0, 10.0), marks=[(7.0, "gust")],
+    16.0,
+    silence=(9.0, 10.0),
+    marks=[(7.0, "gust")],
     changes=[(8.0, "control.position.kp_xy", 4.0, 5.5)],
-)  # fmt: skip
+)
 BOUND = 60_000  # ms
 BAR = "#line .bar"
 
@@ -72,17 +74,21 @@ def at(page: Any, t: float, within: float = 0.0) -> None:
     """Waits until the page shows this instant everywhere."""
     page.wait_for_function(
         "([t, d]) => Math.abs(Number(document.querySelector('main').dataset.shown) - t) <= d",
-        arg=[t, within + 5e-4], timeout=BOUND,
-    )  # fmt: skip
+        arg=[t, within + 5e-4],
+        timeout=BOUND,
+    )
     now = float(page.get_attribute(BAR, "aria-valuenow"))
     assert now == pytest.approx(t, abs=within + 1e-3)
 
 
 def test_keys_move_by_frames_and_seconds_and_to_the_ends(replay: Any) -> None:
     for key, t in (
-        ("ArrowRight", 5.02), ("Shift+ArrowRight", 6.02), ("ArrowLeft", 6.0),
-        ("Shift+ArrowLeft", 5.0), ("Home", 0.0),
-    ):  # fmt: skip
+        ("ArrowRight", 5.02),
+        ("Shift+ArrowRight", 6.02),
+        ("ArrowLeft", 6.0),
+        ("Shift+ArrowLeft", 5.0),
+        ("Home", 0.0),
+    ):
         replay.keyboard.press(key)
         at(replay, t)
     replay.keyboard.press("End")

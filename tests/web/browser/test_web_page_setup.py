@@ -68,16 +68,23 @@ class Ground:
             stamp = header(time.time_ns())
             self.station.fly()
             status = new(
-                "quadlab_msgs/VehicleStatus", header=stamp, armed=self.armed,
-                mode="armed" if self.armed else "ready", behavior="ground",
+                "quadlab_msgs/VehicleStatus",
+                header=stamp,
+                armed=self.armed,
+                mode="armed" if self.armed else "ready",
+                behavior="ground",
                 parameter_revision=self.station.store.revision,
-            )  # fmt: skip
+            )
             self.station.put("status", status)
             ready = all(one.state != "fail" for one in self.checks)
             preflight = new(
-                "quadlab_msgs/Preflight", header=stamp, ready=ready, armed=self.armed,
-                blocks=True, checks=to_messages(self.checks),
-            )  # fmt: skip
+                "quadlab_msgs/Preflight",
+                header=stamp,
+                ready=ready,
+                armed=self.armed,
+                blocks=True,
+                checks=to_messages(self.checks),
+            )
             self.station.put("preflight", preflight)
 
     def close(self) -> None:

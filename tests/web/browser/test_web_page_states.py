@@ -14,12 +14,41 @@ import pytest
 IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's pictures
 SIZES = ((1440, 900), (1024, 700), (2560, 1440))
 STATES = (
-    "guide", "people", "fly", "gains", "gains_history", "beacons", "link", "tune", "calibrating",
-    "calibrate", "signals", "charts", "pad_editor", "runs", "replay", "setup", "kill", "sign_in",
-)  # fmt: skip
+    "guide",
+    "people",
+    "fly",
+    "gains",
+    "gains_history",
+    "beacons",
+    "link",
+    "tune",
+    "calibrating",
+    "calibrate",
+    "signals",
+    "charts",
+    "pad_editor",
+    "runs",
+    "replay",
+    "setup",
+    "kill",
+    "sign_in",
+)
 """Methods of page_states.Room, in the order in which they are cheapest; the last signs out."""
-SHOWN = {"fly", "gains", "gains_history", "link", "tune", "calibrating", "calibrate", "charts",
-         "runs", "replay", "setup", "kill", "sign_in"}  # fmt: skip
+SHOWN = {
+    "fly",
+    "gains",
+    "gains_history",
+    "link",
+    "tune",
+    "calibrating",
+    "calibrate",
+    "charts",
+    "runs",
+    "replay",
+    "setup",
+    "kill",
+    "sign_in",
+}
 """Those whose pictures the documentation has."""
 PARTS = {"calibrating": "#side", "calibrate": "#side"}
 """Pictures of one element alone."""
@@ -80,9 +109,17 @@ def test_tab_goes_through_everything_in_order_and_the_focus_is_seen(
     page.keyboard.press("2")  # the Gains tab
     page.wait_for_selector("#tab-gains", state="visible")
     wanted = [
-        "arm", "take-off", "land", "emergency-land", "cut", "who", "help", "follow", "open-gains",
+        "arm",
+        "take-off",
+        "land",
+        "emergency-land",
+        "cut",
+        "who",
+        "help",
+        "follow",
+        "open-gains",
         "search",
-    ]  # fmt: skip
+    ]
     passed, unseen = [], []
     for _ in range(40):
         page.keyboard.press("Tab")

@@ -95,11 +95,22 @@ class Cockpit:
         with socket.create_server(("127.0.0.1", 0)) as free:
             port = free.getsockname()[1]
         self._station = subprocess.Popen(
-            [sys.executable, "-m", "quadlab", "station", "--data", str(data), "--vehicle",
-             "127.0.0.1:9", "--loopback-port", str(port)],
-            stdout=subprocess.PIPE, text=True,
+            [
+                sys.executable,
+                "-m",
+                "quadlab",
+                "station",
+                "--data",
+                str(data),
+                "--vehicle",
+                "127.0.0.1:9",
+                "--loopback-port",
+                str(port),
+            ],
+            stdout=subprocess.PIPE,
+            text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-        )  # fmt: skip
+        )
         assert self._station.stdout is not None
         assert "serves" in self._station.stdout.readline()
         self._session = loopback_session(port)
@@ -422,10 +433,17 @@ class Flight:
             self.station.fly()
             self.station.put(
                 "status",
-                new("quadlab_msgs/VehicleStatus", header=header(1), mode="armed", armed=True,
-                    airborne=True, behavior=self.behavior, control_mode="direct",
-                    parameter_revision=self.station.store.revision),
-            )  # fmt: skip
+                new(
+                    "quadlab_msgs/VehicleStatus",
+                    header=header(1),
+                    mode="armed",
+                    armed=True,
+                    airborne=True,
+                    behavior=self.behavior,
+                    control_mode="direct",
+                    parameter_revision=self.station.store.revision,
+                ),
+            )
             threading.Event().wait(0.05)
 
     def stop(self) -> None:

@@ -35,13 +35,21 @@ def enter(catalogue: Catalogue, count: int) -> None:
     with catalogue.session() as session:
         session.add_all(
             RunRow(
-                id=f"run{number:04}", vehicle="quad1", duration=61.0 + number, bytes=1000,
-                start_ns=1_769_851_842_000_000_000 - HOUR_NS * number, messages=7,
-                file=f"run{number:04}.mcap", operator="anna" if number % 2 else "grace",
-                complete=number != 1, recovered=number == 2, problem="", notes="",
+                id=f"run{number:04}",
+                vehicle="quad1",
+                duration=61.0 + number,
+                bytes=1000,
+                start_ns=1_769_851_842_000_000_000 - HOUR_NS * number,
+                messages=7,
+                file=f"run{number:04}.mcap",
+                operator="anna" if number % 2 else "grace",
+                complete=number != 1,
+                recovered=number == 2,
+                problem="",
+                notes="",
             )
             for number in range(count)
-        )  # fmt: skip
+        )
 
 
 @pytest.fixture
@@ -385,9 +393,15 @@ LOGS = ("quad1_20260131T093042_120Z.mcap", "quad1_20260131T090211_480Z.mcap")
 
 def transfer(kind: str, name: str, phase: str, came: int, problem: str = "") -> Any:
     return new(
-        "quadlab_msgs/Transfer", kind=kind, name=name, phase=phase, bytes=came, problem=problem,
-        total_bytes=24_000_000, rate=310_000.0,
-    )  # fmt: skip
+        "quadlab_msgs/Transfer",
+        kind=kind,
+        name=name,
+        phase=phase,
+        bytes=came,
+        problem=problem,
+        total_bytes=24_000_000,
+        rate=310_000.0,
+    )
 
 
 @pytest.fixture
@@ -428,8 +442,9 @@ def test_a_run_shows_what_it_lacks_and_how_far_filling_it_is(
     page.click("#detail .fill button >> text=Compare again")
     until(lambda: lab.station.requests and lab.station.requests[-1][0] == "transfer")
     assert (lab.station.requests[-1][1].action, lab.station.requests[-1][1].name) == (
-        "backfill", FIRST,
-    )  # fmt: skip
+        "backfill",
+        FIRST,
+    )
     under_way(transfer("backfill", FIRST, "fetching", 6_000_000))
     sees.text("#detail .fetching span", r"^Fetching 6.0 MB of 24 MB, 310 kB/s$")
     assert page.locator("#detail .fetching progress").get_attribute("value") == "0.25"
@@ -444,11 +459,18 @@ def test_logs_on_board_are_fetched_from_the_page(
     lab.station.answers["onboard_files"] = {
         "free_bytes": 12_400_000_000,
         "files": [
-            new("quadlab_msgs/OnboardFile", name=name, size=24_000_000, identity=k, closed=True,
-                start_ns=start, end_ns=start + 62_000_000_000)
+            new(
+                "quadlab_msgs/OnboardFile",
+                name=name,
+                size=24_000_000,
+                identity=k,
+                closed=True,
+                start_ns=start,
+                end_ns=start + 62_000_000_000,
+            )
             for k, name in enumerate(LOGS)
         ],
-    }  # fmt: skip
+    }
     page = open_runs()
     sees = look_at(page)
     page.click("#open-onboard")

@@ -34,19 +34,18 @@ _GAIN_YAW, _GAIN_YAW_ACCELERATION = int(Id.GAIN_YAW_RATE), int(Id.GAIN_YAW_ACCEL
 _TORQUE = int(Id.TORQUE_ROLL)
 
 DEFAULT_GAINS = {
-    Id.GAIN_P: 600, Id.GAIN_D: 120, Id.GAIN_I: 100,
-    Id.GAIN_YAW_RATE: 120, Id.GAIN_YAW_ACCELERATION: 0,
-}  # fmt: skip
+    Id.GAIN_P: 600,
+    Id.GAIN_D: 120,
+    Id.GAIN_I: 100,
+    Id.GAIN_YAW_RATE: 120,
+    Id.GAIN_YAW_ACCELERATION: 0,
+}
 """In counts of GAIN_SCALE: 1/s^2, 1/s, 1/s^3; 1/s, 1."""
 
 
 @compiled(inner=True)
 def hold_angles(
-    p: Item,
-    registers: Registers,
-    wanted: tuple[float, float, float],
-    thrust: float,
-    dt: float,
+    p: Item, registers: Registers, wanted: tuple[float, float, float], thrust: float, dt: float
 ) -> None:
     """References of a PROGRAM for roll, pitch (rad), yaw rate (rad/s) and thrust (N)."""
     roll, pitch, _ = angles(p)

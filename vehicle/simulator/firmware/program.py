@@ -14,12 +14,7 @@ from vehicle.simulator.firmware.attitude import angles, estimate_attitude
 from vehicle.simulator.firmware.descent import begin_descent, descend, stop, watch_thrust
 from vehicle.simulator.firmware.hovering import hold_angles
 from vehicle.simulator.firmware.vertical import estimate_climb
-from vehicle.simulator.sensors import (
-    ACCELEROMETER_SCALE,
-    GYROSCOPE_SCALE,
-    PRESSURE_LAPSE,
-    ZERO,
-)
+from vehicle.simulator.sensors import ACCELEROMETER_SCALE, GYROSCOPE_SCALE, PRESSURE_LAPSE, ZERO
 from vehicle_link.serial.attitude_command import HOVER_THRUST
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
@@ -55,8 +50,10 @@ def period(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
         dt: s.
     """
     force_b = (
-        _acceleration(registers, 0), _acceleration(registers, 1), _acceleration(registers, 2),
-    )  # fmt: skip
+        _acceleration(registers, 0),
+        _acceleration(registers, 1),
+        _acceleration(registers, 2),
+    )
     omega_b = (_rate(registers, 0), _rate(registers, 1), _rate(registers, 2))
     state = registers[_STATE]
     p.turning = 1 if state in (_ON, _EMERGENCY) else 0
