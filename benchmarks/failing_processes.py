@@ -23,6 +23,7 @@ import numpy as np
 from benchmarks.failing_flights import CORRUPTED, CORRUPTED_FOR, SETTINGS, conditions
 from benchmarks.failing_ground import NAME, Ground, NotFlownError, free_port, until
 from benchmarks.touch_down import TOUCHING, Outcome, TouchDown
+from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError
 from vehicle_link.log import is_closed
 from vehicle_link.serial.commands import decode_data
@@ -30,7 +31,6 @@ from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import MIRROR, Id, MotorState
 from vehicle_link.serial.port import SerialPort
 
-ROOT = Path(__file__).resolve().parent.parent
 FAILURES = (
     "web",
     "station",

@@ -23,7 +23,6 @@ from quadlab.station_client import REACH, StationClient
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.session import loopback_session
 
-ROOT = Path(__file__).resolve().parents[1]
 PORT, LINK_PORT = 28082, 28450
 COUNT, QUICK_COUNT = 8, 3
 HOVER, QUICK_HOVER = 60.0, 10.0  # s

@@ -16,13 +16,13 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.records import Record
 from vehicle import mailbox
 from vehicle.modes import Mode
 from vehicle.process_config import FlightConfig, create_rings, open_rings
 
-ROOT = Path(__file__).resolve().parents[1]
 STEP_S = 0.01
 NICENESS = -10
 HEARTBEAT_NS = 50_000_000

@@ -27,6 +27,7 @@ import numpy as np
 
 from benchmarks.flight_under_test import NICENESS
 from benchmarks.killed_file import Kill, problems_of
+from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import TICK
 from vehicle import mailbox
@@ -38,7 +39,6 @@ from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import is_closed, read_log
 from vehicle_link.log.tick_columns import TICK_TOPICS
 
-ROOT = Path(__file__).resolve().parent.parent
 RATE = 500
 STEP_NS = 1_000_000_000 // RATE
 EARLIEST_S, LATEST_S = 0.3, 2.5

@@ -25,10 +25,10 @@ from console.catalogue import SUFFIX, Catalogue, RunEntry, run_name
 from console.recorder import Recorder
 from console.run import Run, RunEnd
 from console.run_files import tidy_runs
+from quadrotor.checkout import ROOT
 from vehicle_link import messages
 from vehicle_link.log import read_log
 
-ROOT = Path(__file__).resolve().parent.parent
 PACKET_S = 0.01
 MATERIAL_S = 8.0
 EARLIEST_S, LATEST_S = 0.3, 2.5

@@ -31,7 +31,8 @@ import numpy as np
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-ROOT = Path(__file__).resolve().parent.parent
+from quadrotor.checkout import ROOT
+
 GAIN = "control.position.kp_xy"
 TICK = os.sysconf("SC_CLK_TCK")
 LIMITS = {

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 from benchmarks.harness import Report, Row, Target
 from benchmarks.recorded_run import MadeRun, write_run
+from quadrotor.checkout import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 DURATION_S, QUICK_S = 1200.0, 60.0
 MOST_S, MOST_MB = 20.0, 300.0
 PLAIN = "mcap's own reader"

@@ -17,7 +17,6 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,6 @@ from benchmarks.harness import CHROMIUM, Report, Row, Target
 from benchmarks.laboratory import processes, started
 from quadrotor.errors import QuadlabError
 
-ROOT = Path(__file__).resolve().parents[1]
 PORT, LINK_PORT = 28081, 28448
 COUNT, QUICK_COUNT = 40, 5
 SILENT, HEARD = 1.0, 3.0  # s

@@ -9,16 +9,16 @@ import json
 import mimetypes
 import os
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
 from console.parameters import StationTree
+from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from vehicle.parameters import new_parameters
 
 FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
-STATIC = Path(__file__).resolve().parents[1] / "web" / "static"
+STATIC = ROOT / "web" / "static"
 COUNT = 300
 LIMIT = 2.0  # ms of the thread for one change: 4 % of it at 20 changes a second
 SHARE = 0.1  # of the time to build the whole tree

@@ -6,11 +6,10 @@ import os
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
 from benchmarks.harness import Report, Row, Target, Timing
+from quadrotor.checkout import ROOT
 
-ROOT = Path(__file__).resolve().parents[1]
 FLIGHT = """
 import time; began = time.perf_counter()
 import vehicle.kernels as k

@@ -31,12 +31,12 @@ import httpx
 import numpy as np
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
+from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
 from vehicle_link.log import is_closed, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry, decode_reference
 
-ROOT = Path(__file__).resolve().parents[1]
 PORT, LINK_PORT = 28083, 28452
 FLIGHTS, QUICK_FLIGHTS, UNLOADED = 20, 3, 4
 LAPS = 1

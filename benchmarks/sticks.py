@@ -21,11 +21,11 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
+from quadrotor.checkout import ROOT
 from vehicle_link.node import Node, Received
 from vehicle_link.session import loopback_session
 from vehicle_link.topics import TOPICS, decode_joy
 
-ROOT = Path(__file__).resolve().parents[1]
 FLAGS = [
     "--no-sandbox",
     "--disable-background-networking",

@@ -21,9 +21,10 @@ from typing import Any, TypeVar, overload
 import numba
 from numba.core.registry import CPUDispatcher
 
+from quadrotor.checkout import ROOT
+
 Function = TypeVar("Function", bound=Callable[..., object])
 
-ROOT = Path(__file__).resolve().parents[1]
 KEPT = 3
 """Versions of one module whose machine code is kept: two branches do not evict each other."""
 

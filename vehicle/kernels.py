@@ -14,12 +14,10 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
+from quadrotor.checkout import ROOT
 from quadrotor.compiled import kept
 from vehicle.realtime import die_with_parent
-
-REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 def _controller() -> None:
@@ -192,7 +190,7 @@ def _compile(missing: list[str], say: Callable[[str], None]) -> None:
 
 def _in_another_process(words: list[str]) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "vehicle.kernels", str(os.getpid()), *words]
-    return subprocess.Popen(command, cwd=REPOSITORY, stdin=subprocess.DEVNULL)
+    return subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL)
 
 
 def main(parent: str, *words: str) -> None:

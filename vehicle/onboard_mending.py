@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from vehicle.mailbox import INFO, WARN
 from vehicle.onboard_recovery import torn_logs
@@ -26,7 +27,6 @@ PERIOD_S = 10.0
 TRIES = 8
 """Of one list of torn files; the last is 20 min after the first."""
 PATIENCE_S = 1.0
-REPOSITORY = Path(__file__).resolve().parent.parent
 
 LATER = "is mended at the vehicle's next start"
 SOON = "is mended once the vehicle stands disarmed"
@@ -39,7 +39,7 @@ def start_mending(paths: Sequence[Path]) -> Process:
     """A process that mends these files and prints what it found."""
     return subprocess.Popen(
         [sys.executable, "-m", "vehicle.onboard_recovery", str(os.getpid()), *map(str, paths)],
-        cwd=REPOSITORY,
+        cwd=ROOT,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         text=True,

@@ -19,6 +19,7 @@ from types import FrameType
 
 import msgspec
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle import mailbox
@@ -42,7 +43,6 @@ STABLE_S = 5.0  # a comms process that lived this long is started again after th
 SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
 TRAJECTORIES = "trajectories"
 """Folder, inside the data folder, of the user's trajectory files."""
-REPOSITORY = Path(__file__).resolve().parent.parent
 
 
 class _Children:
@@ -80,7 +80,7 @@ class _Children:
         # A group of its own: Ctrl-C in the terminal is for the parent, which then ends both.
         return subprocess.Popen(
             [sys.executable, "-m", module, msgspec.json.encode(config).decode()],
-            cwd=REPOSITORY,
+            cwd=ROOT,
             stdin=subprocess.DEVNULL,
             pass_fds=self._rings.all,
             process_group=0,

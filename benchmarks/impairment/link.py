@@ -9,14 +9,13 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
 from benchmarks.impairment.namespace import End, make_end
 from benchmarks.impairment.wire import Conditions
+from quadrotor.checkout import ROOT
 
-ROOT = Path(__file__).parents[2]
 A, B = "10.91.0.1", "10.91.0.2"
 PATIENCE = 5.0
 LEFT_OUT = ("http_proxy", "https_proxy", "all_proxy", "HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY")

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.checkout import ROOT
 from quadrotor.records import Record
 from vehicle.closed_loop.onboard import ONBOARD, SETTINGS
 from vehicle.simulator.plant import PLANT
 
-SOURCES = Path(__file__).parents[1] / "cpp"
+SOURCES = ROOT / "benchmarks" / "cpp"
 PORTABLE = ("-O3",)
 NATIVE = ("-O3", "-march=native")
 TUNED = ("-O3", "-fno-math-errno", "-fno-tree-slp-vectorize")

@@ -10,10 +10,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
+
+from quadrotor.checkout import ROOT
 
 WORLDS = 1024
-ROOT = Path(__file__).resolve().parents[2]
 
 
 class Crazyflow:

@@ -14,7 +14,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,11 +21,11 @@ import numpy.typing as npt
 
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.comparison.parameters import ComparisonParameters
+from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError
 
 Array = npt.NDArray[np.float64]
 
-ROOT = Path(__file__).resolve().parents[1]
 COMMAND = (sys.executable, "-m", "console.comparison.process")
 PERIOD = 0.05
 HELD = 4000

@@ -13,9 +13,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from quadrotor.checkout import ROOT
+
 SAID_AFTER = 1.0
 KEPT = {
     "complementary": (

@@ -24,11 +24,11 @@ from console.experiments.user_file import mistakes_told
 from console.experiments.verdict import evaluated
 from console.run_reports import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.checkout import ROOT
 from quadrotor.errors import MeasurementError, QuadlabError, StorageError
 
 NICENESS = 15
 POLL = 0.1
-ROOT = Path(__file__).parents[1]
 MODULE = "console.experiment_running.evaluation"
 
 

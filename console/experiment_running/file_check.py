@@ -16,6 +16,7 @@ from typing import Any
 
 from console.experiments.client import Calibrating
 from console.experiments.user_file import load
+from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterDescription, ParameterStore
 
@@ -23,7 +24,6 @@ MODULE = "console.experiment_running.file_check"
 NICENESS = 15
 SECONDS = 30.0
 """for imports that compile; a file that takes longer is one that hangs."""
-ROOT = Path(__file__).parents[2]
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError, StorageError
 
 NICENESS = 15
 POLL = 0.1
-ROOT = Path(__file__).parents[2]
 MODULE = "console.transfers.process"
 
 

@@ -17,10 +17,10 @@ from console.catalogue_notes import write_notes
 from console.parameter_history import ParameterChange, ParameterHistory
 from console.parameter_presets import ParameterPresets
 from console.tuning.kept_runs import KeptRuns
+from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
 from tests.console.test_console_catalogue import entry
 
-ROOT = Path(__file__).resolve().parents[2]
 REMEDY = "mount its disk or put it back, or start quadlab anew: it begins with what is there"
 CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
 

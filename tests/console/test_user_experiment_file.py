@@ -13,10 +13,10 @@ from console.experiments.catalogue import EXPERIMENTS
 from console.experiments.client import Calibrating, Experiment, Reporting
 from console.experiments.user_file import UserFileError, is_file, load, mistakes_told
 from console.experiments.watched import Abortable, Conditional
+from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError, StorageError, UsageError
 from quadrotor.parameters import Parameters
 
-ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = ROOT / "examples/experiments/side_step.py"
 GOOD = """
 from quadrotor.parameters import Parameters, parameter

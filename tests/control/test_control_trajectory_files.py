@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -14,10 +12,11 @@ from control.trajectories.library import load_folder, load_trajectory
 from control.trajectories.limits import Limits
 from control.trajectories.python_file import load_python
 from control.trajectories.trajectory import sample_many, stretches_of
+from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.vehicle_model import VehicleModel
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples" / "trajectories"
+EXAMPLES = ROOT / "examples" / "trajectories"
 CHAIN = ["position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w"]
 YAW_CHAIN = ["yaw", "yaw_rate", "yaw_acceleration"]
 EIGHT = FigureEight((0.5, -0.5, 1.2), 3.0, period=6.0, laps=2, ramp=3.0)

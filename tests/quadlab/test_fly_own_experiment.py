@@ -11,10 +11,11 @@ import pytest
 
 from console.experiments.catalogue import EXPERIMENTS
 from quadlab.__main__ import main
+from quadrotor.checkout import ROOT
 from vehicle_link.log import read_log
 from vehicle_link.messages import decode
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples/experiments/side_step.py"
+EXAMPLE = ROOT / "examples/experiments/side_step.py"
 OWN = """
 from console.experiments.client import Result
 from quadrotor.parameters import Parameters, parameter

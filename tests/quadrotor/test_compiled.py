@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from quadrotor import compiled as module
+from quadrotor.checkout import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 LAW = """
 from quadrotor.compiled import compiled
 from control.gain import GAIN, double

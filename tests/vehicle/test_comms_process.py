@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
+from quadrotor.checkout import ROOT
 from quadrotor.records import POSE_SAMPLE, Record
 from tests.waiting import free_port
 from vehicle.calibration_store import CalibrationStore
@@ -34,7 +35,6 @@ from vehicle_link.parameter_messages import to_parameters
 from vehicle_link.parameter_service import ParameterClient
 from vehicle_link.session import station_session
 
-ROOT = Path(__file__).resolve().parents[2]
 BOUND = 60.0
 """s, after which a test that waits has failed."""
 

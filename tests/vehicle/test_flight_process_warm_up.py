@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+from quadrotor.checkout import ROOT
 
 # In a process of its own: here other tests would have compiled everything already.
 PROGRAM = """

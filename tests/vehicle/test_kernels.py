@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from quadrotor.checkout import ROOT
 from vehicle import kernels
 from vehicle.kernels import HELPED, LATER, PARTS
 
-ROOT = Path(__file__).resolve().parents[2]
 PREPARE = """
 from vehicle.kernels import prepare
 

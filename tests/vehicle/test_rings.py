@@ -6,15 +6,13 @@ import os
 import subprocess
 import sys
 from collections import deque
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from quadrotor.checkout import ROOT
 from quadrotor.records import TICK, new_tick
 from vehicle.rings import HEADER_BYTES, TAIL, ByteRing, RecordRing, create, fence
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def numbered(sequence: int) -> np.ndarray:

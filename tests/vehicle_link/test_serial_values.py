@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import OutOfBoundsError
 from vehicle.simulator.firmware.states import LIMITS, WRITABLE
 from vehicle_link.serial import commands
@@ -25,7 +25,7 @@ from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import Id
 from vehicle_link.serial.values import QUANTITIES, Quantity, quantity_of, to_raw, to_si
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/microcontroller.md"
+PAGE = ROOT / "docs/microcontroller.md"
 byte = st.integers(0, 255)
 
 

@@ -14,6 +14,7 @@ import httpx
 import pytest
 
 from control.behaviors import machine
+from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError, UsageError
 from quadrotor.parameters import ParameterStore
 from web import app
@@ -60,11 +61,7 @@ def test_the_slow_libraries_are_not_imported() -> None:
         "print([m for m in ('numba', 'scipy', 'cv2', 'IPython') if m in sys.modules])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=Path(app.__file__).parent.parent,
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
     )
     assert done.stdout.strip() == "[]"
 
@@ -125,7 +122,7 @@ def test_the_process_serves_without_a_station_and_ends_in_order(tmp_path: Path) 
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        cwd=Path(app.__file__).parent.parent,
+        cwd=ROOT,
     )
     try:
         assert process.stdout is not None

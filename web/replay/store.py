@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.run_replays import REPLAYS, folder_bytes, replay_name
+from quadrotor.checkout import ROOT
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
 from web.replay.cache_writer import VERSION
@@ -32,7 +33,6 @@ ON_ITS_WAY = ".new"
 LOOK = 0.01
 """Of the progress, between two looks at how large it has become."""
 MODULE = "web.replay.build"
-ROOT = Path(__file__).parents[2]
 
 
 @dataclass

@@ -9,12 +9,11 @@ import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Literal, NamedTuple
 
+from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError
 
-ROOT = Path(__file__).parents[2]
 MOST_WAITING = 20
 """Works that may wait for their turn."""
 REASON_LENGTH = 300
