@@ -23,7 +23,7 @@ from quadlab.flight_log import FlightLog
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import LogFormatError, RefusedError
 from quadrotor.parameters import ParameterStore
-from vehicle import mailbox
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 SEEDS = 12

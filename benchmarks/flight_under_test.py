@@ -19,9 +19,9 @@ import numpy.typing as npt
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError, RefusedError
 from quadrotor.records import Record
-from vehicle import mailbox
-from vehicle.modes import Mode
-from vehicle.process_config import FlightConfig, create_rings, open_rings
+from vehicle.flight.modes import Mode
+from vehicle.processes import mailbox
+from vehicle.processes.config import FlightConfig, create_rings, open_rings
 
 STEP_S = 0.01
 NICENESS = -10

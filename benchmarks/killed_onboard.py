@@ -2,7 +2,7 @@
 
     python -m benchmarks killed_logs [--quick]
 
-The real `vehicle.comms`, with its link, started again after each kill as its parent does; this
+The real `vehicle.comms.process`, with its link, started again after each kill as its parent does; this
 process is the flight process, 500 ticks a second through the shared ring. Lost is a tick that
 neither the dead process's file nor that of the next one has.
 """
@@ -30,11 +30,11 @@ from benchmarks.killed_file import Kill, problems_of
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import TICK
-from vehicle import mailbox
-from vehicle.onboard_recovery import FOLDER, recover_logs, torn_logs
+from vehicle.onboard_log.recovery import FOLDER, recover_logs, torn_logs
 from vehicle.parameters import new_parameters
-from vehicle.process_config import CommsConfig, RingDescriptors, Rings, create_rings, open_rings
-from vehicle.rings import READ
+from vehicle.processes import mailbox
+from vehicle.processes.config import CommsConfig, RingDescriptors, Rings, create_rings, open_rings
+from vehicle.processes.rings import READ
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import is_closed, read_log
 from vehicle_link.log.tick_columns import TICK_TOPICS
@@ -135,7 +135,7 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
     before = set(folder.glob("*.mcap"))
     config = CommsConfig(os.getpid(), descriptors, NAME, str(data), _free_port())
     process = subprocess.Popen(
-        [sys.executable, "-m", "vehicle.comms", msgspec.json.encode(config).decode()],
+        [sys.executable, "-m", "vehicle.comms.process", msgspec.json.encode(config).decode()],
         cwd=ROOT,
         pass_fds=descriptors.all,
         stdin=subprocess.DEVNULL,

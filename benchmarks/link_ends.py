@@ -40,11 +40,11 @@ from console.transfers.part_file import PartFile
 from console.transfers.vehicle_files import LinkedFiles, VehicleFile
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE, TICK
-from vehicle.comms import STATION_LOST_S
-from vehicle.comms_lane import CommsLane
-from vehicle.comms_publish import PROBE_NS
-from vehicle.comms_radio import LinkRadio
-from vehicle.safety_parameters import SafetyParameters
+from vehicle.comms.lane import CommsLane
+from vehicle.comms.process import STATION_LOST_S
+from vehicle.comms.publish import PROBE_NS
+from vehicle.comms.publishers import LinkRadio
+from vehicle.safety.parameters import SafetyParameters
 from vehicle_link import telemetry, topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.end_signal import EndSignal

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from benchmarks.flight_under_test import FlightUnderTest, Notes
 from benchmarks.harness import Report, Row, Target
-from vehicle.realtime import PRIORITY
+from vehicle.flight.realtime import PRIORITY
 
 RATES = (500, 1000)
 SECONDS, QUICK_SECONDS = 60, 8

@@ -22,7 +22,7 @@ from benchmarks.flight_under_test import FlightUnderTest
 from benchmarks.harness import Report, Row, Target
 from quadrotor.errors import QuadlabError
 from quadrotor.records import Record
-from vehicle.onboard_log import OnboardLog
+from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle_link.log import summarize
 from vehicle_link.topics import TOPICS
 

@@ -115,7 +115,7 @@ def laboratory() -> Iterator[tuple[str, int]]:
 
 def _comms(parent: int) -> list[int]:
     """Descendants of `parent` that run the vehicle's comms."""
-    return [pid for pid, name in processes(parent).items() if name == "vehicle.comms"]
+    return [pid for pid, name in processes(parent).items() if name == "vehicle.comms.process"]
 
 
 def _until(look: Callable[[], Any]) -> Any:

@@ -2,7 +2,7 @@
 
     python -m benchmarks.recorded_flight CONFIG OUT
 
-It is `python -m vehicle.flight CONFIG` in all else. OUT is an .npz, written at its end.
+It is `python -m vehicle.flight.process CONFIG` in all else. OUT is an .npz, written at its end.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from vehicle import flight
-from vehicle.flight_loop import FlightLoop
-from vehicle.microcontroller import RawSample
+from vehicle.flight.loop import FlightLoop
+from vehicle.flight.process import process as flight
+from vehicle.microcontroller.microcontroller import RawSample
 
 CAPACITY = 400_000
 _COMMAND = b"#bb"

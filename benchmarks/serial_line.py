@@ -37,7 +37,7 @@ from benchmarks.flight_under_test import ROOT, FlightUnderTest, Notes
 from benchmarks.harness import Report, Row, Target
 from benchmarks.recorded_simulator import HEADER
 from quadrotor.errors import QuadlabError
-from vehicle import mailbox
+from vehicle.processes import mailbox
 from vehicle.simulator.firmware.firmware import START_MS
 from vehicle_link.serial.ids import TIME_PERIOD_MS
 from vehicle_link.topics.ticks import decode_odometry

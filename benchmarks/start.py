@@ -12,7 +12,7 @@ from quadrotor.checkout import ROOT
 
 FLIGHT = """
 import time; began = time.perf_counter()
-import vehicle.kernels as k
+import vehicle.flight.kernels as k
 _, later = k.prepare(say=lambda line: None)
 ready = time.perf_counter() - began
 later.wait()

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
 from quadrotor.parameters import ParameterStore, ParameterValue
-from vehicle import mailbox
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 Array = npt.NDArray[np.float64]

@@ -11,8 +11,8 @@ import numpy.typing as npt
 from bearing_sim.emulator import BearingMeasurement
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record
-from vehicle import mailbox
-from vehicle.comms_publish import FLOWN_ON, Publisher
+from vehicle.comms.publish import FLOWN_ON, Publisher
+from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.cdr_layout import Records
 from vehicle_link.log import LogWriter

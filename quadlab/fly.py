@@ -66,7 +66,7 @@ class Fly:
         from quadlab.flight_log import FlightLog
         from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
         from quadrotor.parameters import ParameterStore
-        from vehicle.kernels import prepare
+        from vehicle.flight.kernels import prepare
         from vehicle.simulator.simulated_vehicle import SimulatedVehicle
         from vehicle_link.messages import typestore
 

@@ -116,7 +116,7 @@ class Vehicle:
         ports, rate = serial_ports.ports_at_rate(
             self.serial, self.rate, in_process=self.in_process, identity=identity
         )
-        from vehicle.process import run_vehicle
+        from vehicle.processes.parent import run_vehicle
 
         settings = {}
         if self.set:

@@ -7,7 +7,7 @@ import stat
 from collections.abc import Sequence
 
 from quadrotor.errors import LinkError, UsageError
-from vehicle.terminal import say
+from vehicle.processes.terminal import say
 from vehicle_link.serial.capacity import DEFAULT_RATE, check_rate, default_rate, samples_a_second
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.serial.port import NO_DEVICE
@@ -85,7 +85,7 @@ def ports_at_rate(
 
 def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
     """`--check`: exit status 0 when the connection is good, else 1."""
-    from vehicle.serial_check import check_connection
+    from vehicle.microcontroller.serial_check import check_connection
 
     return (
         0 if check_connection(flight_ports(words, identity), identity=identity, say=_print) else 1

@@ -23,16 +23,16 @@ from quadlab.simulated_guide import REQUESTER, SimulatedGuide
 from quadlab.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
-from vehicle import mailbox
-from vehicle.bearing_pose import BearingPose
-from vehicle.microcontroller import Microcontroller
-from vehicle.modes import MOTORS_ON
-from vehicle.navigation import COMPLAIN_NS
-from vehicle.orders import Orders
+from vehicle.comms.bearing_pose import BearingPose
+from vehicle.estimators.navigation import COMPLAIN_NS
+from vehicle.flight.microcontroller_commands import Orders
+from vehicle.flight.modes import MOTORS_ON
+from vehicle.flight.stack import FlightStack
+from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.parameters import VehicleParameters
+from vehicle.processes import mailbox
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle.stack import FlightStack
 from vehicle_link.topics import TOPICS, encode_joy
 
 HEARTBEAT_NS = 50_000_000

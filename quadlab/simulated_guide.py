@@ -19,13 +19,13 @@ from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import TICK, Record
 from quadrotor.rotations import euler_from_quaternion
-from vehicle import mailbox
-from vehicle.gyroscope_record import gyroscope_record
-from vehicle.modes import Mode
+from vehicle.calibration.gyroscope_record import gyroscope_record
+from vehicle.flight.modes import Mode
+from vehicle.flight.stack import FlightStack
+from vehicle.processes import mailbox
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle.stack import FlightStack
 from vehicle_link.topics import encode_bench_reading
 
 REQUESTER = "experiment"

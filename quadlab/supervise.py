@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from quadrotor.errors import QuadlabError
-from vehicle.realtime import die_with_parent
+from vehicle.flight.realtime import die_with_parent
 
 PARENT = "QUADLAB_PARENT"
 """Environment variable that tells a child whose life it shares."""

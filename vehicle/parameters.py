@@ -11,11 +11,11 @@ from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, ParameterValue, parameter
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.flown_mass import FlownMassParameters
-from vehicle.imu_calibration import ImuCalibration
-from vehicle.near_hovering import NearHoveringParameters
-from vehicle.onboard_parameters import OnboardLogParameters
-from vehicle.safety_parameters import SafetyParameters
+from vehicle.calibration.imu import ImuCalibration
+from vehicle.flight.flown_mass import FlownMassParameters
+from vehicle.flight.near_hovering import NearHoveringParameters
+from vehicle.onboard_log.parameters import OnboardLogParameters
+from vehicle.safety.parameters import SafetyParameters
 
 
 class BeaconParameters(Parameters):

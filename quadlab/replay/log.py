@@ -16,7 +16,7 @@ from quadlab.simulated_flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import IMU_SAMPLE, STATE, Record
-from vehicle import mailbox
+from vehicle.processes import mailbox
 from vehicle_link.log import LogMessage, read_attachments, read_log
 from vehicle_link.log.attached import json_value, literal_value
 from vehicle_link.log.records import ReadState

@@ -12,7 +12,7 @@ from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadlab.replay.errors import Array, Stamps, Truth
 from quadlab.replay.log import Arrival, Recording
 from quadlab.replay.words import Run
-from vehicle import mailbox
+from vehicle.processes import mailbox
 
 T = TypeVar("T")
 

@@ -27,8 +27,8 @@ from quadrotor.records import (
     Record,
     new_state,
 )
-from vehicle import mailbox
-from vehicle.stack import LONGEST_GAP, NOMINAL_STEP
+from vehicle.flight.stack import LONGEST_GAP, NOMINAL_STEP
+from vehicle.processes import mailbox
 
 STATE_AGE_NS = 50_000_000
 """A recorded state older than this is no start."""
@@ -81,7 +81,7 @@ def replay(recording: Recording, run: Run, arrivals: list[Arrival]) -> Replayed:
 
 
 class _Vehicle:
-    """What `vehicle.navigation` does with its active estimator.
+    """What `vehicle.estimators.navigation` does with its active estimator.
 
     Parameters changed in flight change here too, unless the run fixes them.
     """

@@ -71,7 +71,7 @@ def _airborne(recording: Recording, truth: Truth) -> tuple[int, int, str]:
 
 def tracked_truth(recording: Recording) -> Truth:
     """The tracker's recorded poses in the truth's place; velocities are not known."""
-    from vehicle import mailbox
+    from vehicle.processes import mailbox
 
     ordered: dict[int, mailbox.Pose] = {}
     for _, pose in recording.poses:

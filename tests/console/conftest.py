@@ -19,13 +19,13 @@ from console.beacon_layout import THEIRS
 from console.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from tests.waiting import free_port, until
-from vehicle.comms import Comms
-from vehicle.flight_loop import FlightLoop
-from vehicle.microcontroller import RawSample
-from vehicle.pacing import PortPacer
+from vehicle.comms.process import Comms
+from vehicle.flight.loop import FlightLoop
+from vehicle.flight.pacing import PortPacer
+from vehicle.flight.stack import FlightStack
+from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import new_parameters
-from vehicle.process_config import CommsConfig, create_rings, open_rings
-from vehicle.stack import FlightStack
+from vehicle.processes.config import CommsConfig, create_rings, open_rings
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.instance import new_instance

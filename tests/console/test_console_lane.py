@@ -13,8 +13,8 @@ import pytest
 
 from console.lane_in import LaneIn
 from console.link_monitor import LinkMonitor
-from vehicle.comms_lane import CommsLane
-from vehicle.comms_radio import LinkRadio
+from vehicle.comms.lane import CommsLane
+from vehicle.comms.publishers import LinkRadio
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.node import Node, Received
 from vehicle_link.session import loopback_session, station_session, vehicle_session, wait_connected

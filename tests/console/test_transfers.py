@@ -31,7 +31,7 @@ from quadrotor.errors import LinkError, RefusedError, StorageError
 from quadrotor.records import TICK
 from tests.vehicle_link.drop_outs import START_NS, Flight, flown, with_holes
 from tests.waiting import until
-from vehicle.onboard_files import OnboardFiles
+from vehicle.onboard_log.files import OnboardFiles
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.log import read_log, read_metadata, recover
 from vehicle_link.log.run_index import index_run

@@ -18,7 +18,7 @@ from console.parameters import RecorderParameters
 from console.transfers.service import Transfers
 from quadlab.__main__ import main
 from tests.vehicle_link.drop_outs import Flight, flown
-from vehicle.onboard_files import OnboardFiles
+from vehicle.onboard_log.files import OnboardFiles
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.log.writer import FILLED_METADATA, LogWriter
 from vehicle_link.node import Node

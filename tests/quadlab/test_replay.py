@@ -27,7 +27,7 @@ from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import STATE
-from vehicle.kernels import prepare
+from vehicle.flight.kernels import prepare
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
 from vehicle_link.log import LogWriter, read_attachments, read_log

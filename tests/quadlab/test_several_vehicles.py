@@ -10,7 +10,7 @@ from console.dialled import dialled, remember_dialled
 from quadlab.processes import parse_names, parse_vehicles
 from quadlab.simulated_fleet import MOST, SimulatedFleet
 from quadrotor.errors import LinkError, UsageError
-from vehicle.process_config import FEWEST_PACKETS, PACKETS_A_SECOND
+from vehicle.processes.config import FEWEST_PACKETS, PACKETS_A_SECOND
 from vehicle.simulator.process import pace_of
 from vehicle_link.authority import check_certificate, ensure_certificates
 from vehicle_link.telemetry import SAMPLES_A_PACKET

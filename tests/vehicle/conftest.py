@@ -12,10 +12,10 @@ from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import ParameterStore, ParameterValue
-from vehicle import mailbox
-from vehicle.calibration_store import FOLDER, HISTORY, CalibrationStore
-from vehicle.comms_calibrations import TYPE, Calibrations
-from vehicle.modes import Mode
+from vehicle.calibration.store import FOLDER, HISTORY, CalibrationStore
+from vehicle.comms.calibrations import TYPE, Calibrations
+from vehicle.flight.modes import Mode
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.messages import Message, new
 

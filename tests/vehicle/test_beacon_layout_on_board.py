@@ -8,9 +8,9 @@ import pytest
 from bearing_sim.beacons import PRESETS
 from quadrotor.errors import MeasurementError
 from quadrotor.records import new_state
-from vehicle.bearing_pose import BearingPose
-from vehicle.comms_clock import VehicleClock
-from vehicle.comms_inbound import Inbound
+from vehicle.comms.bearing_pose import BearingPose
+from vehicle.comms.inbound import Inbound
+from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle_link import topics
 from vehicle_link.messages import decode
 

@@ -15,9 +15,9 @@ from bearing_sim.emulator import BearingParameters
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
-from vehicle import mailbox
-from vehicle.modes import Flag
+from vehicle.flight.modes import Flag
 from vehicle.parameters import check_pairs, new_parameters
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 

@@ -13,7 +13,12 @@ from bearing_sim.beacons import PAPER_BEACONS
 from bearing_sim.emulator import perturbed
 from estimation.convergence import Deviations, Difference
 from quadrotor.records import BEARINGS_SAMPLE, Record, new_state
-from vehicle.bearings_watch import FEWEST_FRAMES, IN_A_ROW, BearingsWatch, normalised_squares
+from vehicle.estimators.bearings_watch import (
+    FEWEST_FRAMES,
+    IN_A_ROW,
+    BearingsWatch,
+    normalised_squares,
+)
 from vehicle.parameters import FallBackParameters
 
 SIGMA = math.radians(1.5)

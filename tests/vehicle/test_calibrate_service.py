@@ -9,10 +9,10 @@ import pytest
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import MeasurementError, RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
-from vehicle import mailbox
-from vehicle.calibration_store import CalibrationStore
-from vehicle.comms_calibrations import ANSWER_BYTES, TYPE
-from vehicle.comms_services import _refusing
+from vehicle.calibration.store import CalibrationStore
+from vehicle.comms.calibrations import ANSWER_BYTES, TYPE
+from vehicle.comms.services import _refusing
+from vehicle.processes import mailbox
 from vehicle_link.idempotent import Idempotent
 
 NS = 1_780_000_000_000_000_000

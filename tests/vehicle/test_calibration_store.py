@@ -11,8 +11,8 @@ import pytest
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
-from vehicle import calibration_store
-from vehicle.calibration_store import (
+from vehicle.calibration import store as calibration_store
+from vehicle.calibration.store import (
     AT_START,
     FOLDER,
     HISTORY,

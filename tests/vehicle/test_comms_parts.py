@@ -16,13 +16,13 @@ from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError, UnknownParameterError
 from quadrotor.records import POSE_SAMPLE, TICK, Record
-from vehicle import mailbox
-from vehicle.comms_clock import WINDOW_NS, VehicleClock
-from vehicle.comms_commands import FlightMailbox, ParameterMirror
-from vehicle.comms_inbound import Inbound
-from vehicle.comms_publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
-from vehicle.modes import Flag, Mode
-from vehicle.process_config import create_rings, open_rings
+from vehicle.comms.commands import FlightMailbox, ParameterMirror
+from vehicle.comms.inbound import Inbound
+from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
+from vehicle.comms.vehicle_clock import WINDOW_NS, VehicleClock
+from vehicle.flight.modes import Flag, Mode
+from vehicle.processes import mailbox
+from vehicle.processes.config import create_rings, open_rings
 from vehicle_link import messages, telemetry, topics
 
 MS = 1_000_000
@@ -159,7 +159,7 @@ def test_the_mirror_checks_before_it_asks() -> None:
 def test_the_mirror_tells_no_values_before_flight_told_its_own(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("vehicle.comms_commands.FETCH_PATIENCE_S", 0.01)
+    monkeypatch.setattr("vehicle.comms.commands.FETCH_PATIENCE_S", 0.01)
     mirror = ParameterMirror(Flight().mailbox, {"model.mass": 1.2})
     with pytest.raises(LinkError, match="did not tell its parameters"):
         mirror.values()

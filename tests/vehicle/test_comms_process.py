@@ -24,8 +24,8 @@ from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import ROOT
 from quadrotor.records import POSE_SAMPLE, Record
 from tests.waiting import free_port
-from vehicle.calibration_store import CalibrationStore
-from vehicle.onboard_recovery import torn_logs
+from vehicle.calibration.store import CalibrationStore
+from vehicle.onboard_log.recovery import torn_logs
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import read_attachments, read_log, read_metadata
@@ -49,7 +49,7 @@ run(SimulatorParameters(), Path(sys.argv[1]), int(sys.argv[2]) or None)
 VEHICLE = """
 import sys
 from pathlib import Path
-from vehicle.process import run_vehicle
+from vehicle.processes.parent import run_vehicle
 sys.exit(run_vehicle([f"{sys.argv[1]}/mcu0", f"{sys.argv[1]}/mcu1"], Path(sys.argv[2]),
                      int(sys.argv[3]),
                      settings={"model.mass": 1.3, "safety.link_land_after": 20.0}))
@@ -78,7 +78,7 @@ class VehicleProcesses:
         self.vehicle = self._start(VEHICLE, serial, str(self.data), str(self.link_port))
 
     def child(self, module: str) -> int:
-        """Process id of `vehicle.flight` or `vehicle.comms`; 0 when there is none."""
+        """Process id of `vehicle.flight.process` or `vehicle.comms.process`; 0 when there is none."""
         path = Path(f"/proc/{self.vehicle.pid}/task/{self.vehicle.pid}/children")
         for pid in path.read_text().split():
             with suppress(OSError):  # it may end while it is looked at
@@ -88,9 +88,10 @@ class VehicleProcesses:
 
     def children(self) -> tuple[int, int]:
         wait_until(
-            lambda: self.child("vehicle.flight") and self.child("vehicle.comms"), "both children"
+            lambda: self.child("vehicle.flight.process") and self.child("vehicle.comms.process"),
+            "both children",
         )
-        return self.child("vehicle.flight"), self.child("vehicle.comms")
+        return self.child("vehicle.flight.process"), self.child("vehicle.comms.process")
 
     def errors(self) -> str:
         return self.errors_path.read_text()
@@ -284,9 +285,11 @@ def survive_comms(station: FakeStation, processes: VehicleProcesses) -> None:
     flight, comms = processes.children()
     station.counts.clear()
     os.kill(comms, signal.SIGKILL)
-    wait_until(lambda: processes.child("vehicle.comms") not in (0, comms), "a new comms process")
+    wait_until(
+        lambda: processes.child("vehicle.comms.process") not in (0, comms), "a new comms process"
+    )
     wait_until(lambda: station.counts["telemetry"] > 10, "telemetry again")
-    assert processes.child("vehicle.flight") == flight
+    assert processes.child("vehicle.flight.process") == flight
     assert station.height > 0.6
     values = ParameterClient(station.node, "/quad1/vehicle").values()
     assert values["model.mass"] == 1.308, "changed before the comms process lived"

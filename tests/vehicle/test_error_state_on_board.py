@@ -13,8 +13,8 @@ from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS, Agreement
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.parameters import ParameterValue
-from vehicle import mailbox
-from vehicle.modes import Flag
+from vehicle.flight.modes import Flag
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 HOUSE = "1 1 1 0.1; 2 -1 1 0.6; 3 -1 -1 0.1; 4 1 -1 1.1; 5 0 1.4 1.5"

@@ -10,9 +10,9 @@ import pytest
 from benchmarks.failing_flights import FailingFlight, watch_failure
 from benchmarks.touch_down import Outcome
 from quadrotor.errors import LinkError
-from vehicle.modes import ControlMode, Mode
+from vehicle.flight.modes import ControlMode, Mode
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle.simulator.wires import configure_wires, new_wires
+from vehicle.simulator.serial_faults import configure_wires, new_wires
 from vehicle_link.serial.ids import Id
 from vehicle_link.serial.port import memory_port_pair
 

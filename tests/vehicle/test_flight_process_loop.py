@@ -14,14 +14,14 @@ import pytest
 from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.records import Record, new_tick
-from vehicle import mailbox
-from vehicle.flight import open_ports
-from vehicle.flight_loop import COMMANDS_A_TICK, FlightLoop
-from vehicle.lateness import LoopCounts, LoopStatistics
-from vehicle.microcontroller import RawSample
-from vehicle.modes import Mode
-from vehicle.pacing import Deadlines, PortPacer
-from vehicle.process_config import Rings, create_rings, open_rings
+from vehicle.flight.lateness import LoopCounts, LoopStatistics
+from vehicle.flight.loop import COMMANDS_A_TICK, FlightLoop
+from vehicle.flight.modes import Mode
+from vehicle.flight.pacing import Deadlines, PortPacer
+from vehicle.flight.process import open_ports
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.processes import mailbox
+from vehicle.processes.config import Rings, create_rings, open_rings
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 from vehicle_link.serial.port import SerialPort
 
@@ -427,7 +427,7 @@ def test_what_is_no_serial_device_is_not_waited_for(tmp_path: Path) -> None:
 def test_a_port_that_is_missing_for_longer_than_a_simulator_starts_is_told_once(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("vehicle.flight.TOLD_AFTER_S", 0.1)
+    monkeypatch.setattr("vehicle.flight.process.TOLD_AFTER_S", 0.1)
     with pytest.raises(LinkError, match="plug it in"):
         open_ports(["/nowhere/mcu0"], patience_s=2.0)
     (line,) = capsys.readouterr().err.splitlines()

@@ -11,14 +11,14 @@ from quadrotor.checkout import ROOT
 PROGRAM = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from vehicle import mailbox
-from vehicle.flight_warm_up import warm_up
-from vehicle.microcontroller import Microcontroller
-from vehicle.modes import Mode
+from vehicle.processes import mailbox
+from vehicle.flight.warm_up import warm_up
+from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.flight.modes import Mode
 from vehicle.parameters import new_parameters
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle.stack import FlightStack
+from vehicle.flight.stack import FlightStack
 
 simulated = SimulatedVehicle(SimulatorParameters())
 simulated.step()

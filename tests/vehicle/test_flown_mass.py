@@ -13,10 +13,10 @@ from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record
 from quadrotor.vehicle_model import GRAVITY, VehicleModel
-from vehicle.flown_mass import USED_BY
+from vehicle.flight.control_law import Steering
+from vehicle.flight.flown_mass import USED_BY
 from vehicle.parameters import new_parameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle.steering import Steering
 
 TRUE_MASS = 1.308
 

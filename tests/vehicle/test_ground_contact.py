@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vehicle.ground_contact import TAKEN_OFF, GroundContact
+from vehicle.safety.ground_contact import TAKEN_OFF, GroundContact
 
 
 def test_a_flight_from_the_ground_it_stood_on_to_rest() -> None:

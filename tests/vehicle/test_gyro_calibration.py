@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import MeasurementError
-from vehicle.gyro_calibration import GyroCalibration
+from vehicle.calibration.gyroscope import GyroCalibration
 
 
 def test_the_bias_is_the_mean_of_still_samples() -> None:

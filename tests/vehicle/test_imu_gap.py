@@ -10,8 +10,8 @@ import pytest
 
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.vehicle_model import GRAVITY
-from vehicle import mailbox
-from vehicle.barometric_height import PASCALS_PER_METRE, BarometricHeight
+from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHeight
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 GAP = 0.2

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from quadrotor.checkout import ROOT
-from vehicle import kernels
-from vehicle.kernels import HELPED, LATER, PARTS
+from vehicle.flight.kernels import HELPED, LATER, PARTS
+from vehicle.flight.process import kernels
 
 PREPARE = """
-from vehicle.kernels import prepare
+from vehicle.flight.kernels import prepare
 
 refused, later = prepare(print)
 print("refused", refused)

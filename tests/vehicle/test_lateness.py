@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vehicle.lateness import Lateness, LoopStatistics
+from vehicle.flight.lateness import Lateness, LoopStatistics
 
 MS = 1_000_000
 

@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle.microcontroller import Microcontroller, RawSample
-from vehicle.microcontroller_clock import FRAME_NS, MicrocontrollerClock
+from vehicle.microcontroller.clock import FRAME_NS, MicrocontrollerClock
+from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.attitude_command import AttitudeCommand

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import RefusedError
-from vehicle import mailbox
-from vehicle.bench import REFERENCE_MAX
-from vehicle.modes import LEGAL_MOVES, Mode
+from vehicle.flight.modes import LEGAL_MOVES, Mode
+from vehicle.flight.motor_bench import REFERENCE_MAX
+from vehicle.processes import mailbox
 from vehicle_link.serial.ids import MotorState
 
 

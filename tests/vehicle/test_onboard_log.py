@@ -14,11 +14,11 @@ import pytest
 
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
-from vehicle import onboard_log, onboard_sync
-from vehicle.onboard_file import Batch
-from vehicle.onboard_log import OnboardLog, microcontroller_facts
-from vehicle.onboard_parameters import OnboardLogParameters
-from vehicle.onboard_recovery import recover_logs, torn_logs
+from vehicle.onboard_log.file import Batch
+from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts, onboard_log
+from vehicle.onboard_log.onboard_log import disk_sync as onboard_sync
+from vehicle.onboard_log.parameters import OnboardLogParameters
+from vehicle.onboard_log.recovery import recover_logs, torn_logs
 from vehicle_link import topics
 from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
 from vehicle_link.serial.identity import Identity

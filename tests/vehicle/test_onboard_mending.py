@@ -11,8 +11,7 @@ from typing import Any
 
 import pytest
 
-from vehicle.mailbox import INFO, WARN
-from vehicle.onboard_mending import (
+from vehicle.onboard_log.mending import (
     FIRST_S,
     LATER,
     NOW,
@@ -22,6 +21,7 @@ from vehicle.onboard_mending import (
     Mending,
     start_mending,
 )
+from vehicle.processes.mailbox import INFO, WARN
 from vehicle_link.log import LogWriter, is_closed, read_log, read_metadata
 
 BOUND = 30.0

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from quadrotor.errors import StorageError
-from vehicle.onboard_parameters import OnboardLogParameters, log_parameters
-from vehicle.onboard_ring import CLOCK_SET_S, FETCHED_S, Fetched, Ring
+from vehicle.onboard_log.parameters import OnboardLogParameters, log_parameters
+from vehicle.onboard_log.ring import CLOCK_SET_S, FETCHED_S, Fetched, Ring
 
 NOW = 1_780_000_000.0
 DAY = 86_400.0

@@ -11,9 +11,9 @@ import pytest
 from estimation.outcome import Agreement
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.records import ESTIMATE
-from vehicle import mailbox
-from vehicle.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
-from vehicle.modes import Flag
+from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
+from vehicle.flight.modes import Flag
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 Displace = Callable[[tuple[float, ...]], tuple[float, ...]]

@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
-from vehicle import mailbox
-from vehicle.fine_stamps import MS, FineStamps
-from vehicle.microcontroller import Microcontroller
-from vehicle.pacing import GIVE_UP_NS, Deadlines, MemoryPacer, PortPacer
+from vehicle.flight.pacing import GIVE_UP_NS, Deadlines, MemoryPacer, PortPacer
+from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.microcontroller.sample_stamps import MS, FineStamps
+from vehicle.processes import mailbox
 from vehicle.simulator.in_process import InProcessRobot
 
 PERIOD = 2 * MS

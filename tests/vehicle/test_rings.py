@@ -12,7 +12,7 @@ import pytest
 
 from quadrotor.checkout import ROOT
 from quadrotor.records import TICK, new_tick
-from vehicle.rings import HEADER_BYTES, TAIL, ByteRing, RecordRing, create, fence
+from vehicle.processes.rings import HEADER_BYTES, TAIL, ByteRing, RecordRing, create, fence
 
 
 def numbered(sequence: int) -> np.ndarray:
@@ -133,7 +133,7 @@ def test_two_ends_with_different_sizes_are_refused() -> None:
 
 
 def test_the_fence_of_weakly_ordered_processors_returns(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vehicle.rings._TOTAL_STORE_ORDER", False)
+    monkeypatch.setattr("vehicle.processes.rings._TOTAL_STORE_ORDER", False)
     fence()
     ring = byte_ring()
     assert ring.push(b"a")
@@ -143,7 +143,7 @@ def test_the_fence_of_weakly_ordered_processors_returns(monkeypatch: pytest.Monk
 WRITER = """
 import sys
 from quadrotor.records import TICK, new_tick
-from vehicle.rings import RecordRing
+from vehicle.processes.rings import RecordRing
 ring = RecordRing(int(sys.argv[1]), TICK, int(sys.argv[2]))
 tick, count = new_tick(), int(sys.argv[3])
 for sequence in range(count):

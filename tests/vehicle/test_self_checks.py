@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from vehicle.self_checks import HEARD, SelfChecks, self_checks
+from vehicle.comms.self_checks import HEARD, SelfChecks, self_checks
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.checks import Check, from_messages
 from vehicle_link.log.provenance import provenance

@@ -9,7 +9,7 @@ import pytest
 
 from quadrotor.rotations import quaternion_from_euler, quaternion_log, quaternion_multiply
 from quadrotor.vehicle_model import thrust_of_reference
-from vehicle.microcontroller import Microcontroller
+from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.simulator.force_sensor import FORCE_STEP, TORQUE_STEP, ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

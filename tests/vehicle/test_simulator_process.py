@@ -19,7 +19,7 @@ import zenoh
 
 from quadrotor.errors import LinkError, StorageError
 from quadrotor.records import new_state
-from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
 from vehicle.simulator import process
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.parameters import SimulatorParameters

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import RefusedError
-from vehicle.microcontroller import Microcontroller
+from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.simulator import attendant as attendant_module
 from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.live_parameters import CHARGE, LiveParameters

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vehicle.microcontroller import Microcontroller, RawSample
+from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import MotorState

@@ -10,8 +10,8 @@ import pytest
 
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
-from vehicle import mailbox
-from vehicle.modes import Flag, Mode
+from vehicle.flight.modes import Flag, Mode
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 

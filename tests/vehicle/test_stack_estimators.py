@@ -15,7 +15,7 @@ from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import PRESETS, EstimationParameters
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
-from vehicle import mailbox
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 

@@ -11,11 +11,11 @@ import pytest
 
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
-from vehicle import mailbox
-from vehicle.microcontroller import Microcontroller
-from vehicle.modes import ControlMode, Mode
+from vehicle.flight.modes import ControlMode, Mode
+from vehicle.flight.stack import FlightStack
+from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle.stack import FlightStack
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 

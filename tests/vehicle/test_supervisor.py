@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import RefusedError
-from vehicle.modes import (
+from vehicle.flight.modes import (
     CONTROL_MOVES,
     LEGAL_MOVES,
     ControlMode,
@@ -18,8 +18,8 @@ from vehicle.modes import (
     check_control_move,
     check_move,
 )
-from vehicle.safety_parameters import REACTIONS, SafetyParameters
-from vehicle.supervisor import Reaction, Situation, Supervisor, Verdict
+from vehicle.safety.parameters import REACTIONS, SafetyParameters
+from vehicle.safety.supervisor import Reaction, Situation, Supervisor, Verdict
 
 STEP_NS = 2_000_000
 WELL: dict[str, Any] = {"voltage": 15.0, "pose_age": 0.0, "tilt": 0.0}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from vehicle.terminal import _Terminal
+from vehicle.processes.terminal import _Terminal
 
 
 def test_a_line_names_the_vehicle_once_it_is_known(capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from vehicle.mailbox import ERROR, INFO, WARN, Event
-from vehicle.unheard import MOST, SETTLED, SILENT, Unheard
+from vehicle.comms.deferred_events import MOST, SETTLED, SILENT, Unheard
+from vehicle.processes.mailbox import ERROR, INFO, WARN, Event
 from vehicle_link.topics import UNHEARD
 
 BRAKING, LANDING = Event(1, WARN, "braking: a"), Event(2, ERROR, "emergency land: b")

@@ -18,8 +18,8 @@ from bearing_sim import PoseMeasurement
 from console.link_monitor import LinkMonitor
 from console.outbox import Outbox
 from tests.waiting import free_port, wait_for
-from vehicle.comms_clock import VehicleClock
-from vehicle.comms_inbound import Inbound
+from vehicle.comms.inbound import Inbound
+from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle_link import topics
 from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.instance import new_instance, spoken

@@ -14,7 +14,7 @@ from typing import Any
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.imu_calibration import ImuCalibration
+from vehicle.calibration.imu import ImuCalibration
 from vehicle_link.messages import header, new
 from vehicle_link.parameter_messages import to_descriptor
 

@@ -14,7 +14,7 @@ from quadrotor.records import Record
 from quadrotor.rigid_body import motor_share
 from vehicle.closed_loop.onboard import SETTINGS, steer
 from vehicle.closed_loop.sensing import TRACKER, read_imu, track
-from vehicle.reference_rounding import _round as whole_references
+from vehicle.flight.reference_rounding import _round as whole_references
 from vehicle.simulator.plant import move
 from vehicle.simulator.sensors import SENSORS
 

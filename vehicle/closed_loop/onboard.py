@@ -1,7 +1,7 @@
 """One onboard step as one compiled function: the same item-level laws as the vehicle's tick.
 
 estimate (Sec. 6.1) -> reference (the 8 to its fourth derivative) -> eqs. 4 and 5 with feed-forward
--> allocation. `vehicle.stack` composes them in Python, with plugins, behaviors and safety.
+-> allocation. `vehicle.flight.stack` composes them in Python, with plugins, behaviors and safety.
 """
 
 from __future__ import annotations

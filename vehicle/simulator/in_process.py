@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
-from vehicle import mailbox
+from vehicle.processes import mailbox
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 

@@ -18,7 +18,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from vehicle.rings import fence
+from vehicle.processes.rings import fence
 from vehicle_link import clock
 from vehicle_link.lockstep import (
     ANSWERED,

@@ -15,11 +15,11 @@ from quadrotor.records import STATE, Record
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.firmware.program import period
 from vehicle.simulator.force_sensor import ForceReading, ForceSensor
-from vehicle.simulator.held import BENCH, FREE, configure_holder, hold, new_holder
+from vehicle.simulator.held_vehicle import BENCH, FREE, configure_holder, hold, new_holder
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.plant import advance, blow, charge_battery, configure_plant, new_plant
 from vehicle.simulator.sensors import GUSTS, Noise, new_sensors, sample
-from vehicle.simulator.wires import Line, configure_wires, new_wires
+from vehicle.simulator.serial_faults import Line, configure_wires, new_wires
 from vehicle_link.serial.ids import Id, MotorState
 from vehicle_link.serial.port import MemoryPort, memory_port_pair
 

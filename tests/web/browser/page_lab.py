@@ -26,7 +26,7 @@ from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
-from vehicle.imu_calibration import ImuCalibration
+from vehicle.calibration.imu import ImuCalibration
 from vehicle.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new

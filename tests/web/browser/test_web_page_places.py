@@ -14,7 +14,7 @@ import pytest
 
 from console.catalogue import Catalogue
 from quadrotor.parameters import Parameters, ParameterStore
-from vehicle.safety_parameters import SafetyParameters
+from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
 

@@ -1,0 +1,226 @@
+"""What the station's side sends: poses, bearings, sticks, references and heartbeats, into the
+flight's inbox.
+
+All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what
+is from the future by as much; both are said once in five seconds at most.
+
+One station has the vehicle: the first whose heartbeats come, until they fail for 1 s. Another's do
+not count, and it sends nothing else while our heartbeats name the one. Each topic has one source
+as well, whoever publishes it: two tracking systems are never mixed.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+
+from bearing_sim.beacons import PAPER_BEACONS, parse_layout
+from estimation.outcome import LATEST_NS
+from quadrotor.errors import LinkError, MeasurementError
+from quadrotor.records import Record
+from vehicle.comms.bearing_pose import BearingPose
+from vehicle.comms.commands import FlightMailbox
+from vehicle.comms.preferred_source import FirstHeard
+from vehicle.comms.vehicle_clock import VehicleClock
+from vehicle.processes import mailbox
+from vehicle_link import topics
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.instance import spoken
+
+OLDEST_NS = 200_000_000
+SAID_EVERY_NS = 5_000_000_000
+ONE_SOURCE = ("tracker_pose", "bearings", "joy", "external_reference")
+
+Say = Callable[[int, str], None]
+
+
+class SaidSometimes:
+    """Lets one line in five seconds and subject through and counts the others into the next."""
+
+    def __init__(self, say: Say, clock: VehicleClock) -> None:
+        self._say = say
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._said_ns: dict[str, int] = {}
+        self._held_back: dict[str, int] = {}
+
+    def __call__(self, subject: str, text: str) -> None:
+        now_ns = self._clock.now_ns()
+        with self._lock:
+            if 0 <= now_ns - self._said_ns.get(subject, -SAID_EVERY_NS) < SAID_EVERY_NS:
+                self._held_back[subject] = self._held_back.get(subject, 0) + 1
+                return
+            self._said_ns[subject] = now_ns
+            more = self._held_back.pop(subject, 0)
+        self._say(mailbox.WARN, f"{subject}: {text}" + (f" (and {more} more)" if more else ""))
+
+
+class Inbound:
+    """Callbacks of the subscriptions; each may run in a thread of its own.
+
+    Args:
+        bearing_pose: takes (payload, stamp in ns) of a one-frame pose.
+        log: takes (topic, payload, stamp in ns) of everything that was not ignored.
+        heard: told of the stamp of each heartbeat of the station that has the vehicle.
+
+    Attributes:
+        newest_state: STATE of the newest tick, shape (1,), which starts the search for a
+            one-frame pose; replaced by the comms thread, None before the first tick.
+    """
+
+    def __init__(
+        self,
+        flight: FlightMailbox,
+        clock: VehicleClock,
+        say: Say,
+        bearing_pose: Callable[[bytes, int], None],
+        log: Callable[[str, bytes, int], None],
+        heard: Callable[[int], None] = lambda stamp_ns: None,
+    ) -> None:
+        self._flight = flight
+        self._clock = clock
+        self._complain = SaidSometimes(say, clock)
+        self._bearing_pose = bearing_pose
+        self._log, self._heard = log, heard
+        self._solver: BearingPose | None = None
+        self._layout, self._beacons = "paper", PAPER_BEACONS
+        self._preparing: threading.Thread | None = None
+        self._heard_ns: int | None = None
+        self._say = say
+        self._station = FirstHeard[int]()
+        self._sources = {name: FirstHeard[bytes]() for name in ONE_SOURCE}
+        self.newest_state: Record | None = None
+        self.handlers: dict[str, Callable[[bytes], None]] = {
+            "tracker_pose": self._tracker_pose,
+            "bearings": self._bearings,
+            "joy": self._joy,
+            "external_reference": self._external_reference,
+            "station_heartbeat": self._heartbeat,
+        }
+
+    def prepare(self) -> threading.Thread:
+        """Make the solver of one-frame poses ready, in a thread: it may have to compile.
+
+        Called once ticks come: until then flight's own compiling needs the processor. Bearings
+        that come before it is ready give no pose.
+        """
+        if self._preparing is None:
+            self._preparing = threading.Thread(target=self._make_solver, daemon=True)
+            self._preparing.start()
+        return self._preparing
+
+    def _make_solver(self) -> None:
+        self._solver = BearingPose(self._beacons)
+
+    def lay_out(self, text: str) -> None:
+        """Where the beacons stand, as the parameter beacons.layout tells. Raises MeasurementError.
+
+        A solver of its own: the one in use may be solving in another thread.
+        """
+        if text == self._layout:
+            return
+        self._layout, self._beacons = text, parse_layout(text)
+        if self._solver is not None:
+            self._make_solver()
+
+    @property
+    def station_silence(self) -> float:
+        """Seconds since the station's last heartbeat; inf before the first."""
+        heard_ns = self._heard_ns
+        return math.inf if heard_ns is None else (monotonic_ns() - heard_ns) * 1e-9
+
+    @property
+    def holder(self) -> int:
+        """Instance of the station that has the vehicle; 0 when none is heard."""
+        return self._station.current(monotonic_ns()) or 0
+
+    def take(self, topic: str, payload: bytes, source: bytes = b"") -> None:
+        """One message of a topic of `handlers`; unusable ones are reported.
+
+        Args:
+            source: the publisher's GID; empty when it is known to be the holder's.
+        """
+        source_of = self._sources.get(topic)
+        if source and source_of and not source_of.heard(source, monotonic_ns()):
+            self._complain(
+                topic, "a second sender is ignored; stop one of the two (station, ROS 2 node)"
+            )
+            return
+        try:
+            self.handlers[topic](payload)
+        except (LinkError, MeasurementError) as error:
+            self._complain(topic, str(error))
+
+    def _tracker_pose(self, payload: bytes) -> None:
+        sample = topics.decode_pose(payload)
+        stamp_ns = int(sample["stamp_ns"][0])
+        if self._fresh("tracker_pose", stamp_ns):
+            x, y, z = sample["position_w"][0].tolist()
+            qw, qx, qy, qz = sample["quaternion_wb"][0].tolist()
+            self._send(mailbox.Pose(stamp_ns, (x, y, z), (qw, qx, qy, qz)))
+            self._log("tracker_pose", payload, stamp_ns)
+
+    def _joy(self, payload: bytes) -> None:
+        sticks = topics.decode_joy(payload)
+        if self._fresh("joy", sticks.stamp_ns):
+            self._send(mailbox.Joy(sticks.stamp_ns, sticks.axes, sticks.enabled))
+            self._log("joy", payload, sticks.stamp_ns)
+
+    def _external_reference(self, payload: bytes) -> None:
+        stamp_ns, reference = topics.decode_external_reference(payload)
+        if self._fresh("external_reference", stamp_ns):
+            numbers = tuple(reference.view("f8").tolist())
+            self._send(mailbox.ExternalReference(stamp_ns, numbers))
+            self._log("external_reference", payload, stamp_ns)
+
+    def _heartbeat(self, payload: bytes) -> None:
+        beat = topics.decode_heartbeat(payload)
+        instance = beat.instance
+        now_ns = monotonic_ns()
+        before = self._station.current(now_ns)
+        if not self._station.heard(instance, now_ns):
+            self._complain(
+                "station_heartbeat",
+                f"station {spoken(instance)} is not listened to: station {spoken(before or 0)} "
+                "has the vehicle",
+            )
+            return
+        if before is None:
+            self._say(mailbox.INFO, f"station {spoken(instance)} has the vehicle")
+        self._heard_ns = now_ns
+        # The station's own stamp may precede its time synchronisation: what counts is when.
+        self._send(mailbox.Heartbeat(self._clock.now_ns()))
+        self._heard(beat.stamp_ns)
+
+    def _bearings(self, payload: bytes) -> None:
+        seen = topics.decode_bearings(payload)
+        if not self._fresh("bearings", seen.stamp_ns, LATEST_NS):
+            return
+        self._send(mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma))
+        self._log("bearings", payload, seen.stamp_ns)
+        if self._solver is None:
+            return
+        encoded = self._solver.solve(
+            seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma, self.newest_state
+        )
+        self._bearing_pose(encoded, seen.stamp_ns)
+
+    def _fresh(self, topic: str, stamp_ns: int, oldest_ns: int = OLDEST_NS) -> bool:
+        age_ns = self._clock.now_ns() - stamp_ns
+        allowed_ns = oldest_ns if age_ns > 0 else OLDEST_NS
+        if abs(age_ns) <= allowed_ns:
+            return True
+        when = f"{age_ns / 1e6:.0f} ms old" if age_ns > 0 else f"{-age_ns / 1e6:.0f} ms ahead"
+        self._complain(
+            topic,
+            f"ignored, its stamp is {when} of the vehicle's clock; "
+            f"allowed {allowed_ns / 1e6:.0f} ms",
+        )
+        return False
+
+    def _send(self, message: mailbox.Measurement) -> None:
+        if not self._clock.started:
+            return  # flight is still starting: nobody empties its inbox
+        if not self._flight.send(message):
+            self._complain("flight inbox", "full; measurements are lost")

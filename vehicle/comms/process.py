@@ -1,0 +1,262 @@
+"""The comms process: Zenoh and the onboard log, beside the flight process and unable to delay it.
+
+One thread drains what flight sends, about every 10 ms; Zenoh's threads bring what the station
+sends. Run as `python -m vehicle.comms.process CONFIG` by vehicle.process, which starts it again when it
+dies.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from quadrotor.errors import QuadlabError
+from vehicle.calibration.store import CalibrationStore
+from vehicle.comms.calibrations import Calibrations
+from vehicle.comms.commands import FlightMailbox, ParameterMirror
+from vehicle.comms.deferred_events import Unheard
+from vehicle.comms.inbound import Inbound
+from vehicle.comms.lane import CommsLane
+from vehicle.comms.publish import FLOWN_ON, Publisher
+from vehicle.comms.publishers import LinkRadio
+from vehicle.comms.self_checks import SelfChecks
+from vehicle.comms.services import serve
+from vehicle.comms.vehicle_clock import VehicleClock
+from vehicle.flight.realtime import die_with_parent
+from vehicle.onboard_log.files import OnboardFiles
+from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
+from vehicle.onboard_log.parameters import log_parameters
+from vehicle.onboard_log.reader import OnboardReader
+from vehicle.onboard_log.ring import Fetched
+from vehicle.processes import mailbox
+from vehicle.processes.config import TICK_SLOTS, CommsConfig, Rings, open_rings
+from vehicle.processes.parent import GIVEN_UP
+from vehicle.processes.terminal import say, speak_for
+from vehicle_link import topics
+from vehicle_link.authority import ensure_certificates, readable_keys
+from vehicle_link.clock import monotonic_ns
+from vehicle_link.end_signal import Ending, EndSignal
+from vehicle_link.heartbeat import HEARTBEAT_RATE, SELDOM
+from vehicle_link.lockstep import COMMS_PROCESS, Part
+from vehicle_link.node import Node, Received
+from vehicle_link.session import vehicle_session
+from vehicle_link.whoami import serve_whoami
+
+SHORTEST_WAIT_S = 0.001
+STATION_LOST_S = 1.0
+FETCH_PERIOD_NS = 1_000_000_000
+CLOSE_PATIENCE_S = 0.5
+TICKS_KEPT = TICK_SLOTS // 2
+"""Of those that are not in the file yet: room for the flight process comes first."""
+
+
+class Comms:
+    """Everything of this process, wired."""
+
+    def __init__(self, config: CommsConfig, rings: Rings, node: Node) -> None:
+        self._rings = rings
+        self._clock = VehicleClock()
+        self._flight = FlightMailbox(rings.inbox)
+        self._mirror = ParameterMirror(self._flight, config.parameters)
+        self._events: deque[mailbox.Event] = deque()
+        self._bearing_poses: deque[tuple[bytes, int]] = deque()
+        self._notices = list(config.notices)
+        self._unheard = Unheard()
+        self._radio = LinkRadio(node)
+        self._calibrations = Calibrations(
+            self._flight,
+            CalibrationStore(Path(config.data), lambda line: self._say(mailbox.WARN, line)),
+            self._clock.now_ns,
+            self._say,
+            self._gyroscope_s,
+            config.refused_calibrations,
+            config.started_ns,
+        )
+        fetched = Fetched()
+        self._log = OnboardLog(
+            Path(config.data),
+            config.name,
+            {
+                "parameters.json": self._parameters_json,
+                "calibrations.json": self._calibrations.in_force_json,
+            },
+            self._say,
+            facts=microcontroller_facts(config.identity),
+            limits=lambda: log_parameters(self._mirror.newest()),
+            fetched=fetched,
+            written=rings.ticks.free,
+        )
+        before = rings.ticks.read_before()  # by a comms process that died: not in its file
+        if len(before):
+            self._log.ticks(before, int(before["imu"]["stamp_ns"][-1]))
+        self._publisher = Publisher(
+            self._radio, self._log, self._clock, config.name, config.packets
+        )
+        self._publisher.instance = config.instance
+        part = Part(config.name)
+        part.is_this_process(COMMS_PROCESS)
+        self._inbound = Inbound(
+            self._flight,
+            self._clock,
+            self._say,
+            lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
+            self._log_received,
+            part.station_heard,
+        )
+        self._longest_wait_s = 1.0 / config.packets
+        self._dropped = 0
+        self._fetch_due_ns = 0
+        serve(node, self._flight, self._mirror, self._calibrations, self._clock)
+        serve_whoami(node, config.name, config.instance, config.identity)
+        self._checks = SelfChecks(Path(config.data), identity=config.identity, log=self._log)
+        node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
+        reader = OnboardReader(self._log, config.name)
+        node.serve("onboard_log", topics.SERVICES["onboard_log"], reader.answer)
+        OnboardFiles(
+            self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
+        ).serve(node)
+        self._lane = CommsLane(node, config.link_port + 1)
+        beats_every = SELDOM if config.packets < HEARTBEAT_RATE else 1
+        self._lane.send(self._radio.publishers, beats_every)
+        for topic in self._inbound.handlers:
+            self._lane.take(topic, self._receiver(topic))
+
+    def run(self, stopping: Ending) -> None:
+        """Until `stopping` is set; then once more, so that nothing read is lost."""
+        wait_s = self._longest_wait_s
+        while not stopping.wait(wait_s):
+            self.drain()
+            # In step with the ticks: a packet leaves as soon as its last tick is there.
+            wait_s = min(self._longest_wait_s, max(SHORTEST_WAIT_S, self._publisher.next_packet_s))
+        self.drain()
+
+    def drain(self) -> None:
+        """Take everything flight has sent and pass it on."""
+        read_ns = monotonic_ns()
+        ticks = self._rings.ticks.read()
+        if (too_many := len(self._rings.ticks) - TICKS_KEPT) > 0:  # the disk is slow
+            self._rings.ticks.free_ahead(too_many)
+        if len(ticks):
+            if not self._mirror.complete and read_ns >= self._fetch_due_ns:
+                self._fetch_due_ns = read_ns + FETCH_PERIOD_NS
+                self._mirror.fetch()
+            self._inbound.newest_state = ticks["state"][-1:]
+            self._inbound.prepare()
+            self._checks.heard(bool(ticks["status"]["armed"][-1]))
+            self._clock.observe(int(ticks["imu"]["stamp_ns"][-1]), read_ns)
+            self._log.ticks(ticks, self._clock.at_ns(read_ns))
+            self._publisher.ticks(ticks)
+        for message in self._rings.outbox.pop_all():
+            self._dispatch(mailbox.decode_outbound(message))
+        if self._notices and self._inbound.station_silence < STATION_LOST_S:
+            for level, text in self._notices:  # not before: nobody would have read them
+                self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
+            self._notices.clear()
+        if told := self._unheard.due(read_ns * 1e-9, self._inbound.station_silence):
+            self._events.append(mailbox.Event(self._clock.now_ns(), *told))
+        while self._bearing_poses:
+            self._publisher.bearing_pose(*self._bearing_poses.popleft())
+        while self._events:
+            self._publisher.event(self._events.popleft())
+        self._publisher.station_lost = self._inbound.station_silence > STATION_LOST_S
+        self._publisher.holder = self._inbound.holder
+        self._publisher.heartbeat()
+        self._watch_drops()
+
+    def close(self) -> None:
+        """Close the log and send the last events; the session is closed by its maker."""
+        self._log.close()
+        self._radio.close()
+        self._lane.close()
+
+    def _dispatch(self, message: mailbox.Outbound) -> None:
+        if isinstance(message, mailbox.Reply):
+            self._flight.deliver(message)
+            self._mirror.deliver(message)
+            if self._mirror.complete:
+                self._log.start()  # not before: its files begin with the parameters
+                values = self._mirror.values()
+                self._inbound.lay_out(str(values["beacons.layout"]))
+                self._publisher.estimator = str(values[FLOWN_ON])
+        elif isinstance(message, mailbox.Event):
+            if self._unheard.said(message, self._inbound.station_silence):
+                say(message.text)
+            self._publisher.event(message)
+        elif isinstance(message, mailbox.GyroscopeFound):
+            self._calibrations.found(message)
+        else:
+            self._mirror.changed(message)
+            if message.name == "beacons.layout":
+                self._inbound.lay_out(str(message.new))
+            self._publisher.parameter_change(message)
+
+    def _watch_drops(self) -> None:
+        dropped = self._rings.ticks.dropped + self._rings.outbox.dropped
+        if dropped > self._dropped:
+            self._say(
+                mailbox.ERROR,
+                f"{dropped} ticks or replies of flight lost since the start: comms was too slow",
+            )
+            self._dropped = dropped
+
+    def _receiver(self, topic: str) -> Callable[[Received], None]:
+        return lambda received: self._inbound.take(topic, received.payload, received.gid)
+
+    def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
+        type_name = topics.TOPICS[topic].type_name
+        self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())
+
+    def _say(self, level: int, text: str) -> None:
+        """An event of this process, from any of its threads."""
+        self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
+        if level > mailbox.INFO:
+            say(text)
+
+    def _gyroscope_s(self) -> float:
+        samples = int(self._mirror.values()["safety.gyro_samples"])
+        return samples / self._publisher.tick_rate
+
+    def _parameters_json(self) -> bytes:
+        return json.dumps(self._mirror.values(), indent=1).encode()
+
+
+def main(argument: str) -> int:
+    """Exit status: 0 stopped by a signal, GIVEN_UP when it cannot start."""
+    config = msgspec.json.decode(argument, type=CommsConfig)
+    speak_for(config.name)
+    die_with_parent(config.parent)
+    stopping = EndSignal()
+    try:
+        folder = Path(config.data) / "certificates"
+        is_enrolled = (folder / "ca.pem").exists()
+        files = ensure_certificates(folder)
+        session = vehicle_session(config.link_port, files)
+    except QuadlabError as error:
+        say(str(error))
+        return GIVEN_UP
+    if not is_enrolled:
+        say(
+            f"made certificates of its own in {folder}; a base on another machine is let in after "
+            "`quadlab link enrol` there"
+        )
+    for line in readable_keys(files):
+        say(line)
+    comms = Comms(config, open_rings(config.rings), Node(session, f"/{config.name}", "vehicle"))
+    comms.run(stopping)
+    comms.close()
+    # Tells the station at once that we leave; with a peer that is gone it could take 10 s.
+    closing = threading.Thread(target=session.close, daemon=True)
+    closing.start()
+    closing.join(CLOSE_PATIENCE_S)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,130 @@
+"""What the vehicle looks at on its own computer when the station asks: rights, disk, certificate.
+
+Asked at the station's start and from the Set-up page. Refused while the vehicle is armed; while
+its flight loop is silent, and so may be flying, the disk is left alone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from vehicle.flight.realtime import PRIORITY
+from vehicle.onboard_log.parameters import OnboardLogParameters
+from vehicle.onboard_log.recovery import FOLDER
+from vehicle_link.certificate_checks import certificate_check
+from vehicle_link.checks import Check, Place, to_messages
+from vehicle_link.log.provenance import provenance
+from vehicle_link.machine_checks import (
+    clock_check,
+    disk_check,
+    governor_check,
+    memory_lock_check,
+    real_time_check,
+)
+from vehicle_link.messages import Message, new
+from vehicle_link.serial.identity import THE_ONE, Identity
+from vehicle_link.topics import SERVICES
+
+PLACE: Place = "vehicle"
+VERSION = "version"
+"""The check whose `found` the station compares with its own revision."""
+
+
+STOP_BYTES = OnboardLogParameters().stop_bytes
+
+HEARD = 0.5
+"""s after which the flight loop's last word on whether it is armed is no longer believed."""
+
+
+class Log(Protocol):
+    """The onboard log, as far as it is checked.
+
+    problem: why the last flight has no whole log, empty when it has.
+    stop_bytes: of free space, below which nothing is logged.
+    """
+
+    problem: str
+
+    @property
+    def stop_bytes(self) -> int: ...
+
+
+def self_checks(
+    data: Path, *, disarmed: bool, identity: Identity = THE_ONE, log: Log | None = None
+) -> list[Check]:
+    """Of the computer this runs on.
+
+    Args:
+        data: the vehicle's data folder.
+        disarmed: known to be; else the disk is not looked at.
+        identity: of the microcontroller.
+        log: the vehicle's own.
+    """
+    disk = Check(
+        "log's disk",
+        "unknown",
+        "not looked at: the flight loop is silent, and may be flying",
+        advice="start the flight process and its microcontroller, then check again",
+        place=PLACE,
+    )
+    if disarmed:
+        least = STOP_BYTES if log is None else log.stop_bytes
+        disk = disk_check(PLACE, "log's disk", data / FOLDER, least)
+    firmware = f"revision {identity.firmware}; the motors start with no other"
+    return [
+        clock_check(PLACE),
+        real_time_check(PLACE, PRIORITY),
+        memory_lock_check(PLACE),
+        governor_check(PLACE),
+        disk,
+        *([] if log is None else [log_check(log.problem)]),
+        certificate_check(PLACE, data / "certificates", "vehicle"),
+        Check("firmware", "ok", firmware, place=PLACE),
+        Check(VERSION, "ok", provenance()["git_revision"], place=PLACE),
+    ]
+
+
+def log_check(problem: str) -> Check:
+    """Whether the last flight was logged."""
+    if not problem:
+        return Check("onboard log", "ok", "nothing was lost", place=PLACE)
+    advice = "make room on the vehicle's disk, leave the log's folder alone; arming tries again"
+    return Check("onboard log", "fail", f"stopped: {problem}", "every tick", advice, PLACE)
+
+
+class SelfChecks:
+    """Serves `checks`; `answer` runs in the service's own thread. Args: `clock`, s, steady."""
+
+    def __init__(
+        self,
+        data: Path,
+        clock: Callable[[], float] = time.monotonic,
+        identity: Identity = THE_ONE,
+        log: Log | None = None,
+    ) -> None:
+        self._data, self._clock, self._identity, self._log = data, clock, identity, log
+        self._told: tuple[float, bool] | None = None
+
+    def heard(self, armed: bool) -> None:
+        """What the flight loop's newest tick says."""
+        self._told = (self._clock(), armed)
+
+    @property
+    def armed(self) -> bool | None:
+        """None while it is not known."""
+        told = self._told
+        return None if told is None or self._clock() - told[0] > HEARD else told[1]
+
+    def answer(self, request: Message) -> Message:
+        """Looks each time: the station keeps what was found."""
+        kind, armed = f"{SERVICES['checks']}_Response", self.armed
+        if armed:
+            reason = "the vehicle is armed; checks are made on the ground"
+            return new(kind, accepted=False, reason=reason)
+        checks = to_messages(
+            self_checks(self._data, disarmed=armed is False, identity=self._identity, log=self._log)
+        )
+        return new(kind, accepted=True, checked=time.time(), checks=checks)

@@ -1,0 +1,114 @@
+"""Tells people when measurements and the estimate in use do not agree: flags and lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from estimation.outcome import Agreement
+from quadrotor.records import Record
+from vehicle.flight.modes import Flag
+from vehicle.processes import mailbox
+
+HOLD_NS = 1_000_000_000
+"""A flag stays for so long after its cause: a single outlier lasts 10 ms."""
+QUIET_NS = 5_000_000_000
+"""Between two lines about single measurements that were refused."""
+
+_FLAGS = {
+    Agreement.REFUSED: int(Flag.MEASUREMENTS_REFUSED),
+    Agreement.JUMPED: int(Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED),
+    Agreement.DRIFTED: int(Flag.ESTIMATE_DRIFTED),
+    Agreement.MOVED: 0,
+    Agreement.USED: 0,
+}
+
+
+class AgreementWatch:
+    """Follows the field `agreement` of the estimator in use.
+
+    Args:
+        say: takes a line for the log and its level.
+
+    Attributes:
+        flags: bits of vehicle.modes.Flag.
+    """
+
+    def __init__(self, say: Callable[[str, int], None]) -> None:
+        self._say = say
+        self._said_ns = -(1 << 62)
+        self.begin()
+
+    def begin(self) -> None:
+        """Another estimator is in use: what was said of the last one does not count."""
+        self.flags, self._end_ns = 0, 0
+        self._agreement = Agreement.USED
+        self._refused: int | None = None  # not heard yet
+        self._told = 0
+        self._farthest = self._largest = 0.0
+
+    def step(self, now_ns: int) -> None:
+        """Once a tick while there are flags: they end by themselves."""
+        if now_ns >= self._end_ns:
+            self.flags = 0
+
+    def look(self, estimate: Record, now_ns: int) -> None:
+        """After a measurement: the ESTIMATE (1,) as the estimator reported it."""
+        refused = int(estimate["measurements_refused"][0])
+        now, before = Agreement(int(estimate["agreement"][0])), self._agreement
+        if self._refused is None:
+            self._refused = self._told = refused - (now in (Agreement.REFUSED, Agreement.JUMPED))
+        fresh = refused != self._refused
+        if now is before and not fresh and now is not Agreement.DRIFTED:
+            return
+        x, y, z = estimate["position_innovation_w"][0].tolist()
+        a, b, c = estimate["attitude_innovation_b"][0].tolist()
+        far, turn = math.sqrt(x * x + y * y + z * z), math.sqrt(a * a + b * b + c * c)
+        if fresh:
+            self._farthest, self._largest = max(self._farthest, far), max(self._largest, turn)
+        self._told = min(self._told, refused)  # it was reset
+        self._refused, self._agreement = refused, now
+        flags = _FLAGS[now]
+        if flags:
+            self.flags = flags | (self.flags if now_ns < self._end_ns else 0)
+            self._end_ns = now_ns + HOLD_NS
+        if now is not before:
+            self._tell(now, before, _size(far, turn), refused, now_ns)
+
+    # ------------------------------------------------------------------ lines
+    def _tell(
+        self, now: Agreement, before: Agreement, size: str, refused: int, now_ns: int
+    ) -> None:
+        if now is Agreement.JUMPED:
+            self._warn(
+                f"the tracker jumped: poses came {size} from their prediction at once, and agree "
+                "with each other; they are refused for now"
+            )
+        elif now is Agreement.DRIFTED:
+            self._warn(f"the estimate drifted: poses are {size} from their prediction")
+        elif now is Agreement.MOVED:
+            self._warn(
+                f"the estimate was moved by {size} to where poses now are{self._count(refused)}"
+            )
+        elif now is Agreement.USED and before is Agreement.JUMPED:
+            self._warn(f"poses agree with the estimate again{self._count(refused)}")
+        elif now is Agreement.USED and self._is_news(refused, now_ns):
+            self._said_ns = now_ns
+            farthest = _size(self._farthest, self._largest)
+            self._warn(f"measurements up to {farthest} from their prediction{self._count(refused)}")
+
+    def _is_news(self, refused: int, now_ns: int) -> bool:
+        return refused > self._told and now_ns - self._said_ns > QUIET_NS
+
+    def _count(self, refused: int) -> str:
+        count = refused - self._told
+        self._told, self._farthest, self._largest = refused, 0.0, 0.0
+        return f"; {count} refused"
+
+    def _warn(self, line: str) -> None:
+        self._say(line, mailbox.WARN)
+
+
+def _size(far: float, turn: float) -> str:
+    """Return a distance (m) and a turn (rad) as text."""
+    return f"{far:.2f} m, {math.degrees(turn):.1f} deg"

@@ -1,0 +1,172 @@
+"""When bearings are flown on: from where, within which walls, and back to the tracker.
+
+Below the height and outside the envelope of the parameters `beacons.*` bearings are too weak to
+fly on, so they are neither handed over to there nor flown to. Back to the tracker the vehicle
+goes by itself when `vehicle.estimators.bearings_watch` says so and for landing; to bearings only on request.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from control.behaviors.machine import BehaviorMachine
+from control.behaviors.parameters import BehaviorParameters
+from control.behaviors.table import BehaviorName
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
+from vehicle.estimators.choice import SOURCE, hands_over
+from vehicle.estimators.estimator_runner import BEARINGS, POSES
+from vehicle.estimators.navigation import Navigation
+from vehicle.flight.modes import Flag, Mode
+from vehicle.parameters import VehicleParameters
+from vehicle.processes import mailbox
+from vehicle.safety.ground_contact import GroundContact
+
+LAYOUT = "beacons.layout"
+STEADY = (BehaviorName.HOVER, BehaviorName.VELOCITY, BehaviorName.BRAKE)
+"""From these bearings may be taken over: what they fly stays within walls set anew."""
+
+
+class Setter(Protocol):
+    """Applies parameters that were checked."""
+
+    def apply(
+        self, values: Mapping[str, ParameterValue], requester: str
+    ) -> dict[str, ParameterValue]: ...
+
+
+class Guarded(Protocol):
+    """What the guard needs of the flight stack."""
+
+    mode: Mode
+    ground: GroundContact
+    parameters: VehicleParameters
+    navigation: Navigation
+    behaviors: BehaviorMachine
+    state: Record
+
+    @property
+    def commands(self) -> Setter: ...
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
+
+    def land_now(self, why: str) -> None: ...
+
+
+class BearingsGuard:
+    """Gate, walls and way back.
+
+    Attributes:
+        on: bearings are used, alone or beside poses; then `step` is due each tick.
+        flags: bits of vehicle.modes.Flag.
+    """
+
+    def __init__(self, stack: Guarded) -> None:
+        self._stack = stack
+        self._alone = False
+        self.on, self.flags = False, 0
+
+    # ------------------------------------------------------------------ gates
+    def check_take_off(self) -> None:
+        """Raises RefusedError when the vehicle would take off on bearings."""
+        if self._stack.navigation.source == BEARINGS:
+            height = self._stack.parameters.beacons.height_min
+            raise RefusedError(
+                f"not armed: {SOURCE} is bearings, and these are too weak near the ground; take "
+                f"off on the tracker ({SOURCE} = poses), then set it to bearings above "
+                f"{height:g} m"
+            )
+
+    def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
+        """Raises RefusedError when a change of parameters may not act now."""
+        stack = self._stack
+        p, source = stack.parameters.beacons, stack.navigation.source
+        if not armed:
+            return
+        if values.get(LAYOUT, p.layout) != p.layout and source != POSES:
+            raise RefusedError(
+                f"{LAYOUT} stays as it is while bearings are flown on; set {SOURCE} = poses first"
+            )
+        if hands_over(source, values):
+            self._check_place()
+
+    def _check_place(self) -> None:
+        stack = self._stack
+        p = stack.parameters.beacons
+        position = stack.state["position_w"][0].tolist()
+        height = position[2] - stack.ground.ground_z
+        if not stack.ground.airborne or not height >= p.height_min:
+            raise RefusedError(
+                f"hand-over refused: {max(height, 0.0):.2f} m above take-off; bearings are flown "
+                f"on from {p.height_min:g} m (beacons.height_min)"
+            )
+        for axis, value, (low, high) in zip("xyz", position, self._envelope(), strict=True):
+            if not low <= value <= high:
+                raise RefusedError(
+                    f"hand-over refused: {axis} = {value:.2f} m is outside the envelope for "
+                    f"bearings; allowed {low:.2f} to {high:.2f} m (beacons.envelope_xy, "
+                    "beacons.envelope_z_max)"
+                )
+        if stack.behaviors.name not in STEADY:
+            raise RefusedError(
+                f"hand-over refused during {stack.behaviors.name.name.lower()}, whose way may "
+                "leave the envelope for bearings; request brake and wait for hover"
+            )
+
+    # ------------------------------------------------------------------ walls
+    def configure(self) -> None:
+        """Parameters changed, perhaps what is flown on: walls and flags follow."""
+        stack = self._stack
+        source = stack.navigation.source
+        alone, before = source == BEARINGS, self._alone
+        self.on, self._alone = source != POSES, alone
+        if alone:
+            self.flags = int(Flag.ON_BEARINGS)
+        else:
+            self.flags &= ~int(Flag.ON_BEARINGS)
+        walls = stack.parameters.behavior
+        stack.behaviors.parameters = self._shrunk(walls) if alone else walls
+        if alone != before and stack.behaviors.name is BehaviorName.VELOCITY:
+            stack.behaviors.request("velocity", {}, stack.state, armed=True, airborne=True)
+
+    def begin_flight(self) -> None:
+        """At arming: what happened in the last flight is over."""
+        self.flags &= ~int(Flag.FELL_BACK)
+
+    def _envelope(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+        """Lowest and highest x, y, z (m, world axes) to fly on bearings."""
+        p = self._stack.parameters.beacons
+        far, low = p.envelope_xy, self._stack.ground.ground_z + p.height_min
+        return (-far, far), (-far, far), (low, p.envelope_z_max)
+
+    def _shrunk(self, walls: BehaviorParameters) -> BehaviorParameters:
+        updates = {}
+        for axis, (low, high) in zip("xyz", self._envelope(), strict=True):
+            updates[f"volume_{axis}_min"] = max(low, getattr(walls, f"volume_{axis}_min"))
+            updates[f"volume_{axis}_max"] = min(high, getattr(walls, f"volume_{axis}_max"))
+        return walls.model_copy(update=updates)
+
+    # ------------------------------------------------------------------ the way back
+    def step(self) -> None:
+        """One tick while bearings are used."""
+        stack = self._stack
+        navigation = stack.navigation
+        verdict = navigation.watch.verdict
+        if not stack.ground.airborne:
+            return
+        if verdict is not None:
+            if navigation.reserve_ready:
+                self._back(f"fell back to the tracker: {verdict}", mailbox.ERROR)
+                self.flags |= int(Flag.FELL_BACK)
+            elif self._alone and stack.mode is Mode.ARMED:
+                navigation.deaf = True
+                stack.land_now(f"no tracker to fall back to: {verdict}")
+        elif self._alone and stack.behaviors.name is BehaviorName.LAND and navigation.reserve_ready:
+            self._back("back to the tracker for landing", mailbox.INFO)
+
+    def _back(self, why: str, level: int) -> None:
+        stack = self._stack
+        stack.say(why, level)
+        stack.commands.apply(stack.navigation.fallen_back(), "vehicle")

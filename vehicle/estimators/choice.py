@@ -1,0 +1,162 @@
+"""Which estimators run on what, as the parameters ask, and whether they may take turns now.
+
+On the ground a choice acts at once. In flight what is flown on changes only to an estimator that
+has seen the same measurements, has converged and agrees with the one in use: the shadow, or the
+reserve on the tracker's poses. Everything else is refused and changes nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from estimation import registry
+from estimation.convergence import Difference, difference
+from quadrotor.errors import RefusedError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
+from vehicle.estimators.estimator_runner import BEARINGS, BOTH, POSES, Runner
+
+AGREEMENT = Difference(position=0.25, velocity=0.4, attitude=math.radians(6.0))
+"""How far an estimate may be from the one in use to take its place in flight."""
+ESTIMATOR, SHADOW, SOURCE = "estimation.estimator", "estimation.shadow", "estimation.source"
+SHADOW_SOURCE = "estimation.shadow_source"
+NONE, SAME = "none", "same"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The four parameters, with the shadow's source spelt out."""
+
+    name: str
+    source: str
+    shadow: str
+    shadow_source: str
+
+    @classmethod
+    def of(cls, name: str, source: str, shadow: str, shadow_source: str) -> Choice:
+        return cls(name, source, shadow, source if shadow_source == SAME else shadow_source)
+
+
+@dataclass(slots=True)
+class Seats:
+    """Who runs: `active` is flown on, `shadow` beside it, `reserve` on poses to fall back to."""
+
+    active: Runner
+    shadow: Runner | None = None
+    reserve: Runner | None = None
+
+    def beside(self) -> tuple[Runner, ...]:
+        return tuple(one for one in (self.shadow, self.reserve) if one is not None)
+
+    def all(self) -> tuple[Runner, ...]:
+        return (self.active, *self.beside())
+
+
+def check(
+    seats: Seats,
+    present: Mapping[str, ParameterValue],
+    values: Mapping[str, ParameterValue],
+    state: Record,
+    armed: bool,
+) -> dict[str, ParameterValue]:
+    """What else a change of parameters changes; compiles on the ground what it asks for.
+
+    Args:
+        present: the four parameters as they are. values: those to be changed, and others.
+        state: STATE (1,) in use.
+
+    Raises RefusedError with the reason and its numbers.
+    """
+    if not values.keys() & {ESTIMATOR, SHADOW, SOURCE, SHADOW_SOURCE}:
+        return {}
+    wanted = {name: str(values.get(name, present[name])) for name in present}
+    extra: dict[str, ParameterValue] = {}
+    active = seats.active
+    back = wanted[SOURCE] == POSES != active.source
+    if armed and back and seats.reserve is not None and ESTIMATOR not in values:
+        extra[ESTIMATOR] = wanted[ESTIMATOR] = seats.reserve.name
+    moves = not active.is_(wanted[ESTIMATOR], wanted[SOURCE])
+    in_place = active.name == wanted[ESTIMATOR] and wanted[SOURCE] == BOTH
+    if armed and moves and not in_place:
+        taker = _taker(seats, wanted)
+        _check_taker(taker, active, state)
+        if SHADOW not in values:
+            # What was flown on stays to be watched; on poses it is the reserve anyway.
+            extra[SHADOW] = wanted[SHADOW] = _left(active, wanted)
+            if wanted[SHADOW] != NONE and wanted[SOURCE] != active.source:
+                extra[SHADOW_SOURCE] = wanted[SHADOW_SOURCE] = active.source
+    choice = _choice(wanted)
+    if choice.shadow == choice.name and choice.shadow_source == choice.source:
+        if SHADOW in values or not moves:
+            raise RefusedError(
+                f"{SHADOW} = {choice.shadow} on {choice.source} is what the vehicle flies on; "
+                f"choose another, or {NONE}"
+            )
+        extra[SHADOW] = wanted[SHADOW] = NONE
+    _compile(seats, _choice(wanted), armed)
+    return extra
+
+
+def _choice(wanted: Mapping[str, str]) -> Choice:
+    return Choice.of(wanted[ESTIMATOR], wanted[SOURCE], wanted[SHADOW], wanted[SHADOW_SOURCE])
+
+
+def _left(active: Runner, wanted: Mapping[str, str]) -> str:
+    """The shadow after a change in flight."""
+    if active.source == wanted[SOURCE]:
+        return active.name
+    return NONE if active.source == POSES else active.name
+
+
+def _taker(seats: Seats, wanted: Mapping[str, str]) -> Runner:
+    """Who takes over in flight. Raises RefusedError when nobody runs that could."""
+    name, source = wanted[ESTIMATOR], wanted[SOURCE]
+    for one in seats.beside():
+        if one.is_(name, source):
+            return one
+    running = ", ".join(str(one) for one in seats.beside()) or NONE
+    raise RefusedError(
+        f"estimator {name} on {source} does not run, and in flight only what runs beside may be "
+        f"chosen (now: {running}); set {SHADOW} = {name} and {SHADOW_SOURCE} = {source} first"
+    )
+
+
+def _check_taker(taker: Runner, active: Runner, state: Record) -> None:
+    convergence = taker.estimator.convergence
+    if not convergence.reached:
+        late = "; late ones need a longer estimation.measurement_timeout"
+        hint = late if taker.estimator.initialized and taker.estimator.stale else ""
+        raise RefusedError(f"estimator {taker} has not converged: {convergence.reason}{hint}")
+    if taker.source == POSES != active.source:
+        return  # back to the tracker is never refused for a difference
+    apart = difference(taker.state, state)
+    if not apart.within(AGREEMENT):
+        raise RefusedError(f"estimator {taker} is {apart} away from {active}; allowed {AGREEMENT}")
+
+
+def _compile(seats: Seats, choice: Choice, armed: bool) -> None:
+    running = {(one.name, one.source != POSES) for one in seats.all()}
+    asked = [(choice.name, choice.source != POSES)]
+    if seats.active.plugged and choice.name == seats.active.name:
+        asked.clear()  # of unknown make: nothing to compile
+    if choice.shadow != NONE:
+        asked.append((choice.shadow, choice.shadow_source != POSES))
+    if choice.source != POSES:
+        asked.append((choice.name, False))
+    for name, bearings in asked:
+        if (name, bearings) in running or (name, True) in running:
+            continue
+        if not registry.ready(name, bearings):
+            if armed:
+                raise RefusedError(
+                    f"estimator {name} is not compiled for these measurements, which takes "
+                    "seconds; disarm, or choose it before arming"
+                )
+            registry.prepare(name, bearings)
+
+
+def hands_over(active_source: str, values: Mapping[str, ParameterValue]) -> bool:
+    """Whether a change leaves the tracker."""
+    return active_source != BEARINGS and values.get(SOURCE) == BEARINGS

@@ -1,0 +1,80 @@
+"""One estimator that runs on board, what it is fed with, and where it writes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from estimation.estimator import Estimator
+from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state
+from vehicle.estimators.unused_measurements import UnusedMeasurements
+
+POSES, BEARINGS, BOTH = "poses", "bearings", "both"
+NEWS_NS = 1_000_000_000
+"""Between two lines of one estimator: a filter that finds no footing starts anew twice a second."""
+
+
+class Runner:
+    """An estimator beside the one flown on, or that one itself.
+
+    Args:
+        name: in `estimation.registry`.
+        source: "poses", "bearings" or "both".
+
+    Attributes:
+        state, estimate: STATE and ESTIMATE (1,) of one that is not flown on.
+        plugged: of unknown make, so that its name says nothing about it.
+    """
+
+    def __init__(self, name: str, source: str, estimator: Estimator, plugged: bool = False) -> None:
+        self.name, self.source, self.estimator, self.plugged = name, source, estimator, plugged
+        self.state, self.estimate = new_state(), np.zeros(1, ESTIMATE)
+        self._last_pose_ns = -(1 << 62)
+        self._unused = UnusedMeasurements()
+        self._told_ns = -(1 << 62)
+
+    def __str__(self) -> str:
+        return f"{self.name} on {self.source}"
+
+    def is_(self, name: str, source: str) -> bool:
+        return self.name == name and self.source == source
+
+    def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
+        """Whether this POSE_SAMPLE or BEARINGS_SAMPLE is for it.
+
+        A filter of fixed gains would take bearings for as good as poses: only without them.
+        """
+        if measurement.dtype == POSE_SAMPLE:
+            if self.source == BEARINGS:
+                return False
+            self._last_pose_ns = now_ns
+            return True
+        if self.source != BOTH or self.estimator.deviations is not None:
+            return self.source != POSES
+        return now_ns - self._last_pose_ns > timeout_ns
+
+    def correct(self, measurement: Record, estimate: Record) -> None:
+        """Apply it. Raises MeasurementError."""
+        if measurement.dtype == POSE_SAMPLE:
+            self.estimator.correct(measurement, estimate)
+        else:
+            self.estimator.correct_bearings(measurement, estimate)
+
+    def start_at(self, stamp_ns: int, state: Record) -> None:
+        """Start at the pose of a STATE (1,). Raises MeasurementError."""
+        pose = np.zeros(1, POSE_SAMPLE)
+        pose[0] = stamp_ns, state["position_w"][0], state["quaternion_wb"][0]
+        self.estimator.initialize(pose)
+
+    def unused(self, now_ns: int) -> str | None:
+        """Return what it did not use because of its time, when that is news."""
+        return self._unused.look(str(self), self.estimator, now_ns)
+
+    def restarts(self, now_ns: int) -> str | None:
+        """That it lost itself and started anew, for one that is not flown on."""
+        lines: list[str] = getattr(self.estimator, "restarts", [])
+        if not lines or now_ns - self._told_ns < NEWS_NS:
+            return None
+        self._told_ns = now_ns
+        line = lines[-1] + (f" ({len(lines)} times)" if len(lines) > 1 else "")
+        lines.clear()
+        return line

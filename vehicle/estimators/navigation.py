@@ -1,0 +1,344 @@
+"""The estimators of one vehicle: the one flown on, a shadow, a reserve on the tracker's poses.
+
+`vehicle.estimators.choice` says who may take over when. While bearings are flown on, the reserve
+goes on with the tracker's poses, so that falling back is a matter of one tick, and
+`vehicle.estimators.bearings_watch` judges the innovations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from estimation import registry
+from estimation.convergence import difference
+from estimation.estimator import Estimator, fewest_beacons
+from estimation.parameters import EstimationParameters
+from quadrotor.errors import MeasurementError, UndeterminedStartError
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import POSE_SAMPLE, Record
+from vehicle.estimators.agreement_watch import AgreementWatch
+from vehicle.estimators.bearings_watch import BearingsWatch
+from vehicle.estimators.choice import (
+    ESTIMATOR,
+    NONE,
+    SHADOW,
+    SHADOW_SOURCE,
+    SOURCE,
+    Choice,
+    Seats,
+    check,
+)
+from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
+from vehicle.estimators.known_beacons import KnownBeacons
+from vehicle.estimators.measurement_rate import MeasurementRate
+from vehicle.estimators.suspect_beacon import SuspectBeacon
+from vehicle.parameters import FallBackParameters
+from vehicle.processes import mailbox
+
+COMPLAIN_NS = 1_000_000_000
+"""Between two lines about measurements that cannot be used: 30 frames a second may be such."""
+
+
+class Navigation:
+    """What is estimated, by whom, from what.
+
+    Args:
+        parameters: of the estimation, read again by each `configure`.
+        say: takes a line for the log and its level.
+        plugin: flown on in place of the estimator named in the parameters, until another
+            name is set.
+        beacons: where the bearings' ids stand.
+        fallback: when bearings are no longer flown on.
+
+    Attributes:
+        active: the estimator flown on.
+        source: what it is fed with: "poses", "bearings" or "both".
+        agreement: whether measurements agree with it, for people.
+        suspect: a beacon whose bearings are off, for people.
+        deaf: bearings are no longer taken: the rest of the flight is predicted, or on poses.
+    """
+
+    def __init__(
+        self,
+        parameters: EstimationParameters,
+        say: Callable[[str, int], None],
+        plugin: Estimator | None = None,
+        beacons: Beacons = PAPER_BEACONS,
+        fallback: FallBackParameters | None = None,
+    ) -> None:
+        p = self._parameters = parameters
+        self.watch = BearingsWatch(fallback or FallBackParameters())
+        self.agreement = AgreementWatch(say)
+        self.suspect = SuspectBeacon(say)
+        self.deaf = False
+        self._say = say
+        self._queue: list[Record] = []
+        self._complained_ns = -(1 << 62)
+        self._rate = MeasurementRate()
+        plugged = plugin is not None
+        if plugin is None:
+            registry.prepare(p.estimator, p.source != POSES)
+            plugin = registry.create(p.estimator, p)
+        self._choice: Choice | None = None
+        self._seats = Seats(Runner(p.estimator, p.source, plugin, plugged))
+        self.place(beacons)
+        self.configure(p)
+
+    @property
+    def shadow(self) -> Estimator | None:
+        runner = self._seats.shadow
+        return None if runner is None else runner.estimator
+
+    @property
+    def shadow_state(self) -> Record:
+        """STATE (1,) of the shadow, which there must be."""
+        assert self._seats.shadow is not None
+        return self._seats.shadow.state
+
+    @property
+    def reserve_ready(self) -> bool:
+        """An estimate of fresh poses is there to fall back to."""
+        reserve = self._seats.reserve
+        return reserve is not None and reserve.estimator.converged
+
+    # ------------------------------------------------------------------ the tick
+    def step(self, imu: Record, dt: float, state: Record, estimate: Record) -> None:
+        """Predict by one sample, apply what came since the last; write STATE and ESTIMATE."""
+        active = self.active
+        active.predict(imu, dt, state)
+        for runner in self._beside:
+            self._step_beside(runner, imu, dt)
+        if self.source != POSES:
+            reserve = self._seats.reserve
+            tracked = None if reserve is None else reserve.state
+            self.watch.remember(imu["stamp_ns"].item(), state, tracked)
+        measured = bool(self._queue)
+        if measured:
+            self._take_measurements(imu["stamp_ns"].item(), state, estimate)
+        active.report(estimate)
+        if measured:
+            self.agreement.look(estimate, imu["stamp_ns"].item())
+        if self.agreement.flags:
+            self.agreement.step(imu["stamp_ns"].item())
+
+    def measure(self, measurement: mailbox.Pose | mailbox.Bearings) -> None:
+        """Take one measurement; it acts at the next step."""
+        if isinstance(measurement, mailbox.Pose):
+            if self._takes_poses:
+                pose = np.zeros(1, POSE_SAMPLE)
+                pose[0] = measurement.stamp_ns, measurement.position_w, measurement.quaternion_wb
+                self._queue.append(pose)
+        elif self._takes_bearings and not self.deaf:
+            frame = self._beacons.frame(measurement)
+            if frame is not None:
+                self._queue.append(frame)
+            elif measurement.beacon_ids:
+                self._say_unknown(measurement)
+
+    def reset(self) -> None:
+        """Forget everything: the gyroscope was calibrated anew."""
+        for runner in self._seats.all():
+            runner.estimator.reset()
+
+    # ------------------------------------------------------------------ choices
+    def check(
+        self, values: Mapping[str, ParameterValue], state: Record, armed: bool
+    ) -> dict[str, ParameterValue]:
+        """What else a change changes; see `estimator_choice.check`. Raises RefusedError."""
+        p = self._parameters
+        present: dict[str, ParameterValue] = {
+            ESTIMATOR: p.estimator,
+            SHADOW: p.shadow,
+            SOURCE: p.source,
+            SHADOW_SOURCE: p.shadow_source,
+        }
+        return check(self._seats, present, values, state, armed)
+
+    def fallen_back(self) -> dict[str, ParameterValue]:
+        """The parameters after falling back to the reserve, which must be ready."""
+        seats = self._seats
+        assert seats.reserve is not None
+        return {
+            SOURCE: POSES,
+            ESTIMATOR: seats.reserve.name,
+            SHADOW: seats.active.name,
+            SHADOW_SOURCE: seats.active.source,
+        }
+
+    def place(self, beacons: Beacons) -> None:
+        """Where the beacons stand; what was estimated from others beside the flight is void."""
+        self._beacons = KnownBeacons(beacons)
+        for runner in self._seats.beside():
+            if runner.source != POSES:
+                runner.estimator.reset()
+
+    def configure(self, parameters: EstimationParameters) -> None:
+        """Take the present parameters; `check` has seen the choices."""
+        p = self._parameters = parameters
+        choice = Choice.of(p.estimator, p.source, p.shadow, p.shadow_source)
+        before = str(self._seats.active)
+        if choice != self._choice:  # a shadow that broke is not made again by another change
+            self._choice = choice
+            self._seat(choice)
+        seats = self._seats
+        self.active, self.source = seats.active.estimator, seats.active.source
+        if str(seats.active) != before:
+            self.deaf = False
+            self.watch.begin()
+            self.suspect.begin()
+            self.agreement.begin()
+            self._say(f"estimator {seats.active}", mailbox.INFO)
+        for runner in seats.all():
+            runner.estimator.configure(p)
+        self._remember_seats()
+        self._timeout_ns = round(1e9 * p.measurement_timeout)
+        self._rate.forget_warnings()
+
+    # ------------------------------------------------------------------ parts
+    def _seat(self, choice: Choice) -> None:
+        """Everyone takes the seat that the choice gives; who has none ends."""
+        seats = self._seats
+        there, old = list(seats.beside()), seats.active
+        active = old
+        if not old.is_(choice.name, choice.source):
+            taker = next((one for one in there if one.is_(choice.name, choice.source)), None)
+            if taker is not None:
+                active = taker
+                there.append(old)
+            elif old.name == choice.name:
+                old.source = choice.source
+            else:
+                active = self._make(choice.name, choice.source)
+            there = [one for one in there if one is not active]
+        shadow = reserve = None
+        if choice.shadow != NONE:
+            name, source = choice.shadow, choice.shadow_source
+            shadow = next((one for one in there if one.is_(name, source)), None)
+            shadow = shadow or self._make(name, source)
+        if choice.source != POSES:
+            poses = [one for one in there if one.source == POSES and one is not shadow]
+            reserve = poses[-1] if poses else self._make(choice.name, POSES)
+        self._seats = Seats(active, shadow, reserve)
+
+    def _make(self, name: str, source: str) -> Runner:
+        registry.prepare(name, source != POSES)  # nothing, when `check` has seen it
+        return Runner(name, source, registry.create(name, self._parameters))
+
+    def _remember_seats(self) -> None:
+        runners = self._seats.all()
+        self._beside = self._seats.beside()
+        self._takes_poses = any(one.source != BEARINGS for one in runners)
+        self._takes_bearings = any(one.source != POSES for one in runners)
+
+    def _take_measurements(self, now_ns: int, state: Record, estimate: Record) -> None:
+        runner = self._seats.active
+        for measurement in self._queue:
+            mine: Record | None = measurement
+            if self.source != POSES:
+                mine = self._watched(measurement, now_ns, state)
+            if mine is not None and runner.wants(mine, now_ns, self._timeout_ns):
+                try:
+                    runner.correct(mine, estimate)
+                except MeasurementError as error:
+                    self._complain(str(error), now_ns)
+                else:
+                    self._warn(now_ns)
+            for other in self._beside:
+                self._correct_beside(other, measurement, now_ns, state)
+        self._queue.clear()
+        # Of the one in use, `agreement` tells that it was moved.
+        news = [each.unused(now_ns) for each in self._seats.all()]
+        for line in (*news, *(each.restarts(now_ns) for each in self._beside)):
+            if line is not None:
+                self._say(line, mailbox.WARN)
+
+    def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
+        """The measurement as the estimator in use gets it; None when nothing is left of it."""
+        watch, reserve = self.watch, self._seats.reserve
+        if self.source == BEARINGS:
+            watch.age(self.active.measurement_age)
+        if measurement.dtype == POSE_SAMPLE:
+            if reserve is not None and reserve.estimator.converged:
+                watch.pose(difference(reserve.state, state))
+            return measurement
+        deviations = self.active.deviations
+        passed = watch.frame(measurement, deviations, now_ns)
+        count = int(measurement["count"][0])
+        if deviations is not None:
+            passed = list(range(count))  # a filter with a covariance has a gate of its own
+        passed = self._without_suspect(measurement, passed)
+        if len(passed) == count:
+            return measurement
+        if not passed:
+            return None
+        kept = measurement.copy()
+        kept["count"] = len(passed)
+        for field in ("beacon_w", "bearing_b"):
+            kept[field][0, : len(passed)] = measurement[field][0, passed]
+        return kept
+
+    def _without_suspect(self, frame: Record, rows: list[int]) -> list[int]:
+        """The rows of a frame without a beacon whose bearings are off, if that is wanted."""
+        watch, ids = self.watch, self._beacons.ids_of(frame)
+        watch.average(frame, ids, self.reserve_ready)
+        suspect, wanted, hindrance = watch.offsets.suspect, watch.parameters.exclude_beacon, ""
+        left = rows
+        if suspect is not None and suspect.beacon is not None and wanted:
+            left = [row for row in rows if ids[row] != suspect.beacon]
+            fewest = fewest_beacons(self.active)
+            if len(left) < fewest:
+                hindrance = f"{len(left)} would be left, the estimator needs {fewest}"
+                left = rows
+        self.suspect.look(suspect, wanted and not hindrance, hindrance)
+        return left
+
+    def _warn(self, now_ns: int) -> None:
+        rate = self._rate.add(now_ns)
+        if rate is not None:
+            for line in self._rate.unsaid(self.active.warnings(rate)):
+                self._say(line, mailbox.WARN)
+
+    def _complain(self, line: str, now_ns: int) -> None:
+        if now_ns - self._complained_ns > COMPLAIN_NS:
+            self._complained_ns = now_ns
+            self._say(line, mailbox.WARN)
+
+    def _step_beside(self, runner: Runner, imu: Record, dt: float) -> None:
+        try:
+            runner.estimator.predict(imu, dt, runner.state)
+        except Exception as error:
+            self._drop(runner, error)
+
+    def _correct_beside(
+        self, runner: Runner, measurement: Record, now_ns: int, state: Record
+    ) -> None:
+        try:
+            if runner.wants(measurement, now_ns, self._timeout_ns):
+                runner.correct(measurement, runner.estimate)
+        except UndeterminedStartError as error:
+            if self.active.converged:  # then the vehicle's pose is known
+                runner.start_at(now_ns, state)
+                self._say(f"{runner} started at the pose of {self._seats.active}", mailbox.INFO)
+            else:
+                self._complain(str(error), now_ns)
+        except MeasurementError as error:
+            if runner.source != self.source:  # else said of the estimator in use
+                self._complain(f"{runner}: {error}", now_ns)
+        except Exception as error:
+            self._drop(runner, error)
+
+    def _drop(self, runner: Runner, error: Exception) -> None:
+        """A defect in what is not flown on must not end the flight."""
+        seats = self._seats
+        what = "shadow" if runner is seats.shadow else "reserve"
+        setattr(seats, what, None)
+        self._remember_seats()
+        self._say(f"{what} {runner.name} stopped: {type(error).__name__}: {error}", mailbox.WARN)
+
+    def _say_unknown(self, measurement: mailbox.Bearings) -> None:
+        line = f"no known beacon among {list(measurement.beacon_ids)}"
+        for unsaid in self._rate.unsaid([line]):
+            self._say(f"{unsaid}; known are {self._beacons.ids}", mailbox.WARN)

@@ -1,0 +1,208 @@
+"""Every compiled function of the tick, ready before the first sample counts.
+
+Compiling takes seconds and only one core, so on a machine without kept code (the first start, or
+after a change) a second process takes part of it, and each part done is told. What is kept
+already is loaded in a moment. The warm-up hop has the last word: whatever the tick may call has
+then been called once.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from quadrotor.checkout import ROOT
+from quadrotor.compiled import kept
+from vehicle.flight.realtime import die_with_parent
+
+
+def _controller() -> None:
+    from control.controller import GeometricController
+    from control.disturbance_observer import DisturbanceObserver
+    from control.parameters import ControlParameters, DisturbanceParameters
+    from quadrotor.vehicle_model import VehicleModel
+
+    GeometricController().configure(ControlParameters(), VehicleModel().record())
+    DisturbanceObserver(DisturbanceParameters())
+
+
+def _estimator() -> None:
+    import numpy as np
+
+    from estimation.complementary import ComplementaryEstimator
+    from quadrotor.records import ESTIMATE, IMU_SAMPLE, POSE_SAMPLE, new_state
+
+    estimator, state = ComplementaryEstimator(), new_state()
+    pose, imu, estimate = (np.zeros(1, kind) for kind in (POSE_SAMPLE, IMU_SAMPLE, ESTIMATE))
+    pose["quaternion_wb"][:, 0] = 1.0
+    estimator.initialize(pose)
+    for stamp_ns in (2_000_000, 4_000_000):
+        imu["stamp_ns"] = pose["stamp_ns"] = stamp_ns
+        estimator.predict(imu, 0.002, state)
+        estimator.correct(pose, estimate)
+        estimator.report(estimate)
+
+
+def _behaviors() -> None:
+    from control.behaviors.machine import BehaviorMachine
+    from control.behaviors.parameters import BehaviorParameters
+
+    BehaviorMachine(BehaviorParameters())
+
+
+def _bearings() -> None:
+    from bearing_sim.beacons import PAPER_BEACONS
+    from estimation.planar_pose import PlanarPoseSolver
+
+    PlanarPoseSolver(PAPER_BEACONS.positions_w)
+
+
+def _error_state() -> None:
+    from estimation.registry import prepare
+
+    prepare("error_state", True)
+
+
+def _complementary_on_bearings() -> None:
+    from estimation.registry import prepare
+
+    prepare("complementary", True)
+
+
+def _near_hovering() -> None:
+    from control.near_hovering import NearHoveringController
+    from control.parameters import ControlParameters
+    from quadrotor.vehicle_model import VehicleModel
+
+    NearHoveringController().configure(ControlParameters(), VehicleModel().record())
+
+
+Parts = dict[str, tuple[str, Callable[[], None]]]
+
+PARTS: Parts = {
+    "controller": ("control.controller", _controller),
+    "estimator": ("estimation.complementary_filter", _estimator),
+    "behaviors": ("control.trajectories.phase_curve", _behaviors),
+}
+"""What the tick needs: part -> a module whose kept code tells that it is compiled, and how to."""
+LATER: Parts = {
+    "bearing poses": ("estimation.frame_solution", _bearings),
+    "bearings in the complementary filter": (
+        "estimation.position_at_attitude",
+        _complementary_on_bearings,
+    ),
+    "error-state filter": ("estimation.error_state.filter", _error_state),
+    "near-hovering law": ("control.near_hovering", _near_hovering),
+}
+"""What only comms or a choice of another estimator or law needs: compiled beside, on time nobody
+else wants."""
+HELPED = "controller"
+"""What a second process takes; the rest takes about the same time."""
+IDLE = "--idle"
+
+
+class Later:
+    """The parts of LATER: loaded at once when kept, else compiled beside and loaded when that is
+    done and the vehicle stands with motors off. An estimator can then be chosen in flight.
+    """
+
+    def __init__(self) -> None:
+        self._kept = [part for part, (module, _) in LATER.items() if kept(module)]
+        self._missing = [part for part in LATER if part not in self._kept]
+        self._process = _in_another_process([IDLE, *self._missing]) if self._missing else None
+
+    @property
+    def arrived(self) -> bool:
+        """Whether compiling beside has ended and `load` has not been called since."""
+        return self._process is not None and self._process.poll() is not None
+
+    def load(self) -> list[str]:
+        """Load what is kept, in some 0.1 s; the parts. What failed to compile beside is compiled
+        when it is chosen, on the ground.
+        """
+        parts, self._kept = self._kept, []
+        if self.arrived:
+            parts += [part for part in self._missing if kept(LATER[part][0])]
+            self._process = None
+        for part in parts:
+            LATER[part][1]()
+        return parts
+
+    def wait(self) -> None:
+        """Until compiling beside has ended."""
+        if self._process is not None:
+            self._process.wait()
+
+    def close(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+
+
+def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
+    """Compile what is missing, load the rest, fly the hop.
+
+    Call it before asking for real time, which a child would inherit.
+
+    Args:
+        say: gets a line when something is compiled, and one a part.
+
+    Returns what was refused in the hop (what comes after it would compile in flight), and what is
+    compiled for later: close it at the end.
+    """
+    later = Later()
+    missing = [part for part, (module, _) in PARTS.items() if not kept(module)]
+    if missing:
+        with _without_garbage_collection():
+            _compile(missing, say)
+    from vehicle.flight.warm_up import warm_up
+
+    refused = warm_up()
+    later.load()
+    return refused, later
+
+
+@contextmanager
+def _without_garbage_collection() -> Iterator[None]:
+    """A compiler makes few cycles and many objects: looking through them takes 7 % of its time."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def _compile(missing: list[str], say: Callable[[str], None]) -> None:
+    say(f"compiling the flight laws, once, which takes some seconds: {', '.join(missing)}")
+    helper = None
+    if HELPED in missing and len(missing) > 1 and (os.cpu_count() or 1) > 1:
+        helper = _in_another_process([HELPED])
+    for part in missing:
+        if helper is None or part != HELPED:
+            PARTS[part][1]()
+            say(f"{part} compiled")
+    if helper is not None and helper.wait() == 0:
+        say(f"{HELPED} compiled")
+
+
+def _in_another_process(words: list[str]) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", "vehicle.flight.kernels", str(os.getpid()), *words]
+    return subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL)
+
+
+def main(parent: str, *words: str) -> None:
+    """Compile the parts named, as the child of process `parent`."""
+    die_with_parent(int(parent))
+    if words[0] == IDLE:
+        os.nice(19)
+    with _without_garbage_collection():
+        for name in words:
+            if name != IDLE:
+                (PARTS | LATER)[name][1]()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,245 @@
+"""The flight loop: samples of the microcontroller in, commands out, rings to both sides.
+
+No network, no log, no logging and no garbage collection here; what leaves goes through rings
+that never make this thread wait.
+"""
+
+from __future__ import annotations
+
+import traceback
+from typing import TYPE_CHECKING, Protocol
+
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import Record
+from vehicle.flight.lateness import Lateness, LoopCounts, LoopStatistics
+from vehicle.flight.microcontroller_commands import Ordered, Ordering, Orders
+from vehicle.flight.modes import Mode
+from vehicle.flight.pacing import Pacer
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.processes import mailbox
+from vehicle.processes.config import Rings
+from vehicle.processes.terminal import say
+from vehicle_link.clock import monotonic, monotonic_ns
+from vehicle_link.lockstep import Part
+from vehicle_link.serial.port import BAUD_RATE
+
+if TYPE_CHECKING:
+    from vehicle.flight.kernels import Later
+
+SILENCE_NS = 500_000_000
+SECOND_NS = 1_000_000_000
+NOTHING_YET = LoopStatistics(0.0, 0.0, 0.0, 0.0, 0.0)
+NEEDS_SAMPLES = mailbox.Arm | mailbox.StartBehavior | mailbox.Bench | mailbox.CalibrateGyroscope
+COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
+
+
+class Stack(Ordering, Protocol):
+    """What the loop needs of vehicle.stack.FlightStack."""
+
+    record: Record
+    store: ParameterStore
+    outbox: list[mailbox.Told]
+    mode: Mode
+
+    def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
+    def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
+    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
+    def measure(self, measurement: mailbox.Measurement) -> None: ...
+    def loop_statistics(
+        self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
+    ) -> None: ...
+
+
+class Mcu(Ordered, Protocol):
+    """What the loop needs of vehicle.microcontroller.Microcontroller."""
+
+    failures: list[str]
+    newest_ms: list[int]
+    refused: int
+    late: int
+
+    @property
+    def damaged(self) -> int: ...
+
+    def receive(self) -> list[RawSample]: ...
+
+
+class FlightLoop:
+    """Sample in, tick, references out; inbox before, rings after.
+
+    Args:
+        pacer: lets it wait for the next sample.
+        later: what is compiled beside and loaded on the ground.
+        part: told of the samples that were dealt with, where simulated time waits for that.
+
+    Attributes:
+        lateness: of the ticks; counts: since the start.
+    """
+
+    def __init__(
+        self,
+        stack: Stack,
+        mcu: Mcu,
+        rings: Rings,
+        pacer: Pacer,
+        *,
+        real_time: bool,
+        later: Later | None = None,
+        part: Part | None = None,
+    ) -> None:
+        self.stopping = False
+        self._later = later
+        self._stack = stack
+        self._mcu = mcu
+        self._part = part
+        self._rings = rings
+        self._real_time = real_time
+        self._pacer = pacer
+        self._deadlines = pacer.deadlines
+        self._period_ns = pacer.deadlines.period_ns
+        self.lateness = Lateness()
+        self.counts = LoopCounts(self.lateness.histogram)
+        self._orders = Orders(stack, mcu)
+        self._heard_ns = monotonic_ns()
+        self._silent = False
+        self._unusable = [0, 0, 0]  # of what came until the newest sample
+        self._tell(NOTHING_YET)
+
+    def run(self) -> None:
+        """Until `stopping` is set. Raises LinkError when the last port is gone."""
+        while not self.stopping:
+            self.once()
+
+    def once(self) -> None:
+        """Wait for bytes, or until a sample is overdue; tick on every sample they complete."""
+        self._pacer.wait()
+        now_ns = monotonic_ns()
+        samples = self._mcu.receive()
+        for sample in samples:
+            now_ns = self._tick(sample, now_ns)
+        if not samples:
+            self._deadlines.look(now_ns)
+        if self._later is not None and self._later.arrived and self._stack.mode is Mode.READY:
+            self._load(self._later)
+        self._watch_silence(bool(samples))
+        if self._silent:
+            self._drain_inbox()
+        self._orders.send(None)  # a command between ticks may want another motor state
+        self._orders.keep(monotonic())
+        if self._mcu.failures:
+            for line in self._mcu.failures:
+                self._report(line)
+            self._mcu.failures.clear()
+        if self._part is not None:
+            for line, milliseconds in enumerate(self._mcu.newest_ms):
+                self._part.answered(line, milliseconds)
+
+    def _tick(self, sample: RawSample, began_ns: int) -> int:
+        """The tick that began when the loop woke for its sample. Returns when it ended."""
+        stack = self._stack
+        self._drain_inbox()
+        self._orders.send(stack.tick(sample))
+        self._rings.ticks.push(stack.record)
+        self._send_outbox()
+        self._deadlines.met(sample.stamp_ns, began_ns)
+        statistics = self.lateness.add(began_ns, sample.stamp_ns)
+        if statistics is not None:
+            self._tell(statistics)
+        ended_ns = monotonic_ns()
+        if ended_ns - began_ns > self._period_ns:
+            self.counts.overruns += 1
+        return ended_ns
+
+    def _tell(self, statistics: LoopStatistics) -> None:
+        counts = self.counts
+        counts.missed_frames = self._deadlines.missed
+        counts.damaged_frames = self._mcu.damaged
+        rate = SECOND_NS / self._period_ns
+        self._stack.loop_statistics(statistics, counts, rate, self._real_time)
+
+    def _load(self, later: Later) -> None:
+        parts = later.load()
+        self._later = None
+        if parts:
+            self._stack.say(f"compiled beside, and ready: {', '.join(parts)}")
+            self._send_outbox()
+
+    def _drain_inbox(self) -> None:
+        inbox = self._rings.inbox
+        for _ in range(min(len(inbox), COMMANDS_A_TICK)):
+            message = inbox.pop()
+            if message is not None:
+                self._take(mailbox.decode_inbound(message))
+
+    def _take(self, message: mailbox.Inbound) -> None:
+        if isinstance(message, mailbox.Measurement):
+            self._stack.measure(message)
+            return
+        reply = self._reply(message)
+        self._send_outbox()  # first: who gets the reply may rely on the changes it caused
+        self._rings.outbox.push(mailbox.encode(reply))
+
+    def _reply(self, command: mailbox.Command) -> mailbox.Reply:
+        if isinstance(command, mailbox.ChangeParameters) and not command.values:
+            # An empty change asks for all values: how a comms process starts its copy.
+            store = self._stack.store
+            return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)
+        if self._silent and isinstance(command, NEEDS_SAMPLES):
+            return mailbox.Reply(
+                command.request_id, False, "refused: the microcontroller gives no samples"
+            )
+        try:
+            return self._stack.handle(command)
+        except Exception as error:
+            # A defect in one command must not stop the motors: report it and fly on.
+            traceback.print_exc()
+            text = f"defect on board: {type(error).__name__}: {error}"
+            return mailbox.Reply(command.request_id, False, text)
+
+    def _send_outbox(self) -> None:
+        messages = self._stack.outbox
+        if messages:
+            for message in messages:
+                self._rings.outbox.push(mailbox.encode(message))
+            messages.clear()
+
+    def _watch_silence(self, heard: bool) -> None:
+        now_ns = monotonic_ns()
+        if heard:
+            if self._silent:
+                self._report(f"samples again after {(now_ns - self._heard_ns) * 1e-9:.1f} s")
+            self._heard_ns, self._silent = now_ns, False
+            self._unusable = self._came_unusable()
+        elif not self._silent and now_ns - self._heard_ns > SILENCE_NS:
+            self._silent = True
+            self._report(f"no sample from the microcontroller for 0.5 s; waiting. {self._why()}")
+
+    def _came_unusable(self) -> list[int]:
+        return [self._mcu.late, self._mcu.refused, self._mcu.damaged]
+
+    def _why(self) -> str:
+        """What came instead of samples, and what to look at."""
+        counts = zip(self._came_unusable(), self._unusable, strict=True)
+        late, refused, damaged = (now - before for now, before in counts)
+        if late:
+            return (
+                f"{late} came that are older than the newest before, by the microcontroller's "
+                "clock: newer ones count again"
+            )
+        if refused:
+            return (
+                f"{refused} came with impossible values or times: if that goes on, switch the "
+                "microcontroller off and on"
+            )
+        if damaged:
+            return (
+                f"{damaged} pieces of bytes came that are no frames: is its baud rate "
+                f"{BAUD_RATE}, and are these its ports?"
+            )
+        return "Is it switched on, and are these its ports?"
+
+    def _report(self, line: str) -> None:
+        """To the terminal and to the page."""
+        say(line)
+        self._stack.say(line, mailbox.WARN)
+        self._send_outbox()

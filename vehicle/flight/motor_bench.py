@@ -1,0 +1,86 @@
+"""One motor alone, on a bench: what may be asked for, and when it is over by itself.
+
+For identifying a motor (Sec. 5.3 of the paper) with propellers off or the vehicle fixed. It is
+kept up by asking again; whoever asked and is gone must not leave a motor turning.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.constants import MOTORS
+from quadrotor.errors import RefusedError
+from vehicle.safety.parameters import SafetyParameters
+
+REFERENCE_MAX = 200
+"""Counts; the bench's last step is 190. Four bytes on the wire would carry 255."""
+TURN_TIME = 1.0
+"""s over which a turn is remembered: drift and vibration are forgotten, a tumble is not."""
+
+
+def check_bench(motor: int, reference: int) -> None:
+    """Raises RefusedError when no motor could be turned so."""
+    if not 1 <= motor <= len(MOTORS):
+        known = ", ".join(f"{k} {name}" for k, name in enumerate(MOTORS, 1))
+        raise RefusedError(f"bench refused: there is no motor {motor}: {known}; 0 ends the bench")
+    if not 0 <= reference <= REFERENCE_MAX:
+        raise RefusedError(
+            f"bench refused: reference {reference} is out of bounds; allowed 0 to {REFERENCE_MAX} "
+            "counts"
+        )
+
+
+class Bench:
+    """The motor on the bench.
+
+    Attributes:
+        motor: 1…4, 0 when none is.
+        reference: counts.
+        started: the microcontroller has said that its motors are on.
+    """
+
+    def __init__(self, safety: SafetyParameters) -> None:
+        self._safety = safety
+        self._turn_b = np.zeros(3)  # rad
+        self.motor = self.reference = self._asked_ns = 0
+        self.started = False
+
+    def __str__(self) -> str:
+        return f"motor {self.motor} ({MOTORS[self.motor - 1]})"
+
+    @property
+    def references(self) -> tuple[int, int, int, int]:
+        """Of all motors: the others stand."""
+        one, two, three, four = (self.reference if self.motor == k else 0 for k in range(1, 5))
+        return one, two, three, four
+
+    def turn(self, motor: int, reference: int, stamp_ns: int) -> None:
+        """From now on, for `safety.bench_timeout`; `check_bench` has seen it."""
+        if self.motor and motor != self.motor:
+            raise RefusedError(f"bench refused: {self} is on it; end the bench (motor 0) first")
+        self.motor, self.reference, self._asked_ns = motor, reference, stamp_ns
+
+    def end(self) -> None:
+        """No motor is on it."""
+        self.motor = self.reference = self._asked_ns = 0
+        self.started = False
+        self._turn_b[:] = 0.0
+
+    def over(self, stamp_ns: int, angular_velocity_b: npt.NDArray[np.float64], dt: float) -> str:
+        """Why the motor is to stop now, empty when it goes on; once a tick.
+
+        Args:
+            angular_velocity_b: (3,) rad/s.
+        """
+        timeout = self._safety.bench_timeout
+        if (stamp_ns - self._asked_ns) * 1e-9 > timeout:
+            return f"not asked for again within {timeout:g} s"
+        self._turn_b += angular_velocity_b * dt - self._turn_b * min(1.0, dt / TURN_TIME)
+        x, y, z = self._turn_b.tolist()
+        turned, most = math.degrees(math.sqrt(x * x + y * y + z * z)), self._safety.bench_turn_max
+        if turned > most:
+            return f"the vehicle turned by {turned:.0f} deg, allowed {most:g}; fix it"
+        return ""

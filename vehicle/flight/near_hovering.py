@@ -1,0 +1,95 @@
+"""Flight by the microcontroller's near-hovering mode: what to send it.
+
+It holds angles and yaw rate by its own estimate. Climb rates are held here, by the barometer; so
+is the descent when nothing else on board is to be trusted.
+"""
+
+from __future__ import annotations
+
+from control.behaviors.near_hovering import Level
+from quadrotor.parameters import Parameters, parameter
+from vehicle.estimators.barometric_height import BarometricHeight
+from vehicle_link.serial.attitude_command import THRUST_SHARE_MAX, THRUST_SHARE_MIN, AttitudeCommand
+
+AVERAGE = 0.5
+"""s over which the thrust in use is averaged: what hovers, when this mode begins."""
+
+
+class NearHoveringParameters(Parameters):
+    """How climb rates are held in near-hovering mode."""
+
+    stick_thrust: float = parameter(
+        12.83,
+        unit="N",
+        ge=4.0,
+        le=40.0,
+        step=0.01,
+        description="thrust of the microcontroller's stick in its hovering position, 110",
+    )
+    climb_gain: float = parameter(
+        3.0, unit="1/s", ge=0.5, le=8.0, step=0.1, description="acceleration for a wrong climb rate"
+    )
+    lift_gain: float = parameter(
+        2.0, unit="1/s²", ge=0.0, le=8.0, step=0.1, description="the same, integrated"
+    )
+    flare_height: float = parameter(
+        0.7,
+        unit="m",
+        ge=0.0,
+        le=3.0,
+        step=0.1,
+        description="below it over the take-off a descent slows down",
+    )
+    flare_speed: float = parameter(
+        0.35, unit="m/s", ge=0.1, le=0.8, step=0.05, description="to this"
+    )
+
+
+class NearHovering:
+    """Commands for the microcontroller, one a tick.
+
+    Args:
+        parameters: kept, read at each tick.
+
+    Attributes:
+        altitude: what the barometer says, in every mode.
+    """
+
+    def __init__(self, parameters: NearHoveringParameters) -> None:
+        self.parameters = parameters
+        self.altitude = BarometricHeight()
+        self._share = 0.0  # of the stick thrust, averaged
+        self._lift: float | None = None  # integral of the climb rate's control, a share
+        self._hover = 1.0  # share that held the vehicle when the mode began
+
+    def observe(self, thrust: float, dt: float) -> None:
+        """The thrust (N) of a tick that was flown by another mode."""
+        share = thrust / self.parameters.stick_thrust
+        self._share += min(1.0, dt / AVERAGE) * (share - self._share)
+        self._lift = None
+
+    def command(
+        self, level: Level, mass: float, dt: float
+    ) -> tuple[tuple[int, int, int, int], float]:
+        """The four command bytes, and the thrust (N) they ask for.
+
+        Args:
+            mass: kg.
+        """
+        p = self.parameters
+        if self._lift is None:
+            self._lift = self._hover = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, self._share))
+        if level.climb is None:
+            share = self._hover * level.thrust_share
+        else:
+            wanted = level.climb
+            if wanted < -p.flare_speed and self.altitude.height < p.flare_height:
+                wanted = -p.flare_speed
+            error = wanted - self.altitude.climb
+            per_acceleration = mass / p.stick_thrust
+            lift = self._lift + p.lift_gain * per_acceleration * error * dt
+            self._lift = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, lift))
+            share = self._lift + p.climb_gain * per_acceleration * error
+        share = min(THRUST_SHARE_MAX, max(THRUST_SHARE_MIN, share))
+        command = AttitudeCommand(level.roll, level.pitch, level.yaw_rate, share)
+        return command.encode(), share * p.stick_thrust

@@ -1,0 +1,169 @@
+"""The flight process: one real-time thread between the microcontroller and the rings.
+
+Run as `python -m vehicle.flight.process CONFIG` by vehicle.process. What it does all the time is
+vehicle.flight_loop.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from quadrotor.errors import QuadlabError
+from quadrotor.parameters import ParameterStore
+from vehicle.flight.loop import FlightLoop
+from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
+from vehicle.flight.realtime import become_real_time, die_with_parent, freeze_garbage
+from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.processes import mailbox
+from vehicle.processes.config import FlightConfig, open_rings
+from vehicle.processes.terminal import say, speak_for
+from vehicle_link.lockstep import FLIGHT_PROCESS, Part
+from vehicle_link.serial.capacity import sample_period_us
+from vehicle_link.serial.port import PortError, PortProblem, SerialPort
+
+if TYPE_CHECKING:
+    from vehicle.flight.stack import FlightStack
+    from vehicle.simulator.in_process import InProcessRobot
+
+PORT_PATIENCE_S = 10.0
+TOLD_AT_ONCE = frozenset({PortProblem.BUSY, PortProblem.FORBIDDEN})
+TOLD_AFTER_S = 2.0
+"""For what is not told at once: a missing port is a simulator's, as a rule, and soon there."""
+SOON_NS = 20_000_000
+"""To the first sample in memory."""
+
+
+def fly(config: FlightConfig) -> None:
+    """Compile, ask for real time, then loop until a signal. Raises QuadlabError."""
+    # Imported here: it brings numba and every law along, which the loop's tests need not.
+    from vehicle.flight.kernels import prepare
+
+    refusals, later = prepare(say)
+
+    from vehicle.flight.stack import FlightStack
+    from vehicle.parameters import new_parameters
+
+    rings = open_rings(config.rings)
+    ports = open_ports(config.ports)
+    parameters = new_parameters()
+    ParameterStore(parameters).preset(config.parameters)
+    stack = FlightStack(parameters)
+    if config.trajectories:
+        load_trajectories(stack, Path(config.trajectories))
+    for refusal in refusals:
+        say(f"not compiled before the flight: {refusal}")
+    robot = None if ports else _in_process(config.rate, stack)
+    granted = become_real_time()
+    part = Part(config.name)
+    part.is_this_process(FLIGHT_PROCESS)
+    if granted.refusal and not part.in_lockstep:  # there nothing is late: time waits
+        say(granted.refusal)
+    freeze_garbage()
+    # From here on without delay: the first samples' arrival sets the vehicle's clock.
+    rings.inbox.pop_all()  # commands from before the start have been given up by who sent them
+    for port in ports:
+        while port.read():  # samples from before are old
+            pass
+    mcu, pacer = _connect(ports, robot, config)
+    loop = FlightLoop(
+        stack,
+        mcu,
+        rings,
+        pacer,
+        real_time=granted.scheduled or part.in_lockstep,
+        later=later,
+        part=part if part.in_lockstep else None,
+    )
+
+    def stop(signal_number: int, frame: object) -> None:
+        loop.stopping = True
+
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, stop)
+    loop.run()
+    later.close()
+
+
+def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
+    from vehicle.simulator.in_process import InProcessRobot
+
+    say(f"a simulated vehicle inside this process, {rate} Hz")
+    return InProcessRobot(rate, stack.measure)
+
+
+def _connect(
+    ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig
+) -> tuple[Microcontroller, Pacer]:
+    """The microcontroller behind the ports or in memory, and what waits for its samples."""
+    rate = config.rate
+    period_ns = 1000 * sample_period_us(rate)
+    if robot is None:
+        mcu = Microcontroller(ports, rate=rate, identity=config.identity)
+        return mcu, PortPacer(mcu, period_ns)
+    robot.epoch_ns = time.time_ns() + SOON_NS
+    start_ns = time.monotonic_ns() + SOON_NS
+    mcu = Microcontroller(robot.ports, robot.epoch_ns, rate=rate)
+    return mcu, MemoryPacer(robot, period_ns, start_ns)
+
+
+def load_trajectories(stack: FlightStack, folder: Path) -> None:
+    """The user's trajectory files, by now or not at all: never in flight."""
+    from control.trajectories.library import load_folder
+
+    if not folder.is_dir():
+        return
+    stack.behaviors.trajectories, refused = load_folder(folder)
+    for line in refused:
+        say(line)
+        stack.say(f"trajectory file refused: {line}", mailbox.WARN)
+    if stack.behaviors.trajectories:
+        say(f"trajectories loaded: {', '.join(stack.behaviors.trajectories)}")
+
+
+def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:
+    """Open the serial ports, which a simulator may still be making or another program holding.
+
+    Raises PortError when they cannot be opened for `patience_s`.
+    """
+    deadline = time.monotonic() + patience_s
+    ports: list[SerialPort] = []
+    told: set[str] = set()
+    for path in paths:
+        while True:
+            try:
+                ports.append(SerialPort(path))
+                break
+            except PortError as error:
+                if error.problem is PortProblem.NOT_SERIAL or time.monotonic() >= deadline:
+                    raise
+                waited_s = time.monotonic() - deadline + patience_s
+                due = error.problem in TOLD_AT_ONCE or waited_s >= TOLD_AFTER_S
+                if due and str(error) not in told:
+                    told.add(str(error))
+                    say(f"{error}; trying for {patience_s:.0f} s")
+            time.sleep(0.1)
+    return ports
+
+
+def main(argument: str) -> int:
+    """Exit status: 0 stopped by a signal, 1 failed."""
+    config = msgspec.json.decode(argument, type=FlightConfig)
+    speak_for(config.name)
+    die_with_parent(config.parent)
+    try:
+        fly(config)
+    except QuadlabError as error:
+        say(str(error))
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,225 @@
+"""One onboard log while it is written, and what other threads may know of it meanwhile."""
+
+from __future__ import annotations
+
+from array import array
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import StorageError
+from quadrotor.records import TICK, Record
+from vehicle.onboard_log.disk_sync import DiskSync
+from vehicle_link import topics
+from vehicle_link.log import LogWriter
+from vehicle_link.log.provenance import provenance
+from vehicle_link.log.writer import Batch as TopicBatch
+from vehicle_link.log.writer import Message as LogMessage
+from vehicle_link.messages import definition, type_hash
+
+PIECE = 50
+"""Ticks, or messages, written at once, at most: 70 kB of ticks."""
+LONGEST_NS = 1_000_000_000
+
+Channels = dict[int, tuple[str, str]]
+"""id → topic and type"""
+
+
+class Message(NamedTuple):
+    """Of a topic other than those of every tick."""
+
+    topic: str  # without namespace
+    type_name: str
+    payload: bytes
+    source_ns: int
+    log_ns: int
+
+
+class Batch(NamedTuple):
+    """Consecutive ticks, shape (N,), and when comms read them."""
+
+    ticks: Record
+    log_ns: int
+
+
+class Written:
+    """One file, as far as it is written; any thread may ask.
+
+    Args:
+        start_ns: of its first tick.
+        place: of its first chunk.
+        channels: asks those of the file so far.
+
+    Attributes:
+        closed: nothing will be added.
+    """
+
+    def __init__(
+        self, path: Path, start_ns: int, place: int, channels: Callable[[], Channels]
+    ) -> None:
+        self.path = path
+        self.start_ns = start_ns
+        self.closed = False
+        self.channels = channels
+        self._places = array("q", [place])
+        self._stamps = array("q", [start_ns - 1])
+
+    def mark(self, stamp_ns: int, place: int) -> None:
+        """Ticks up to `stamp_ns` stand before `place`, where a chunk begins, later ones do not."""
+        self._places.append(place)  # first: whoever finds the stamp finds the place
+        self._stamps.append(stamp_ns)
+
+    @property
+    def end_ns(self) -> int:
+        """Newest tick in the file."""
+        return self._stamps[-1]
+
+    def place_before(self, stamp_ns: int) -> int:
+        """Where to begin to read for ticks from `stamp_ns` on."""
+        return self._places[max(0, bisect_left(self._stamps, stamp_ns) - 1)]
+
+    def place_behind(self, stamp_ns: int) -> int | None:
+        """Where to end to read for ticks up to `stamp_ns`; None while they are not all there."""
+        at = bisect_left(self._stamps, stamp_ns)
+        return self._places[at] if at < len(self._stamps) else None
+
+    @property
+    def last_place(self) -> int:
+        """End of the newest chunk."""
+        return self._places[-1]
+
+
+def prepare(vehicle: str) -> None:
+    """Make what is made on first use: 0.3 s of the interpreter, better spent on the ground."""
+    provenance()
+    list(_tick_messages(np.zeros(1, TICK), vehicle))
+    for topic in topics.TOPICS.values():
+        definition(topic.type_name)
+        type_hash(topic.type_name)
+
+
+def runs(ticks: Record) -> Iterator[Record]:
+    """Ticks, shape (N,), cut where `armed` changes."""
+    armed = ticks["status"]["armed"]
+    cuts = (np.flatnonzero(armed[1:] != armed[:-1]) + 1).tolist()
+    for start, end in zip([0, *cuts], [*cuts, len(ticks)], strict=True):
+        yield ticks[start:end]
+
+
+class OnboardFile:
+    """Made, written and closed by the log's own thread.
+
+    What is added is written by `write`, all at once: that takes a third of the time.
+
+    Raises:
+        StorageError: here and in every method.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        vehicle: str,
+        start_ns: int,
+        run: Mapping[str, str],
+        attachments: Mapping[str, bytes],
+    ) -> None:
+        self.path = path
+        self._vehicle = vehicle
+        self._names: dict[str, str] = {}  # with the namespace
+        self._ticks: list[Batch] = []
+        self._messages: list[LogMessage] = []
+        # `write` ends each chunk.
+        self._writer = LogWriter(path, run, attachments, chunk_age_ns=LONGEST_NS)
+        self._size = self._writer.size
+        self._newest_ns = start_ns - 1
+        self._sync = DiskSync(path)
+        self.written = Written(path, start_ns, self._size, lambda: self._writer.channels)
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._writer.size
+
+    def add_ticks(self, batch: Batch) -> None:
+        """In the order of the flight, at least one."""
+        self._ticks.append(batch)
+
+    def add_message(self, message: Message) -> None:
+        topic, type_name, payload, source_ns, log_ns = message
+        name = self._names.get(topic)
+        if name is None:
+            name = self._names[topic] = f"/{self._vehicle}/{topic}"
+        self._messages.append(LogMessage(name, type_name, payload, log_ns, source_ns))
+
+    def write(self) -> None:
+        """What was added goes to the kernel, in a chunk of its own or some."""
+        batches, messages = self._ticks, self._messages
+        self._ticks, self._messages = [], []
+        if batches:
+            # numpy's concatenate looks at all fields anew each time: 60 µs.
+            ticks = np.frombuffer(b"".join(batch.ticks.tobytes() for batch in batches), TICK)
+            received = np.repeat(
+                np.array([batch.log_ns for batch in batches], np.int64),
+                [len(batch.ticks) for batch in batches],
+            )
+            for start in range(0, len(ticks), PIECE):
+                self._piece(ticks[start : start + PIECE], received[start : start + PIECE])
+        for start in range(0, len(messages), PIECE):
+            self._writer.write_many(messages[start : start + PIECE])
+            self._mark()
+        self._writer.close_chunk()
+        self._mark()
+
+    def is_in_place(self) -> bool:
+        """False when somebody removed, moved or replaced the file or its folder."""
+        return self._writer.is_in_place()
+
+    def check(self) -> None:
+        """Raises StorageError when what was written did not reach the disk."""
+        if self._sync.problem:
+            raise StorageError(self._sync.problem)
+
+    def close(self) -> None:
+        try:
+            self._sync.end()
+            try:
+                self.write()
+            finally:
+                self._writer.close()
+        finally:
+            self.written.closed = True
+
+    def _piece(self, ticks: Record, received: npt.NDArray[np.int64]) -> None:
+        stamps = np.ascontiguousarray(ticks["imu"]["stamp_ns"], np.int64)
+        self._writer.write_batches(
+            [
+                TopicBatch(
+                    f"/{self._vehicle}/{topic}",
+                    topics.TOPICS[topic].type_name,
+                    payloads,
+                    received,
+                    stamps,
+                )
+                for topic, payloads in _tick_messages(ticks, self._vehicle)
+            ]
+        )
+        self._newest_ns = int(stamps[-1])
+        self._mark()
+
+    def _mark(self) -> None:
+        """Wherever a chunk was closed: it holds all ticks so far."""
+        if self._writer.size != self._size:
+            self._size = self._writer.size
+            self.written.mark(self._newest_ns, self._size)
+
+
+def _tick_messages(ticks: Record, vehicle: str) -> Iterator[tuple[str, npt.NDArray[np.void]]]:
+    """Topic and (N,) messages."""
+    yield "state", topics.state_messages(ticks, vehicle)
+    yield "reference", topics.reference_messages(ticks)
+    yield "imu", topics.imu_messages(ticks, vehicle)
+    yield "actuators", topics.actuator_messages(ticks, vehicle)

@@ -1,0 +1,293 @@
+"""The vehicle's own logs as files: which there are, their bytes, and where in them a time stands.
+
+Services `onboard_files`, `onboard_part` and `onboard_index`, each on a thread of its own and with
+answers of some kilobytes: what flies goes first. Whoever asks at background priority is answered
+at that.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import zlib
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
+from vehicle.onboard_log.checksums import Checksums, Key
+from vehicle.onboard_log.file import Written
+from vehicle.onboard_log.file_identity import identity_of
+from vehicle.onboard_log.mending import LATER
+from vehicle.onboard_log.ring import Fetched, free_bytes
+from vehicle_link.log import is_closed
+from vehicle_link.log.file_index import FileIndex, begins_as_log, read_index
+from vehicle_link.messages import Message, decode, encode, new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES
+
+PART_BYTES = 2800
+"""Of a file in an answer: two packets on the radio."""
+FILES_MAX = 100
+"""In an answer, the newest: 10 kB."""
+LATE_NS = 100_000_000
+"""A message is written at most so long after its stamp; ticks are found exactly."""
+INDEXES_KEPT = 3
+FACTS_KEPT = 1000
+
+Value = TypeVar("Value")
+
+
+class Facts(NamedTuple):
+    """One file as it is now; of a torn one the times are not known."""
+
+    name: str
+    identity: int
+    size: int
+    start_ns: int = 0
+    end_ns: int = 0
+    closed: bool = False
+    recovered: bool = False
+
+    def message(self) -> Message:
+        return new("quadlab_msgs/OnboardFile", **self._asdict())
+
+
+class OnboardFiles:
+    """Args: the folder; `written` tells the files of this process (`OnboardLog.files`), `mending`
+    when a torn one is mended (`OnboardLog.mending`)."""
+
+    def __init__(
+        self,
+        folder: Path,
+        written: Callable[[], list[Written]],
+        fetched: Fetched | None = None,
+        free: Callable[[Path], int] = free_bytes,
+        mending: Callable[[], str] = lambda: LATER,
+    ) -> None:
+        self._folder, self._written, self._free = folder, written, free
+        self._mending = mending
+        self._fetched = fetched or Fetched()
+        self._checksums = Checksums()
+        self._closed: OrderedDict[Key, Facts] = OrderedDict()
+        self._indexes: OrderedDict[Key, FileIndex] = OrderedDict()
+
+    def serve(self, node: Node) -> None:
+        for service, answer in (
+            ("onboard_files", self.files),
+            ("onboard_part", self.part),
+            ("onboard_index", self.index),
+        ):
+            node.serve(service, SERVICES[service], _Answering(SERVICES[service], answer))
+
+    def files(self, request: Message) -> Message:
+        """Raises StorageError."""
+        found = [facts.message() for facts in self._newest()]
+        return new(
+            f"{SERVICES['onboard_files']}_Response",
+            accepted=True,
+            files=found,
+            free_bytes=self._free_bytes(),
+        )
+
+    def part(self, request: Message) -> Message:
+        """Raises RefusedError or StorageError."""
+        name, offset, length = str(request.name), int(request.offset), int(request.length)
+        if length > PART_BYTES:
+            raise RefusedError(f"{length} bytes at once are too many; allowed are {PART_BYTES}")
+        with self._open(name) as file:
+            facts = self._facts(name, file)
+            self._fetched.note(name)
+            if length == 0:
+                return self._checksum(facts)
+            if offset > facts.size:
+                raise RefusedError(f"{name} has {facts.size} bytes, none from {offset} on")
+            data = os.pread(file, min(length, facts.size - offset), offset)
+        return new(
+            f"{SERVICES['onboard_part']}_Response",
+            accepted=True,
+            file=facts.message(),
+            data=_octets(data),
+            crc32=zlib.crc32(data),
+        )
+
+    def index(self, request: Message) -> Message:
+        """Raises RefusedError or StorageError."""
+        start_ns, end_ns = int(request.start_ns), int(request.end_ns)
+        if end_ns < start_ns:
+            raise RefusedError(f"from {start_ns} to {end_ns} ns is no stretch of a log")
+        name = str(request.name) or self._name_with(start_ns, end_ns)
+        with self._open(name) as file:
+            facts = self._facts(name, file)
+        self._fetched.note(name)
+        self._refuse_torn(facts)
+        written = self._written_as(name)
+        if written is not None:
+            (begin, end), channels = _stretch(written, start_ns, end_ns), written.channels()
+        else:
+            index = self._index(facts)
+            (begin, end), channels = index.stretch(start_ns, end_ns, LATE_NS), index.channels
+        ids = sorted(channels)
+        return new(
+            f"{SERVICES['onboard_index']}_Response",
+            accepted=True,
+            file=facts.message(),
+            begin=begin,
+            end=end,
+            channels=ids,
+            topics=[channels[k][0] for k in ids],
+            types=[channels[k][1] for k in ids],
+        )
+
+    # ------------------------------------------------------------------ files
+    def _newest(self) -> list[Facts]:
+        """Newest first."""
+        found = []
+        for name in _names(self._folder)[:FILES_MAX]:
+            try:
+                with self._open(name) as file:
+                    found.append(self._facts(name, file))
+            except QuadlabError:  # mended or removed meanwhile, or no log at all
+                continue
+        return found
+
+    @contextmanager
+    def _open(self, name: str) -> Iterator[int]:
+        """Raises RefusedError when no such log is in the folder."""
+        try:
+            if Path(name).name != name or not name.endswith(".mcap"):
+                raise FileNotFoundError
+            file = os.open(self._folder / name, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
+        except (OSError, ValueError):
+            raise RefusedError(
+                f"there is no onboard log {name!r:.100}; it may have been removed to make room"
+            ) from None
+        try:
+            if not stat.S_ISREG(os.fstat(file).st_mode):
+                raise RefusedError(f"{name} is no file")
+            yield file
+        except OSError as error:
+            raise StorageError(f"cannot read {name}: {error.strerror}") from error
+        finally:
+            os.close(file)
+
+    def _facts(self, name: str, file: int) -> Facts:
+        identity, size = identity_of(file), os.fstat(file).st_size
+        written = self._written_as(name)
+        if written is not None and not written.closed:
+            return Facts(name, identity, size, written.start_ns, written.end_ns)
+        key = name, identity, size
+        facts = self._closed.get(key)
+        if facts is None:
+            facts = Facts(*key)
+            if is_closed(self._folder / name):
+                index = read_index(self._folder / name, chunks=False)
+                facts = Facts(*key, index.start_ns, index.end_ns, True, index.recovered)
+                _keep(self._closed, key, facts, FACTS_KEPT)
+            elif not begins_as_log(file):
+                raise LogFormatError(f"{name} is no MCAP log")
+        return facts
+
+    def _written_as(self, name: str) -> Written | None:
+        return next((one for one in self._written() if one.path.name == name), None)
+
+    def _index(self, facts: Facts) -> FileIndex:
+        key = facts.name, facts.identity, facts.size
+        index = self._indexes.get(key)
+        if index is None:
+            index = read_index(self._folder / facts.name)
+            _keep(self._indexes, key, index, INDEXES_KEPT)
+        return index
+
+    def _name_with(self, start_ns: int, end_ns: int) -> str:
+        """The oldest file that has anything of the stretch. Raises RefusedError."""
+        files = self._newest()
+        for facts in reversed(files):
+            if 0 < facts.start_ns <= end_ns and (facts.end_ns >= start_ns or not facts.closed):
+                return facts.name
+        if any(not facts.start_ns and not facts.closed for facts in files):
+            raise RefusedError(f"a log was torn, and {self._mending()}; ask again later")
+        raise RefusedError(
+            "there is no onboard log of this time: one is written while the vehicle is armed, and "
+            "the oldest are removed to make room"
+        )
+
+    def _checksum(self, facts: Facts) -> Message:
+        self._refuse_torn(facts)
+        if not facts.closed:
+            raise RefusedError(f"{facts.name} is still being written; its checksum comes after")
+        digest = self._checksums.ask(self._folder / facts.name, facts.identity, facts.size)
+        return new(
+            f"{SERVICES['onboard_part']}_Response",
+            accepted=True,
+            file=facts.message(),
+            sha256=_octets(digest),
+        )
+
+    def _refuse_torn(self, facts: Facts) -> None:
+        """Its bytes will be others when it is mended. Raises RefusedError."""
+        if not facts.closed and not facts.start_ns:
+            raise RefusedError(f"{facts.name} was torn, and {self._mending()}; ask again later")
+
+    def _free_bytes(self) -> int:
+        try:
+            return self._free(self._folder if self._folder.exists() else self._folder.parent)
+        except OSError as error:
+            raise StorageError(f"cannot use {self._folder}: {error.strerror}") from error
+
+
+class _Answering:
+    """A handler whose errors are answers with their reason."""
+
+    def __init__(self, kind: str, answer: Callable[[Message], Message]) -> None:
+        self._kind, self._answer = kind, answer
+        # Serialisers are written on first use, which takes up to 0.1 s.
+        encode(new(f"{kind}_Response"))
+        decode(encode(new(f"{kind}_Request")), f"{kind}_Request")
+
+    def __call__(self, request: Message) -> Message:
+        try:
+            return self._answer(request)
+        except QuadlabError as error:
+            return new(f"{self._kind}_Response", accepted=False, reason=str(error))
+
+
+def _stretch(written: Written, start_ns: int, end_ns: int) -> tuple[int, int]:
+    """(begin, end) of whole chunks; end is 0 while that is not written."""
+    closed = written.closed  # before its places are asked: nothing is added then
+    begin = written.place_before(start_ns - LATE_NS)
+    end = written.place_behind(end_ns + LATE_NS)
+    if end is None:
+        end = written.last_place if closed else 0
+    return begin, max(begin, end) if end else 0
+
+
+def _names(folder: Path) -> list[str]:
+    """Newest first. Raises StorageError."""
+    found: list[tuple[int, str]] = []
+    try:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                if entry.name.endswith(".mcap"):
+                    with suppress(FileNotFoundError):  # just mended or removed
+                        found.append((entry.stat(follow_symlinks=False).st_mtime_ns, entry.name))
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise StorageError(f"cannot read {folder}: {error.strerror}") from error
+    return [name for _, name in sorted(found, reverse=True)]
+
+
+def _octets(data: bytes) -> npt.NDArray[np.uint8]:
+    return np.frombuffer(data, np.uint8)
+
+
+def _keep(cache: OrderedDict[Key, Value], key: Key, value: Value, most: int) -> None:
+    cache[key] = value
+    if len(cache) > most:
+        cache.popitem(last=False)

@@ -1,0 +1,158 @@
+"""Torn onboard logs are mended while the vehicle stands disarmed and its disk has room.
+
+By a process of the lowest priority, which is ended when the vehicle is armed: reading a long flight
+takes minutes of processor. What a killed vehicle left is mended at its next start as well
+(vehicle.onboard_recovery); here is tried again what failed there, for lack of room as a rule.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from quadrotor.checkout import ROOT
+from quadrotor.errors import StorageError
+from vehicle.onboard_log.recovery import torn_logs
+from vehicle.processes.mailbox import INFO, WARN
+
+FIRST_S = 60.0
+"""From the first tick on the ground: the parent mends first, what it finds at the start."""
+PERIOD_S = 10.0
+"""Between two looks at the disk's room, and after the first try; then twice as long each time."""
+TRIES = 8
+"""Of one list of torn files; the last is 20 min after the first."""
+PATIENCE_S = 1.0
+
+LATER = "is mended at the vehicle's next start"
+SOON = "is mended once the vehicle stands disarmed"
+NOW = "is being mended"
+
+Process = subprocess.Popen[str]
+
+
+def start_mending(paths: Sequence[Path]) -> Process:
+    """A process that mends these files and prints what it found."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "vehicle.onboard_log.recovery", str(os.getpid()), *map(str, paths)],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        process_group=0,
+    )
+
+
+class Mending:
+    """Looked after by the onboard log's thread.
+
+    Args:
+        data: the data folder.
+        say: takes (level, text) of an event.
+        free: asks the free space of a folder, in bytes.
+        keep: gives what must stay free beside the copy, in bytes: the next flight is to be logged.
+        clock: s, steady.
+        begin: starts a process for these files.
+
+    Attributes:
+        how: when a torn log is mended, in words that follow its name; from any thread.
+    """
+
+    def __init__(
+        self,
+        data: Path,
+        say: Callable[[int, str], None],
+        free: Callable[[Path], int],
+        keep: Callable[[], int],
+        clock: Callable[[], float] = time.monotonic,
+        begin: Callable[[Sequence[Path]], Process] = start_mending,
+    ) -> None:
+        self.how = SOON
+        self._data = data.absolute()
+        self._say, self._free, self._keep = say, free, keep
+        self._clock, self._begin = clock, begin
+        self._process: Process | None = None
+        self._torn: list[Path] = []
+        self._due_s: float | None = None
+        self._cut = False  # by arming
+        self._tries = 0
+        self._said: set[str] = set()
+
+    def tear(self) -> None:
+        """A file could not be closed."""
+        self._due_s, self._tries, self.how = self._clock(), 0, SOON
+
+    def look(self, on_ground: bool) -> list[Path]:
+        """Begin, end or go on waiting, at once; which files were just mended or removed."""
+        if self._process is not None:
+            return self._look_at(self._process, on_ground)
+        if not on_ground:
+            return []
+        now_s = self._clock()
+        if self._due_s is None:
+            self._due_s = now_s + FIRST_S
+        if now_s >= self._due_s:
+            self._try(now_s)
+        return []
+
+    def close(self) -> None:
+        """End the process; what it has not finished stays as it was."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.terminate()
+        try:
+            process.communicate(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+
+    def _try(self, now_s: float) -> None:
+        self._due_s = now_s + PERIOD_S
+        try:
+            self._torn = torn_logs(self._data)
+            if not self._torn:
+                self._due_s = math.inf
+                return
+            need = max(path.stat().st_size for path in self._torn) + self._keep()
+            free = self._free(self._data)
+        except (StorageError, OSError):  # removed meanwhile, or a disk that the log tells of
+            return
+        if free < need:
+            self.how = (
+                f"is mended once {need // 10**6} MB are free on the vehicle's disk "
+                f"({free // 10**6} MB are: delete old runs there)"
+            )
+            return
+        if self._tries >= TRIES:
+            self.how, self._due_s = LATER, math.inf
+            return
+        try:
+            self._process, self._cut = self._begin(self._torn), False
+        except OSError:  # no memory or process left: later
+            return
+        self.how = NOW
+
+    def _look_at(self, process: Process, on_ground: bool) -> list[Path]:
+        if process.poll() is None:
+            if not on_ground and not self._cut:
+                process.terminate()
+                self._cut, self.how = True, SOON
+            return []
+        self._process = None
+        for line in process.communicate()[0].splitlines():
+            if line not in self._said:
+                self._say(WARN if " not recovered: " in line else INFO, line)
+                self._said.add(line)
+        self._tries += not self._cut
+        self._due_s = self._clock() + PERIOD_S * 2 ** max(0, self._tries - 1)
+        self.how = SOON
+        try:
+            still = set(torn_logs(self._data))
+        except StorageError:
+            return []
+        return [path for path in self._torn if path not in still]

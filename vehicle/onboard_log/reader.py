@@ -1,0 +1,105 @@
+"""Answers questions about the onboard log: numbers of every tick between two instants.
+
+On a thread of the comms process, with small answers: the log's own thread, the radio and above
+all the flight process go on beside it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from quadrotor.errors import QuadlabError, RefusedError
+from vehicle.onboard_log.file import Written
+from vehicle.onboard_log.onboard_log import OnboardLog
+from vehicle_link.log.tick_columns import Columns, read_columns
+from vehicle_link.messages import Message, decode, encode, new
+from vehicle_link.topics import SERVICES
+
+TYPE = SERVICES["onboard_log"]
+COLUMNS_MAX = 48
+VALUES_MAX = 16_000
+"""Numbers in an answer: 64 kB, one fragment of the link."""
+PATIENCE_S = 0.3
+"""How long an answer waits for ticks that are on their way to the file: chunks take 40 ms."""
+LOOK_S = 0.02
+LONGEST_NS = 120_000_000_000
+
+
+class OnboardReader:
+    """Args: `log` may be written meanwhile; `wait(s)` between two looks at it."""
+
+    def __init__(
+        self, log: OnboardLog, vehicle: str, wait: Callable[[float], None] = time.sleep
+    ) -> None:
+        self._log = log
+        self._vehicle = vehicle
+        self._wait = wait
+        # Serialisers are written on first use, which takes up to 0.1 s.
+        encode(new(f"{TYPE}_Response"))
+        decode(encode(new(f"{TYPE}_Request")), f"{TYPE}_Request")
+
+    def answer(self, request: Message) -> Message:
+        """The service's handler; an error is an answer with its reason."""
+        try:
+            return self._answer(request)
+        except QuadlabError as error:
+            return new(f"{TYPE}_Response", accepted=False, reason=str(error))
+
+    def _answer(self, request: Message) -> Message:
+        start_ns, end_ns = int(request.start_ns), int(request.end_ns)
+        if not 0 <= end_ns - start_ns <= LONGEST_NS:
+            raise RefusedError(
+                f"from {start_ns} to {end_ns} ns is no stretch of the log; allowed are up to "
+                f"{LONGEST_NS // 10**9} s"
+            )
+        count = len(request.columns)
+        if not 1 <= count <= COLUMNS_MAX:
+            raise RefusedError(f"{count} columns; allowed are 1 to {COLUMNS_MAX} in a question")
+        most = VALUES_MAX // count
+        rows = min(int(request.rows) or most, most)
+        written = self._file_of(start_ns)
+        waited = 0.0
+        while True:
+            is_whole = written.closed  # before reading: what follows is then all there is
+            found = self._read(written, request, rows)
+            enough = len(found.stamps_ns) >= rows or found.written_ns >= end_ns
+            if enough or is_whole or found.ended or waited >= PATIENCE_S:
+                break
+            self._wait(LOOK_S)
+            waited += LOOK_S
+        reached = found.written_ns >= end_ns or is_whole or found.ended
+        # As many as were asked for: there may be more of them behind.
+        complete = reached and len(found.stamps_ns) < rows
+        return new(
+            f"{TYPE}_Response",
+            accepted=True,
+            file=written.path.name,
+            stamps_ns=found.stamps_ns,
+            values=found.values.ravel(),
+            written_ns=found.written_ns,
+            complete=complete,
+            damaged=found.damaged,
+        )
+
+    def _read(self, written: Written, request: Message, rows: int) -> Columns:
+        return read_columns(
+            written.path,
+            self._vehicle,
+            request.columns,
+            int(request.start_ns),
+            int(request.end_ns),
+            rows=rows,
+            offset=written.place_before(int(request.start_ns)),
+        )
+
+    def _file_of(self, start_ns: int) -> Written:
+        """The newest file that began before this instant, or the oldest one known."""
+        files = self._log.files()
+        if not files:
+            why = self._log.problem or "it is written while the vehicle is armed"
+            raise RefusedError(f"there is no onboard log of this flight: {why}")
+        for written in reversed(files):
+            if written.start_ns <= start_ns:
+                return written
+        return files[0]

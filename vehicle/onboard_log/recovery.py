@@ -1,0 +1,57 @@
+"""Onboard logs that were not closed: found and mended, at the next start or on the ground.
+
+As a program, `python -m vehicle.onboard_log.recovery PARENT_PID FILE…`: see vehicle.onboard_mending.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from quadrotor.errors import QuadlabError
+from vehicle.flight.realtime import die_with_parent
+from vehicle_link.log import is_closed, recover
+from vehicle_link.log.file import is_being_written
+from vehicle_link.log.file_index import holds_nothing
+
+FOLDER = "onboard"
+"""Inside the data folder."""
+
+
+def torn_logs(data: Path) -> list[Path]:
+    """Onboard logs that were never closed. Raises StorageError."""
+    folder = data / FOLDER
+    return [path for path in sorted(folder.glob("*.mcap")) if not is_closed(path)]
+
+
+def recover_logs(paths: list[Path]) -> Iterator[str]:
+    """Mend each; yields one line a file. A file that cannot be mended stays as it is."""
+    for path in paths:
+        try:
+            if holds_nothing(path) and not is_being_written(path):
+                path.unlink()
+                yield f"onboard log {path.name} removed: it holds nothing, its writer was killed"
+                continue
+            found = recover(path)
+        except (QuadlabError, OSError) as error:
+            yield f"onboard log {path.name} not recovered: {error}"
+        else:
+            if found.torn:
+                yield f"onboard log {path.name} recovered: {found.messages} messages"
+
+
+def main(parent: int, paths: list[Path]) -> int:
+    """Mend them behind everything else; SIGTERM ends it and leaves the torn file as it was."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    die_with_parent(parent)
+    os.nice(19)
+    for line in recover_logs(paths):
+        print(line, flush=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(int(sys.argv[1]), [Path(path) for path in sys.argv[2:]]))

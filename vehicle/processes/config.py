@@ -1,0 +1,90 @@
+"""What the vehicle's parent process tells its two children, and the rings it makes for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import msgspec
+
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import TICK
+from vehicle.processes.rings import ByteRing, RecordRing, create
+from vehicle_link.serial.capacity import DEFAULT_RATE
+from vehicle_link.serial.identity import THE_ONE, Identity
+
+TICK_SLOTS = 4096  # 8 s at 500 Hz, 4 s at 1000 Hz: longer than a restart of comms
+INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192
+OUTBOX_SLOTS, OUTBOX_SLOT_SIZE = 256, 16384  # a reply may quote a whole command
+
+
+class RingDescriptors(msgspec.Struct, frozen=True):
+    """File descriptors of the three rings, the same numbers in every process."""
+
+    ticks: int  # TICK records, flight to comms
+    inbox: int  # mailbox.Inbound, comms to flight
+    outbox: int  # mailbox.Outbound, flight to comms
+
+    @property
+    def all(self) -> tuple[int, int, int]:
+        return self.ticks, self.inbox, self.outbox
+
+
+class FlightConfig(msgspec.Struct, frozen=True):
+    """Argument of `python -m vehicle.flight.process`."""
+
+    parent: int  # process id
+    rings: RingDescriptors
+    ports: list[str]  # of the microcontroller; none: a simulated vehicle in this very process
+    rate: int = DEFAULT_RATE  # Hz
+    parameters: dict[str, ParameterValue] = {}  # set before the start
+    trajectories: str = ""  # folder of trajectory files, may be missing
+    identity: Identity = THE_ONE
+    name: str = "quad1"
+
+
+PACKETS_A_SECOND, FEWEST_PACKETS = 100, 12
+"""Of telemetry: usual, and the least; several vehicles on one computer send fewer."""
+
+
+class CommsConfig(msgspec.Struct, frozen=True):
+    """Argument of `python -m vehicle.comms.process`."""
+
+    parent: int
+    rings: RingDescriptors
+    name: str
+    data: str  # folder
+    link_port: int
+    parameters: dict[str, ParameterValue] = {}
+    identity: Identity = THE_ONE
+    started_ns: int = 0  # of the vehicle; comms may be started again
+    refused_calibrations: list[int] = []  # stamps (ns) of records that are not in force
+    notices: list[tuple[int, str]] = []  # (level, text) of events of the start
+    packets: int = PACKETS_A_SECOND  # of telemetry a second
+    instance: int = 0  # of the vehicle's parent process: it outlives a restart of comms
+
+
+@dataclass(frozen=True, slots=True)
+class Rings:
+    """The three rings as this process maps them."""
+
+    ticks: RecordRing
+    inbox: ByteRing
+    outbox: ByteRing
+
+
+def create_rings() -> RingDescriptors:
+    """Make the shared memory, once a vehicle process."""
+    return RingDescriptors(
+        ticks=create(TICK_SLOTS, TICK.itemsize, "ticks"),
+        inbox=create(INBOX_SLOTS, INBOX_SLOT_SIZE, "inbox"),
+        outbox=create(OUTBOX_SLOTS, OUTBOX_SLOT_SIZE, "outbox"),
+    )
+
+
+def open_rings(descriptors: RingDescriptors) -> Rings:
+    """Map the rings into this process."""
+    return Rings(
+        ticks=RecordRing(descriptors.ticks, TICK, TICK_SLOTS),
+        inbox=ByteRing(descriptors.inbox, INBOX_SLOTS, INBOX_SLOT_SIZE),
+        outbox=ByteRing(descriptors.outbox, OUTBOX_SLOTS, OUTBOX_SLOT_SIZE),
+    )

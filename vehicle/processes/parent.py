@@ -1,0 +1,255 @@
+"""`quadlab vehicle`: makes the rings, runs flight and comms as two processes, and watches them.
+
+A comms process that dies is started again and finds the rings as they were; when flight dies the
+vehicle ends, for then the microcontroller's emergency mode has taken over.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import FrameType
+
+import msgspec
+
+from quadrotor.checkout import ROOT
+from quadrotor.errors import StorageError
+from quadrotor.parameters import ParameterValue
+from vehicle.calibration.store import FOLDER, CalibrationStore
+from vehicle.processes import mailbox
+from vehicle.processes.config import (
+    PACKETS_A_SECOND,
+    CommsConfig,
+    FlightConfig,
+    RingDescriptors,
+    create_rings,
+)
+from vehicle.processes.terminal import say, speak_for
+from vehicle_link import clock
+from vehicle_link.instance import new_instance
+from vehicle_link.serial.capacity import DEFAULT_RATE
+from vehicle_link.serial.identity import THE_ONE, Identity
+
+PATIENCE_S = 5.0
+GIVEN_UP = 3  # exit status of a comms process that cannot work with its configuration
+STABLE_S = 5.0  # a comms process that lived this long is started again after the short pause
+SHORT_PAUSE_S, LONG_PAUSE_S = 0.1, 2.0
+TRAJECTORIES = "trajectories"
+"""Folder, inside the data folder, of the user's trajectory files."""
+
+
+class _Children:
+    """The two processes; only the main thread starts them, or PR_SET_PDEATHSIG would misfire."""
+
+    def __init__(self, rings: RingDescriptors, flight: FlightConfig, comms: CommsConfig) -> None:
+        self._rings = rings
+        self._comms_config = comms
+        self.comms_restarted = False
+        self.comms_started = time.monotonic()
+        self.flight = self._start("vehicle.flight.process", flight)
+        self.comms = self._start("vehicle.comms.process", comms)
+
+    def restart_comms(self) -> None:
+        self.comms_restarted = True
+        self._comms_config = msgspec.structs.replace(self._comms_config, notices=[])
+        self.comms_started = time.monotonic()
+        self.comms = self._start("vehicle.comms.process", self._comms_config)
+
+    def stop(self) -> None:
+        """SIGTERM, patience, SIGKILL: nothing stays."""
+        both = (self.flight, self.comms)
+        for process in both:
+            if process.poll() is None:
+                process.terminate()
+        for process in both:
+            try:
+                process.wait(PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                say(f"process {process.pid} does not end; killed")
+                process.kill()
+                process.wait()
+
+    def _start(self, module: str, config: msgspec.Struct) -> subprocess.Popen[bytes]:
+        # A group of its own: Ctrl-C in the terminal is for the parent, which then ends both.
+        return subprocess.Popen(
+            [sys.executable, "-m", module, msgspec.json.encode(config).decode()],
+            cwd=ROOT,
+            stdin=subprocess.DEVNULL,
+            pass_fds=self._rings.all,
+            process_group=0,
+        )
+
+
+class _Signals:
+    """SIGTERM, SIGINT and SIGCHLD, waited for without polling."""
+
+    WATCHED = (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD)
+
+    def __init__(self) -> None:
+        self.stopping = False
+        self._reader, self._writer = os.pipe()
+        os.set_blocking(self._writer, False)
+        self._before = {number: signal.signal(number, self._note) for number in self.WATCHED}
+        self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
+
+    def wait(self, timeout_s: float | None) -> None:
+        """Until the next signal, or the time is over."""
+        ready, _, _ = select.select([self._reader], [], [], timeout_s)
+        if ready:
+            os.read(self._reader, 64)
+
+    def restore(self) -> None:
+        signal.set_wakeup_fd(self._wakeup_before)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        os.close(self._reader)
+        os.close(self._writer)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if number != signal.SIGCHLD:
+            self.stopping = True
+
+
+def run_vehicle(
+    ports: list[str],
+    data: Path,
+    link_port: int,
+    name: str = "quad1",
+    settings: Mapping[str, ParameterValue] | None = None,
+    rate: int = DEFAULT_RATE,
+    identity: Identity = THE_ONE,
+    packets: int = PACKETS_A_SECOND,
+) -> int:
+    """Run until SIGTERM or SIGINT (0), or until the flight process ends by itself (1).
+
+    Call it from the main thread.
+
+    Args:
+        ports: the microcontroller's serial ports, one or two; none for a simulated vehicle inside
+            the flight process.
+        data: folder for certificates and onboard logs.
+        link_port: UDP port the station dials.
+        settings: parameter values to start with, over those of stored calibrations.
+        rate: ticks a second, which the ports must carry.
+        identity: of the microcontroller; motors do not start with another.
+        packets: of telemetry a second, FEWEST_PACKETS to PACKETS_A_SECOND.
+    """
+    speak_for(name)
+    rings = create_rings()
+    started_ns = clock.time_ns()
+    folder = data.resolve()
+    values, refused, notices = _with_calibrations(folder, dict(settings or {}))
+    parent = os.getpid()
+    signals = _Signals()
+    recovery = _Recovery(data)
+    try:
+        recovery.start()
+        children = _Children(
+            rings,
+            FlightConfig(
+                parent, rings, ports, rate, values, str(folder / TRAJECTORIES), identity, name
+            ),
+            CommsConfig(
+                parent,
+                rings,
+                name,
+                str(folder),
+                link_port,
+                values,
+                identity,
+                started_ns,
+                refused,
+                notices,
+                packets,
+                new_instance(),
+            ),
+        )
+        try:
+            return _watch(children, signals, recovery)
+        finally:
+            children.stop()
+    finally:
+        signals.restore()
+        for descriptor in rings.all:
+            os.close(descriptor)
+
+
+def _with_calibrations(
+    data: Path, settings: dict[str, ParameterValue]
+) -> tuple[dict[str, ParameterValue], list[int], list[tuple[int, str]]]:
+    """(values to start with, stamps of records not in force, what to tell) of stored calibrations.
+
+    What is wrong with them is told here too: nobody else may be there to read it.
+    """
+    if not (data / FOLDER).exists():
+        return settings, [], []
+    # Here, for it brings the whole tree along, and a vehicle that was never calibrated needs none.
+    from vehicle.calibration.in_force import start_values
+
+    unusable: list[str] = []
+    found = start_values(CalibrationStore(data, unusable.append).newest(), settings)
+    notices = [(mailbox.WARN, line) for line in unusable]
+    notices += [(mailbox.WARN if is_bad else mailbox.INFO, line) for is_bad, line in found.lines]
+    for _, line in notices:
+        say(line)
+    return found.values, found.refused, notices
+
+
+def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:
+    restart_at: float | None = None
+    while not signals.stopping:
+        if children.flight.poll() is not None:
+            say(f"flight process {_how_it_ended(children.flight.returncode)}; vehicle ends")
+            return 1
+        if restart_at is None and children.comms.poll() is not None:
+            status, lived = children.comms.returncode, time.monotonic() - children.comms_started
+            if status == GIVEN_UP and not children.comms_restarted:
+                return 1
+            say(f"comms process {_how_it_ended(status)}; starting it again")
+            restart_at = time.monotonic() + (SHORT_PAUSE_S if lived > STABLE_S else LONG_PAUSE_S)
+        if restart_at is not None and time.monotonic() >= restart_at:
+            restart_at = None
+            recovery.start()
+            children.restart_comms()
+        signals.wait(None if restart_at is None else max(0.0, restart_at - time.monotonic()))
+    return 0
+
+
+class _Recovery:
+    """Mends torn onboard logs here, where nothing else needs the processor's attention."""
+
+    def __init__(self, data: Path) -> None:
+        self._data = data
+
+    def start(self) -> None:
+        """List the torn files now, before comms opens a new one; mend them in the background."""
+        if not any((self._data / "onboard").glob("*.mcap")):
+            return
+        from vehicle.onboard_log.recovery import torn_logs  # mcap and rosbags: only needed here
+
+        try:
+            torn = torn_logs(self._data)
+        except StorageError as error:
+            say(str(error))
+            return
+        if torn:
+            threading.Thread(target=self._mend, args=(torn,), daemon=True).start()
+
+    def _mend(self, torn: list[Path]) -> None:
+        from vehicle.onboard_log.recovery import recover_logs
+
+        for line in recover_logs(torn):
+            say(line)
+
+
+def _how_it_ended(status: int) -> str:
+    if status < 0:
+        return f"was killed by {signal.Signals(-status).name}"
+    return f"ended with status {status}"
