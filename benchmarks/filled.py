@@ -25,8 +25,8 @@ import numpy.typing as npt
 from benchmarks.harness import Report, Row, Target
 from benchmarks.impairment.link import ROOT, A, B, ImpairedLink
 from benchmarks.link_outages import BETWEEN, COUNT, LONGEST, QUICK_COUNT, SHORTEST, Outage
-from console.catalogue import Catalogue
-from console.catalogue_completeness import Completeness, completeness_of
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.completeness import Completeness, completeness_of
 from quadlab.station_client import StationClient, station
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.authority import ensure_certificates

@@ -31,8 +31,8 @@ def _command(*words: str, out: bool = False, of_copy: bool = False) -> Callable[
 
 def _page(log: Path, folder: Path) -> int:
     """Do what *Runs* does with a log: enter it, list it, make it ready for replay, read it."""
-    from console.catalogue import Catalogue
-    from console.run_files import tidy_runs
+    from console.catalogue.catalogue import Catalogue
+    from console.runs.adoption import tidy_runs
     from web.replay.build import build
     from web.replay.reader import Replay
     from web.runs.listing import lines

@@ -21,10 +21,10 @@ import numpy as np
 
 from benchmarks.killed_file import Board, Kill, look
 from benchmarks.recorded_run import MadeRun, write_run
-from console.catalogue import SUFFIX, Catalogue, RunEntry, run_name
-from console.recorder import Recorder
-from console.run import Run, RunEnd
-from console.run_files import tidy_runs
+from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, run_name
+from console.runs.adoption import tidy_runs
+from console.runs.recorder import Recorder
+from console.runs.run import Run, RunEnd
 from quadrotor.checkout import ROOT
 from vehicle_link import messages
 from vehicle_link.log import read_log

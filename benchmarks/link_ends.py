@@ -32,8 +32,8 @@ import numpy as np
 
 from benchmarks.impairment.link import A, B
 from benchmarks.link_notes import Notebook
-from console.lane_in import DATAGRAM, LaneIn
-from console.link_monitor import LinkMonitor
+from console.link.lane import DATAGRAM, LaneIn
+from console.link.monitor import LinkMonitor
 from console.station import SWITCH_INTERVAL
 from console.transfers.fetcher import Fetcher
 from console.transfers.part_file import PartFile

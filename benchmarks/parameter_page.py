@@ -12,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
-from console.parameters import StationTree
+from console.parameters.station import StationTree
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from vehicle.parameters import new_parameters

@@ -35,8 +35,8 @@ FLAGS = [
 SERVER = """
 import sys
 from pathlib import Path
-from console.catalogue import Catalogue
-from console.run_files import tidy_runs
+from console.catalogue.catalogue import Catalogue
+from console.runs.adoption import tidy_runs
 from web.process import run_web
 data = Path(sys.argv[1])
 tidy_runs(Catalogue(data))

@@ -17,11 +17,11 @@ from urllib.parse import parse_qs, urlsplit
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target, time_in_turns
 from benchmarks.parameter_page import FLAGS, STATIC
-from console.catalogue import Catalogue
-from console.catalogue_notes import write_notes
-from console.catalogue_search import RunSearch
-from console.catalogue_tables import RunRow
-from console.catalogue_tags import change_tags
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.notes import write_notes
+from console.catalogue.search import RunSearch
+from console.catalogue.tables import RunRow
+from console.catalogue.tags import change_tags
 from web.runs.listing import lines
 
 COUNT = 2000

@@ -15,35 +15,35 @@ from functools import partial
 from typing import Any
 
 from bearing_sim import PoseMeasurement
-from console.alarms import AlarmBoard
 from console.beacon_layout import BeaconLayout, in_force, vehicle_teller
 from console.calibrations import Calibrations
-from console.catalogue import Catalogue
-from console.check_desk import CheckDesk
-from console.commands import CommandGateway
+from console.catalogue.catalogue import Catalogue
+from console.checks.alarms import AlarmBoard
+from console.checks.checks import CheckDesk
+from console.commands.gateway import CommandGateway
+from console.commands.lease_service import ControlDesk
+from console.commands.stick_control import StickDesk
 from console.comparison.feed import ComparisonFeed, both
-from console.control.desk import ControlDesk
 from console.experiment_running.run_files import settings_of
 from console.experiment_running.runner import ExperimentRunner
-from console.introduction import Introduction
-from console.link_monitor import LinkMonitor
-from console.outbox import Outbox
-from console.pace import pace_of
-from console.parameter_history import ParameterHistory
-from console.parameter_store import StationStore
-from console.parameter_witness import ParameterWitness
-from console.run_housekeeping import PERIOD, Housekeeping
-from console.run_keeper import RunKeeper
-from console.run_marks import MarkService
-from console.slow_questions import SlowQuestions
-from console.status_sender import StatusSender
-from console.stick_desk import StickDesk
-from console.subscriptions import Subscriptions
-from console.telemetry_in import TelemetryIn
+from console.link.identification import Introduction
+from console.link.monitor import LinkMonitor
+from console.link.outbox import Outbox
+from console.link.polling import SlowQuestions
+from console.link.status_sender import StatusSender
+from console.link.subscriptions import Subscriptions
+from console.link.telemetry import TelemetryIn
+from console.link.wakeup_rates import pace_of
+from console.parameters.history import ParameterHistory
+from console.parameters.history_writer import ParameterWitness
+from console.parameters.store import StationStore
+from console.parameters.vehicle import VehicleParameters
+from console.runs.housekeeping import PERIOD, Housekeeping
+from console.runs.marks import MarkService
+from console.runs.runs import RunKeeper
 from console.tracker_feed import TrackerFeed
 from console.transfers.service import Transfers
 from console.tuning.log_window import LogWindow
-from console.vehicle_parameters import VehicleParameters
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics

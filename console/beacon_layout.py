@@ -29,7 +29,7 @@ AGAIN = 5.0
 
 
 class Known(Protocol):
-    """console.vehicle_parameters.VehicleParameters, as much of it as is needed."""
+    """console.parameters.vehicle.VehicleParameters, as much of it as is needed."""
 
     def known(self, name: str) -> ParameterValue | None: ...
 

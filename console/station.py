@@ -14,8 +14,8 @@ from functools import partial
 from pathlib import Path
 
 from console.base_station import CLOSE_PATIENCE, BaseStation
-from console.catalogue import Catalogue
-from console.dialled import remember_dialled
+from console.catalogue.catalogue import Catalogue
+from console.link.dialled_vehicles import remember_dialled
 from quadrotor.parameters import ParameterValue
 from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.end_signal import EndSignal

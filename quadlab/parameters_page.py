@@ -15,7 +15,7 @@ def page() -> str:
     """The whole page as Markdown."""
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
-    from console.parameters import StationParameters
+    from console.parameters.station import StationParameters
     from vehicle.parameters import new_parameters
     from vehicle.simulator.parameters import SimulatorParameters
 

@@ -179,7 +179,7 @@ class Station:
     """start with this parameter value of the station, tracker.rate=50 for instance"""
 
     def run(self) -> int:
-        from console.known_vehicles import KnownVehicles
+        from console.link.known_vehicles import KnownVehicles
 
         data = open_data_folder(self.data)
         words = KnownVehicles(data).resolved(self.vehicle or ("127.0.0.1:7447",))
@@ -188,7 +188,7 @@ class Station:
 
         settings = {}
         if self.set:
-            from console.parameters import StationParameters
+            from console.parameters.station import StationParameters
 
             found = parse_settings(StationParameters(), self.set)
             settings = {f"station.{name}": value for name, value in found.items()}
@@ -210,7 +210,7 @@ class Web(PageOptions):
     started last with this data folder)"""
 
     def run(self) -> int:
-        from console.dialled import dialled
+        from console.link.dialled_vehicles import dialled
 
         data = open_data_folder(self.data)
         names = parse_names(self.name or dialled(data))

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from fastapi import FastAPI
 from starlette.types import ASGIApp
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from web.access.attempts import Attempts
 from web.access.gate import Gate
 from web.access.passwords import Passwords

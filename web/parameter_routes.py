@@ -13,7 +13,7 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 
-from console.parameter_presets import Preset
+from console.parameters.presets import Preset
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
 from web.asking import Operator

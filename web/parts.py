@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from console.catalogue import Catalogue
-from console.parameter_history import ParameterHistory
-from console.parameter_presets import ParameterPresets
+from console.catalogue.catalogue import Catalogue
+from console.parameters.history import ParameterHistory
+from console.parameters.presets import ParameterPresets
 from web.access.people import People
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls

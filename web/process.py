@@ -55,7 +55,7 @@ def run_web(
 
     Raises LinkError (port taken), UsageError (no such port) or StorageError (data folder).
     """
-    from console.catalogue import Catalogue
+    from console.catalogue.catalogue import Catalogue
     from vehicle_link.session import loopback_session
     from vehicle_link.shared_session import SharedSession
 

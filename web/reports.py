@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from fastapi import FastAPI
 from fastapi.responses import FileResponse, HTMLResponse
 
-from console.run_reports import read_result, report_file
+from console.runs.report_folders import read_result, report_file
 from web.asking import Operator
 from web.static_files import FILES
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
-from console.catalogue import Catalogue
-from console.parameter_history import ParameterHistory
-from console.parameter_presets import ParameterPresets
+from console.catalogue.catalogue import Catalogue
+from console.parameters.history import ParameterHistory
+from console.parameters.presets import ParameterPresets
 from vehicle_link.messages import decode
 from web.access.people import People
 from web.access.signed_links import SignedLinks

@@ -7,15 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from console.alarms import AlarmBoard
+from console.checks.alarms import AlarmBoard
 from console.checks.facts import Box, Facts
 from console.checks.observed import Observed
-from console.disk import folder_problem
-from console.link_monitor import LinkMonitor
-from console.parameters import StationParameters
-from console.recorder import Recorder
+from console.link.monitor import LinkMonitor
+from console.parameters.station import StationParameters
+from console.parameters.vehicle import VehicleParameters
+from console.runs.disk import folder_problem
+from console.runs.recorder import Recorder
 from console.tracker_feed import TrackerFeed
-from console.vehicle_parameters import VehicleParameters
 from vehicle_link.clock import monotonic
 
 JUDGED = ("sticks", "tracker")

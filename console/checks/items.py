@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from console.checks.facts import Facts
 from console.checks.parameters import PreflightParameters
-from console.disk import size_text
+from console.runs.disk import size_text
 from vehicle_link.checks import Check, State
 from vehicle_link.heartbeat import LinkState
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from console.checks import station_items
 from console.checks.gather import Gatherer
-from console.parameters import StationParameters
+from console.parameters.station import StationParameters
 from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link.certificate_checks import certificate_check
 from vehicle_link.checks import Check, from_messages, to_messages

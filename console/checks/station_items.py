@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from console.checks.facts import Facts
-from console.parameters import StationParameters
+from console.parameters.station import StationParameters
 from vehicle_link.checks import Check, State
 from vehicle_link.topics import TOPICS
 

@@ -6,11 +6,11 @@ import threading
 from pathlib import Path
 
 from console.calibrations import Calibrations
-from console.catalogue import Catalogue
-from console.experiment_running.board import INFO, WARN, ExperimentBoard
+from console.catalogue.catalogue import Catalogue
 from console.experiment_running.state import ACCEPTED, REJECTED
+from console.experiment_running.status_publisher import INFO, WARN, ExperimentBoard
 from console.experiment_running.vehicle_services import VehicleServices
-from console.run_reports import write_decision
+from console.runs.report_folders import write_decision
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 

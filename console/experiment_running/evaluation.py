@@ -22,7 +22,7 @@ from typing import Any
 from console.experiments.client import VERDICTS, Calibrating, Experiment, Reporting, Result
 from console.experiments.user_file import mistakes_told
 from console.experiments.verdict import evaluated
-from console.run_reports import report_folder, write_result
+from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import ROOT
 from quadrotor.errors import MeasurementError, QuadlabError, StorageError

@@ -6,9 +6,9 @@ import threading
 import time
 
 from console.experiment_running import state as phases
-from console.experiment_running.board import ExperimentBoard
 from console.experiment_running.evaluation import Job, judge
 from console.experiment_running.run_files import RunFiles
+from console.experiment_running.status_publisher import ExperimentBoard
 from console.experiments.client import Experiment
 from quadrotor.errors import QuadlabError
 

@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from console.commands.stick_watchdog import StickOrder, StickWatchdog
 from console.experiment_running.vehicle import VehicleFeed
 from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import VehicleView
 from console.experiments.readings import Progress
-from console.sticks import StickOrder, StickWatchdog
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
-from console.catalogue import Catalogue
-from console.recorder import Recorder
+from console.catalogue.catalogue import Catalogue
+from console.runs.recorder import Recorder
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic
 

@@ -12,9 +12,9 @@ import threading
 from collections.abc import Callable
 
 from console.calibrations import Calibrations
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
+from console.commands.stick_watchdog import StickOrder
 from console.experiment_running import state as phases
-from console.experiment_running.board import INFO, WARN, ExperimentBoard
 from console.experiment_running.decision import Decisions
 from console.experiment_running.evaluation import MODULE
 from console.experiment_running.judging import Judging
@@ -25,16 +25,16 @@ from console.experiment_running.run_files import LOOK, RunFiles, Settings
 from console.experiment_running.service import ExperimentService
 from console.experiment_running.simulated_hand import SimulatedHand
 from console.experiment_running.state import ExperimentState
+from console.experiment_running.status_publisher import INFO, WARN, ExperimentBoard
 from console.experiment_running.stick_takeover import StickTakeover
 from console.experiment_running.user_files import FOLDER, UserFiles
 from console.experiment_running.vehicle import VehicleFeed
 from console.experiment_running.vehicle_services import VehicleServices
 from console.experiments.client import Experiment, ExperimentEndedError
 from console.experiments.watched import fly
-from console.outbox import Outbox
-from console.run_keeper import RunKeeper
-from console.sticks import StickOrder
-from console.vehicle_parameters import VehicleParameters
+from console.link.outbox import Outbox
+from console.parameters.vehicle import VehicleParameters
+from console.runs.runs import RunKeeper
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.clock import monotonic
 from vehicle_link.heartbeat import LinkState

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from enum import Enum
 
-from console.sticks import StickOrder
+from console.commands.stick_watchdog import StickOrder
 from vehicle_link.clock import monotonic
 
 DEFLECTED = 0.15

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from console.experiments.client import VehicleView
-from console.parameter_store import PREFIX
-from console.vehicle_parameters import VehicleParameters
+from console.parameters.store import PREFIX
+from console.parameters.vehicle import VehicleParameters
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from console.reports.report import write_report
-from console.run_reports import report_folder
+from console.runs.report_folders import report_folder
 from quadrotor.errors import QuadlabError
 
 NICENESS = 15

@@ -15,7 +15,7 @@ def known_defaults() -> dict[str, ParameterValue]:
     # Compiled code comes with these.
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
-    from console.parameters import StationParameters
+    from console.parameters.station import StationParameters
     from control.behaviors.parameters import BehaviorParameters
     from control.parameters import ControlParameters
     from estimation.mass_estimator import MassParameters

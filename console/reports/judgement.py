@@ -19,7 +19,7 @@ from console.experiments.verdict import evaluated, judged
 from console.reports.bench_steps import law_figures
 from console.reports.flight import Flight, airborne, inside, rms
 from console.reports.run_log import RunLog, parameters_of
-from console.run_reports import has_report, read_result
+from console.runs.report_folders import has_report, read_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError
 

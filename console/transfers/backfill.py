@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from console.catalogue_completeness import Completeness
+from console.catalogue.completeness import Completeness
 from console.transfers.fetcher import Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import PartFile, Range

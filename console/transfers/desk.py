@@ -12,16 +12,16 @@ import threading
 import time
 from collections.abc import Callable
 
-from console.catalogue import Catalogue
-from console.catalogue_completeness import (
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.completeness import (
     Completeness,
     end_of_run_before,
     keep_completeness,
     open_runs,
 )
-from console.disk import check_folder, folder_problem, free_bytes, make_again
-from console.parameters import RecorderParameters
-from console.run_files import enter_again
+from console.parameters.station import RecorderParameters
+from console.runs.adoption import enter_again
+from console.runs.disk import check_folder, folder_problem, free_bytes, make_again
 from console.transfers.backfill import Backfill
 from console.transfers.download import download
 from console.transfers.fetcher import ChangedError, Fetcher, Rate

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from console.catalogue import Catalogue
-from console.parameters import RecorderParameters
+from console.catalogue.catalogue import Catalogue
+from console.parameters.station import RecorderParameters
 from console.transfers.desk import TransferDesk
 from console.transfers.vehicle_files import LinkedFiles
 from quadrotor.errors import LinkError, QuadlabError, RefusedError

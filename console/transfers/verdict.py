@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from console.catalogue_completeness import WORTH_TELLING, Completeness, State
+from console.catalogue.completeness import WORTH_TELLING, Completeness, State
 from console.transfers.source import EDGE_NS, Source, Span, together
 from console.transfers.vehicle_files import VehicleFile
 

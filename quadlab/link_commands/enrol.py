@@ -32,7 +32,7 @@ class Enrol:
 
     def run(self) -> int:
         check_name(self.name)
-        from console.known_vehicles import KnownVehicles
+        from console.link.known_vehicles import KnownVehicles
         from vehicle_link.authority import ensure_certificates
         from vehicle_link.enrolment import issue_vehicle
         from vehicle_link.session import parse_endpoint

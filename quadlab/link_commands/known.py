@@ -28,7 +28,7 @@ class List:
     """data folder"""
 
     def run(self) -> int:
-        from console.known_vehicles import KnownVehicles
+        from console.link.known_vehicles import KnownVehicles
         from vehicle_link.knock import Door, knock_at_all
         from vehicle_link.local_networks import own_networks
         from vehicle_link.session import VEHICLE_PORT, parse_endpoint
@@ -70,7 +70,7 @@ class Forget:
     """data folder"""
 
     def run(self) -> int:
-        from console.known_vehicles import KnownVehicles
+        from console.link.known_vehicles import KnownVehicles
 
         KnownVehicles(open_data_folder(self.data)).forget(self.name)
         print(f"{self.name} is forgotten; its certificate is still accepted until it ends")

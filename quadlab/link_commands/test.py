@@ -70,7 +70,7 @@ def _say(text: str) -> None:
 
 def _place(data: Path, word: str) -> tuple[str, str]:
     """(endpoint, name or "") of what was asked for. Raises UsageError, StorageError."""
-    from console.known_vehicles import KnownVehicles
+    from console.link.known_vehicles import KnownVehicles
 
     known = KnownVehicles(data).all()
     if not word:

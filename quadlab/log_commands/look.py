@@ -82,8 +82,8 @@ def _as_json(found: LogSummary) -> str:
 def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
     """How a run compares with the vehicle's own log, where that is known: by the catalogue it
     stands in, else by what it says itself."""
-    from console.catalogue import DATABASE, RUNS, Catalogue
-    from console.catalogue_completeness import completeness_of
+    from console.catalogue.catalogue import DATABASE, RUNS, Catalogue
+    from console.catalogue.completeness import completeness_of
 
     data = path.resolve().parent.parent
     if path.resolve().parent.name == RUNS and (data / DATABASE).is_file():

@@ -32,7 +32,7 @@ class Report:
 
 def new_defaults() -> dict[str, ParameterValue]:
     """Of every parameter of this version by name; those of the station begin with `station.`."""
-    from console.parameters import StationTree
+    from console.parameters.station import StationTree
     from quadlab.simulated_flight import FlightParameters
     from quadrotor.parameters import ParameterStore
 

@@ -16,7 +16,7 @@ import pytest
 
 from console.base_station import BaseStation
 from console.beacon_layout import THEIRS
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from quadrotor.parameters import ParameterValue
 from tests.waiting import free_port, until
 from vehicle.comms.process import Comms

@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from console.beacon_layout import OURS
-from console.catalogue import Catalogue
-from console.parameter_history import ParameterHistory
+from console.catalogue.catalogue import Catalogue
+from console.parameters.history import ParameterHistory
 from quadrotor.errors import LinkError
 from tests.waiting import free_port, until, wait_for
 from vehicle_link.messages import new

@@ -16,7 +16,7 @@ from console.comparison.feed import ComparisonFeed
 from console.comparison.kernels import Kernels
 from console.comparison.parameters import ComparisonParameters, parse_estimators
 from console.comparison.process import Worker
-from console.parameter_store import StationStore
+from console.parameters.store import StationStore
 from estimation import registry
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import TICK

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from console.beacon_layout import AGAIN, OURS, THEIRS, BeaconLayout
-from console.parameter_store import StationStore
+from console.parameters.store import StationStore
 from quadrotor.errors import LinkError, OutOfBoundsError, ParameterError
 from quadrotor.parameters import ParameterValue
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from console.catalogue import Catalogue, RunEntry, run_name
-from console.catalogue_notes import write_notes
-from console.run_files import tidy_runs
+from console.catalogue.catalogue import Catalogue, RunEntry, run_name
+from console.catalogue.notes import write_notes
+from console.runs.adoption import tidy_runs
 from quadrotor.errors import StorageError
 from vehicle_link.log import LogWriter, is_closed, read_log
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from console.base_station import BaseStation
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from console.comparison import feed
 from console.comparison.parameters import ComparisonParameters
 from quadrotor.records import TICK

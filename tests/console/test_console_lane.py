@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from console.lane_in import LaneIn
-from console.link_monitor import LinkMonitor
+from console.link.lane import LaneIn
+from console.link.monitor import LinkMonitor
 from vehicle.comms.lane import CommsLane
 from vehicle.comms.publishers import LinkRadio
 from vehicle_link.authority import ensure_certificates

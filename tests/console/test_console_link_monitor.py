@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from console.link_monitor import LinkMonitor
+from console.link.monitor import LinkMonitor
 from vehicle_link.heartbeat import LinkState
 from vehicle_link.time_sync import Exchange
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from console.link_monitor import LinkMonitor
-from console.outages import OutageFigures, Outages
+from console.link.monitor import LinkMonitor
+from console.link.outages import OutageFigures, Outages
 
 START = 1_700_000_000_000_000_000
 MS = 1_000_000

@@ -11,9 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from console import disk
-from console.recorder import Recorder
-from console.run import Run, RunEnd
+from console.runs import disk
+from console.runs.recorder import Recorder
+from console.runs.run import Run, RunEnd
 from quadrotor.errors import StorageError
 from tests.waiting import LIMIT, until
 from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
@@ -126,7 +126,7 @@ def test_a_disk_that_fills_up_ends_the_run_properly_with_an_alarm(
 ) -> None:
     recorder.start(run_in(tmp_path, keep_free=1000))
     put(recorder, 10)
-    monkeypatch.setattr("console.recorder.free_bytes", lambda folder: 999)
+    monkeypatch.setattr("console.runs.recorder.free_bytes", lambda folder: 999)
     assert recorder.wait_idle(LIMIT)
     assert is_closed(tmp_path / "run1.mcap")
     assert any("MB are kept" in alarm for alarm in recorder.status().alarms)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.recording import Decision, RecordingPolicy
+from console.runs.recording_rules import Decision, RecordingPolicy
 
 
 def test_arming_starts_a_run_once() -> None:

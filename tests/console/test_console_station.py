@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import console.commands as gateway
 from console.base_station import BaseStation
-from console.catalogue import Catalogue
-from console.commands import CALL_TIMEOUT
+from console.catalogue.catalogue import Catalogue
+from console.commands import gateway
+from console.commands.gateway import CALL_TIMEOUT
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record

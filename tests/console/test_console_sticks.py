@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.sticks import DROPPED, REPEATS, StickOrder, StickWatchdog
+from console.commands.stick_watchdog import DROPPED, REPEATS, StickOrder, StickWatchdog
 
 PUSHED = (0.5, 0.0, -0.2, 1.0)
 TIMEOUT = 0.25

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.control.lease import ABSENT, UNANSWERED, ControlLease
+from console.commands.lease import ABSENT, UNANSWERED, ControlLease
 from quadrotor.errors import RefusedError
 
 

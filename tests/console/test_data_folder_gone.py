@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from console.catalogue import DATABASE, Catalogue
-from console.catalogue_notes import write_notes
-from console.parameter_history import ParameterChange, ParameterHistory
-from console.parameter_presets import ParameterPresets
+from console.catalogue.catalogue import DATABASE, Catalogue
+from console.catalogue.notes import write_notes
+from console.parameters.history import ParameterChange, ParameterHistory
+from console.parameters.presets import ParameterPresets
 from console.tuning.kept_runs import KeptRuns
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
@@ -106,7 +106,7 @@ def test_a_database_that_may_not_be_written_is_told_and_can_be_read(
     keepers.catalogue.close()
     (data / DATABASE).chmod(0o444)
     look = (
-        "from pathlib import Path; import sys; from console.catalogue import Catalogue; "
+        "from pathlib import Path; import sys; from console.catalogue.catalogue import Catalogue; "
         "c = Catalogue(Path(sys.argv[1])); print(c.problem); print([r.id for r in c.runs()])"
     )
     told = subprocess.run(

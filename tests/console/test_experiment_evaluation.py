@@ -14,7 +14,7 @@ from console.experiment_running.evaluation import Job, judge
 from console.experiments.alignment import at_stamps
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.hover import Hover
-from console.run_reports import has_report, read_result, report_file, report_folder
+from console.runs.report_folders import has_report, read_result, report_file, report_folder
 from quadlab.__main__ import main
 from quadrotor.errors import StorageError
 

@@ -13,16 +13,16 @@ import numpy as np
 import pytest
 
 from console.calibrations import Calibrations
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from console.experiment_running import judging
 from console.experiment_running.evaluation import Job, Judgement, evaluate, judge
 from console.experiment_running.runner import ExperimentRunner
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.readings import Progress
 from console.experiments.user_file import load
-from console.parameter_store import StationStore
-from console.run_keeper import RunKeeper
-from console.run_reports import read_result
+from console.parameters.store import StationStore
+from console.runs.report_folders import read_result
+from console.runs.runs import RunKeeper
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, StorageError
 from vehicle_link.heartbeat import LinkState

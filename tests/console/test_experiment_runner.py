@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from console.base_station import BaseStation
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from console.experiments import catalogue as experiments
 from console.experiments.client import Client, Result
 from quadlab.station_client import station

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from console import introduction
-from console.introduction import Introduction
-from console.link_monitor import LinkMonitor
+from console.link import identification as introduction
+from console.link.identification import Introduction
+from console.link.monitor import LinkMonitor
 from tests.waiting import free_port
 from vehicle_link import radio, whoami
 from vehicle_link.authority import Role, TlsFiles, ensure_certificates

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
-from console.parameter_history import ParameterHistory
-from console.parameter_presets import ParameterPresets
-from console.parameter_store import StationStore
-from console.parameter_witness import AT_RESTART, AT_START, NOT_HEARD, ParameterWitness
+from console.catalogue.catalogue import Catalogue
+from console.parameters.history import ParameterHistory
+from console.parameters.history_writer import AT_RESTART, AT_START, NOT_HEARD, ParameterWitness
+from console.parameters.presets import ParameterPresets
+from console.parameters.store import StationStore
 from quadrotor.errors import MeasurementError, RefusedError, StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import header, new
@@ -188,7 +188,7 @@ def test_a_database_that_fails_for_a_while_leaves_no_hole(
     start: Callable[[], Bench], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench = start()
-    monkeypatch.setattr("console.parameter_witness.RETRY", 0.01)
+    monkeypatch.setattr("console.parameters.history_writer.RETRY", 0.01)
     add, failures = bench.history.add, iter([StorageError("disk full")] * 3)
 
     def add_later(changes: Any) -> None:

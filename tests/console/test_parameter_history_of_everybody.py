@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from console.parameter_history import ParameterHistory
-from console.parameter_witness import AT_RESTART
+from console.parameters.history import ParameterHistory
+from console.parameters.history_writer import AT_RESTART
 from tests.waiting import until
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.parameter_service import ROS_REQUESTER, ParameterClient

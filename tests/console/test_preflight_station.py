@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from console.base_station import BaseStation
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK
 from tests.waiting import free_port, until

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from console.recorder import Recorder
-from console.run import Run, RunEnd
+from console.runs.recorder import Recorder
+from console.runs.run import Run, RunEnd
 from quadrotor.errors import StorageError
 from tests.waiting import wait_for
 from vehicle_link.log import is_closed, read_log, recover

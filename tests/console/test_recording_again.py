@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from console.alarms import AlarmBoard
-from console.catalogue import Catalogue
-from console.parameter_store import StationStore
-from console.parameters import RecorderParameters
-from console.run import AGAIN_SPARE
-from console.run_housekeeping import Housekeeping
-from console.run_keeper import RunKeeper
+from console.catalogue.catalogue import Catalogue
+from console.checks.alarms import AlarmBoard
+from console.parameters.station import RecorderParameters
+from console.parameters.store import StationStore
+from console.runs.housekeeping import Housekeeping
+from console.runs.run import AGAIN_SPARE
+from console.runs.runs import RunKeeper
 from quadrotor.errors import StorageError
 from tests.waiting import until, wait_for
 from vehicle_link.log import is_closed
@@ -46,9 +46,9 @@ class Disk:
 @pytest.fixture
 def disk(monkeypatch: pytest.MonkeyPatch) -> Disk:
     made = Disk()
-    monkeypatch.setattr("console.disk.shutil", SimpleNamespace(disk_usage=made.usage))
-    monkeypatch.setattr("console.recorder.AGAIN_PERIOD", 0.02)
-    monkeypatch.setattr("console.recorder.WATCH_PERIOD", 0.01)
+    monkeypatch.setattr("console.runs.disk.shutil", SimpleNamespace(disk_usage=made.usage))
+    monkeypatch.setattr("console.runs.recorder.AGAIN_PERIOD", 0.02)
+    monkeypatch.setattr("console.runs.recorder.WATCH_PERIOD", 0.01)
     return made
 
 
@@ -139,7 +139,7 @@ def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
         raise StorageError("Disk quota exceeded")
 
     with monkeypatch.context() as quota:
-        quota.setattr("console.recorder.try_disk", full)
+        quota.setattr("console.runs.recorder.try_disk", full)
         runs.status(True)
         first = begun(runs)
         wait_for((catalogue.folder / f"{first}.mcap").exists)

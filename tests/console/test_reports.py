@@ -17,7 +17,7 @@ from console.reports.html import render
 from console.reports.judgement import Judgement, judge
 from console.reports.report import assemble, write_report
 from console.reports.run_log import parameters_of, read_run
-from console.run_reports import report_folder, write_result
+from console.runs.report_folders import report_folder, write_result
 from quadlab.__main__ import main
 from quadlab.log_commands.report import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality

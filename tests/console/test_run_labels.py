@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from console.catalogue import DATABASE, Catalogue, RunEntry
-from console.catalogue_marks import Mark, keep_mark, mark_counts, marks_of
-from console.catalogue_notes import KEPT, newest_notes, notes_history, write_notes
-from console.catalogue_search import RunSearch
-from console.catalogue_tags import LONGEST, MOST, all_tags, change_tags, tags_of
-from console.run_trash import delete_run
+from console.catalogue.catalogue import DATABASE, Catalogue, RunEntry
+from console.catalogue.marks import Mark, keep_mark, mark_counts, marks_of
+from console.catalogue.notes import KEPT, newest_notes, notes_history, write_notes
+from console.catalogue.search import RunSearch
+from console.catalogue.tags import LONGEST, MOST, all_tags, change_tags, tags_of
+from console.runs.trash import delete_run
 from quadrotor.errors import ParameterError, StorageError
 
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
-from console.catalogue_marks import marks_of
-from console.log_marks import marks_in_log
-from console.run_files import tidy_runs
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.marks import marks_of
+from console.runs.adoption import tidy_runs
+from console.runs.log_marks import marks_in_log
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 

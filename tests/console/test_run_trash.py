@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from console.catalogue import Catalogue, RunEntry
-from console.catalogue_marks import Mark, keep_mark, marks_of
-from console.catalogue_notes import write_notes
-from console.catalogue_tables import MarkRow, NoteRow, RunRow, TagRow, TrashRow
-from console.catalogue_tags import change_tags, tags_of
-from console.parameters import RecorderParameters
-from console.run import RecorderStatus
-from console.run_files import tidy_runs
-from console.run_housekeeping import DAY, Housekeeping
-from console.run_reports import report_folder
-from console.run_storage import storage
-from console.run_trash import TRASH, delete_run, deleted_runs, purge, restore_run
+from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.marks import Mark, keep_mark, marks_of
+from console.catalogue.notes import write_notes
+from console.catalogue.tables import MarkRow, NoteRow, RunRow, TagRow, TrashRow
+from console.catalogue.tags import change_tags, tags_of
+from console.parameters.station import RecorderParameters
+from console.runs.adoption import tidy_runs
+from console.runs.housekeeping import DAY, Housekeeping
+from console.runs.report_folders import report_folder
+from console.runs.run import RecorderStatus
+from console.runs.storage import storage
+from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from quadrotor.errors import RefusedError, StorageError
 from vehicle_link.log import LogWriter
 
@@ -197,7 +197,7 @@ def test_the_trash_is_emptied_when_the_days_are_over(
     assert [run.id for run in deleted_runs(catalogue)] == ["r1"]
     now_ns: Callable[[], int] = time.time_ns
     later = round((house.parameters.trash_keep + 0.1) * DAY * 1e9)
-    monkeypatch.setattr("console.run_trash.time.time_ns", lambda: now_ns() + later)
+    monkeypatch.setattr("console.runs.trash.time.time_ns", lambda: now_ns() + later)
     House(catalogue).keeping.look()
     assert deleted_runs(catalogue) == []
 

@@ -9,17 +9,17 @@ from typing import Any
 
 import pytest
 
-from console import run_trash
-from console.catalogue import Catalogue, RunEntry
-from console.catalogue_notes import write_notes
-from console.parameters import RecorderParameters
-from console.run import RecorderStatus
-from console.run_files import tidy_runs
-from console.run_housekeeping import Housekeeping
-from console.run_replays import REPLAYS, replay_bytes
-from console.run_reports import report_folder
-from console.run_storage import storage
-from console.run_trash import TRASH, delete_run, deleted_runs, purge, restore_run
+from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.notes import write_notes
+from console.parameters.station import RecorderParameters
+from console.runs import trash as run_trash
+from console.runs.adoption import tidy_runs
+from console.runs.housekeeping import Housekeeping
+from console.runs.replay_caches import REPLAYS, replay_bytes
+from console.runs.report_folders import report_folder
+from console.runs.run import RecorderStatus
+from console.runs.storage import storage
+from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
 from vehicle_link.log import LogWriter
 
 LIMIT = 10.0
@@ -81,8 +81,8 @@ def test_a_trash_that_cannot_be_emptied_is_an_alarm_until_it_can(
     status = RecorderStatus(False, "", 0.0, 0, 0, 0, ())
     parameters = RecorderParameters()
     keeping = Housekeeping(catalogue, parameters, lambda: status, said.append, alarms.__setitem__)
-    monkeypatch.setattr("console.run_housekeeping.DAY", 0.0)
-    monkeypatch.setattr("console.run_housekeeping.RETRY", 0.0)
+    monkeypatch.setattr("console.runs.housekeeping.DAY", 0.0)
+    monkeypatch.setattr("console.runs.housekeeping.RETRY", 0.0)
     for name in ("r1", "r2"):
         delete_run(catalogue, name, "anna")
     cannot_remove(catalogue, "r2")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from console.standing import Standing
+from console.link.permission import Standing
 from vehicle_link.protocol import protocol, version
 from vehicle_link.topics.measurements import Heartbeat
 

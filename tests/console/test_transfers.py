@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.catalogue import Catalogue, RunEntry
-from console.catalogue_completeness import Completeness, completeness_of, keep_completeness
-from console.parameters import RecorderParameters
-from console.run_files import described
+from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.completeness import Completeness, completeness_of, keep_completeness
+from console.parameters.station import RecorderParameters
+from console.runs.adoption import described
 from console.transfers import desk as desk_module
 from console.transfers import process
 from console.transfers.backfill import Backfill

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.known_vehicles import KnownVehicles
+from console.link.known_vehicles import KnownVehicles
 from quadlab.__main__ import main
 from quadlab.link_commands.test import _table
 from quadlab.link_commands.verdict import Grade, percentile, verdict

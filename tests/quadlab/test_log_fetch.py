@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.catalogue import Catalogue
-from console.catalogue_completeness import Completeness, keep_completeness
-from console.parameters import RecorderParameters
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.completeness import Completeness, keep_completeness
+from console.parameters.station import RecorderParameters
 from console.transfers.service import Transfers
 from quadlab.__main__ import main
 from tests.vehicle_link.drop_outs import Flight, flown

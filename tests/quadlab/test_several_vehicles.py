@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.dialled import dialled, remember_dialled
+from console.link.dialled_vehicles import dialled, remember_dialled
 from quadlab.processes import parse_names, parse_vehicles
 from quadlab.simulated_fleet import MOST, SimulatedFleet
 from quadrotor.errors import LinkError, UsageError

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from bearing_sim import PoseMeasurement
-from console.link_monitor import LinkMonitor
-from console.outbox import Outbox
+from console.link.monitor import LinkMonitor
+from console.link.outbox import Outbox
 from tests.waiting import free_port, wait_for
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.vehicle_clock import VehicleClock

@@ -21,7 +21,7 @@ from starlette.responses import HTMLResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from bearing_sim.emulator import BearingParameters
-from console.catalogue import Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue, RunEntry
 from console.comparison.parameters import ComparisonParameters
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError

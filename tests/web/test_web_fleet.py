@@ -11,7 +11,7 @@ import httpx
 import pytest
 import websockets.exceptions
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from web.live import FAST
 
 NAMES = ("quad1", "quad2")

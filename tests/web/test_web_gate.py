@@ -10,7 +10,7 @@ import httpx
 import pytest
 import websockets.exceptions
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 
 READ = [
     "/",

@@ -10,8 +10,8 @@ from typing import Any
 import httpx
 import pytest
 
-from console.catalogue import Catalogue
-from console.catalogue_completeness import Completeness, keep_completeness
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.completeness import Completeness, keep_completeness
 from vehicle_link.messages import header, new
 
 RUN = "20260131T093042Z_quad1"

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis.errors import Unsatisfiable
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 
 schemathesis = pytest.importorskip("schemathesis", reason="schemathesis is not installed")
 

@@ -9,8 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from console.catalogue import Catalogue
-from console.parameter_history import ParameterChange, ParameterHistory
+from console.catalogue.catalogue import Catalogue
+from console.parameters.history import ParameterChange, ParameterHistory
 from quadlab.simulated_flight import FlightParameters
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import new_parameters

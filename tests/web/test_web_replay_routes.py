@@ -12,8 +12,8 @@ import httpx
 import pytest
 
 from benchmarks.recorded_run import MadeRun, write_run
-from console.catalogue import Catalogue
-from console.run_files import tidy_runs
+from console.catalogue.catalogue import Catalogue
+from console.runs.adoption import tidy_runs
 from web.replay.store import Building, ReplayStore
 
 Until = Callable[..., None]

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 from benchmarks.recorded_run import MadeRun, write_run
-from console.catalogue import Catalogue
-from console.run_files import tidy_runs
-from console.run_replays import REPLAYS
-from console.run_trash import delete_run, restore_run
+from console.catalogue.catalogue import Catalogue
+from console.runs.adoption import tidy_runs
+from console.runs.replay_caches import REPLAYS
+from console.runs.trash import delete_run, restore_run
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import LogFile
 from web.replay import store as store_module

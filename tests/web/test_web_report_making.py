@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from console.run_reports import report_folder
+from console.runs.report_folders import report_folder
 from quadrotor.errors import StorageError
 from web.runs.report_making import ReportMaking
 

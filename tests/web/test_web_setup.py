@@ -11,8 +11,8 @@ from typing import Any
 import httpx
 import pytest
 
-from console.catalogue import Catalogue
-from console.known_vehicles import KnownVehicles
+from console.catalogue.catalogue import Catalogue
+from console.link.known_vehicles import KnownVehicles
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
 from web.access.tls import private_tls

@@ -15,7 +15,7 @@ import httpx
 import pytest
 import websockets.exceptions
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from web.access.accounts import Accounts
 from web.access.attempts import FREE
 from web.access.database import AccessDatabase

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from console.expansion import ENCODERS
-from console.outbox import RECORDED
-from console.subscriptions import AS_IT_COMES
+from console.link.outbox import RECORDED
+from console.link.subscriptions import AS_IT_COMES
+from console.link.telemetry_topics import ENCODERS
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.messages.numbers import number_at, numbers
 from vehicle_link.topics import TOPICS

@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 import pytest
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.session import loopback_session, station_session
 from vehicle_link.topics.table import SERVICES

@@ -17,7 +17,7 @@ import websockets.exceptions
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from quadrotor.errors import UsageError
 from vehicle_link.authority import WEB_DAYS, check_certificate, ensure_web_certificate
 from vehicle_link.certificates import load_certificate

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from fastapi import FastAPI, Query
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
-from console.catalogue import SUFFIX, Catalogue
+from console.catalogue.catalogue import SUFFIX, Catalogue
 from quadrotor.errors import StorageError
 from vehicle_link.log.file import is_being_written
 from web.replay.store import Building, ReplayStore

@@ -16,7 +16,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.run_replays import REPLAYS, folder_bytes, replay_name
+from console.runs.replay_caches import REPLAYS, folder_bytes, replay_name
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
 from vehicle_link.log.file import is_being_written

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from console.catalogue_marks import LONGEST, OLDEST
+from console.catalogue.marks import LONGEST, OLDEST
 
 RunId = Annotated[str, Field(min_length=1, max_length=120)]
 Tag = Annotated[str, Field(min_length=1, max_length=80)]

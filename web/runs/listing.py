@@ -8,12 +8,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from console.catalogue import Catalogue, RunEntry
-from console.catalogue_completeness import as_json, completeness_of
-from console.catalogue_marks import mark_counts
-from console.catalogue_notes import Note, newest_notes
-from console.catalogue_tags import tags_of
-from console.run_reports import RESULT, read_result, report_folder
+from console.catalogue.catalogue import Catalogue, RunEntry
+from console.catalogue.completeness import as_json, completeness_of
+from console.catalogue.marks import mark_counts
+from console.catalogue.notes import Note, newest_notes
+from console.catalogue.tags import tags_of
+from console.runs.report_folders import RESULT, read_result, report_folder
 from quadrotor.errors import StorageError
 from vehicle_link.log.file import is_being_written
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from fastapi import FastAPI
 from fastapi import Path as InPath
 
-from console.catalogue import SUFFIX
+from console.catalogue.catalogue import SUFFIX
 from web.asking import Operator
 from web.live import Live
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from console.run_reports import FILE_NAME, report_folder
+from console.runs.report_folders import FILE_NAME, report_folder
 from quadrotor.errors import RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
 from web.runs.workshop import Work, Workshop

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 from fastapi import FastAPI, HTTPException, Query
 from fastapi.responses import FileResponse, HTMLResponse
 
-from console.catalogue_marks import marks_of
-from console.catalogue_notes import notes_history, write_notes
-from console.catalogue_search import RunSearch
-from console.catalogue_tags import all_tags, change_tags
+from console.catalogue.marks import marks_of
+from console.catalogue.notes import notes_history, write_notes
+from console.catalogue.search import RunSearch
+from console.catalogue.tags import all_tags, change_tags
 from quadrotor.errors import StorageError
 from web.asking import Operator
 from web.runs.bodies import MarkBody, NotesBody, TagsBody

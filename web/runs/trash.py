@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 
-from console.parameters import RecorderParameters
-from console.run_storage import storage
-from console.run_trash import delete_run, deleted_runs, purge, restore_run
+from console.parameters.station import RecorderParameters
+from console.runs.storage import storage
+from console.runs.trash import delete_run, deleted_runs, purge, restore_run
 from quadrotor.errors import QuadlabError
 from web.asking import Admin, Operator
 from web.runs.bodies import RunsBody

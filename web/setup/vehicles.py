@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-from console.catalogue import Catalogue, RunEntry
-from console.known_vehicles import KnownVehicles
+from console.catalogue.catalogue import Catalogue, RunEntry
+from console.link.known_vehicles import KnownVehicles
 from web.live import Live
 
 SCANNED = 1000

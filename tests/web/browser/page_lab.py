@@ -15,12 +15,12 @@ from typing import Any
 from bearing_sim.emulator import BearingParameters
 from bearing_sim.tracker import TrackerParameters
 from benchmarks.recorded_run import MadeRun, write_run
-from console.catalogue import Catalogue
-from console.catalogue_notes import write_notes
-from console.catalogue_tags import change_tags
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.notes import write_notes
+from console.catalogue.tags import change_tags
 from console.comparison.parameters import ComparisonParameters
-from console.parameter_history import ParameterChange, ParameterHistory
-from console.run_files import tidy_runs
+from console.parameters.history import ParameterChange, ParameterHistory
+from console.runs.adoption import tidy_runs
 from control.behaviors.parameters import BehaviorParameters
 from control.parameters import ControlParameters
 from estimation.parameters import EstimationParameters

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 
 
 def test_a_link_signs_in_once(context: Any, site: Any, page: Any) -> None:

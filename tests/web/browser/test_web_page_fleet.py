@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 
 PERIOD = 0.1  # s
 

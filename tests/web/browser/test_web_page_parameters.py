@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
-from console.parameter_history import ParameterChange, ParameterHistory
+from console.catalogue.catalogue import Catalogue
+from console.parameters.history import ParameterChange, ParameterHistory
 
 DEFAULTS = {"gains.kp": 4.0, "gains.laps": 3, "gains.exact": False, "gains.rate": "nominal"}
 KP = ".gain:has(input[aria-label='gains.kp'])"

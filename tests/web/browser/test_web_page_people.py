@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from web.access.accounts import Accounts
 from web.access.database import AccessDatabase
 from web.access.passwords import Passwords

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from quadrotor.parameters import Parameters, ParameterStore
 from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages

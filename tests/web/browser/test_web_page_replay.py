@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from benchmarks.recorded_run import MadeRun, write_run
-from console.catalogue import Catalogue
-from console.run_files import tidy_runs
+from console.catalogue.catalogue import Catalogue
+from console.runs.adoption import tidy_runs
 
 RUN, LATER = "20260131T093042Z_quad1", "20260131T100000Z_quad1"
 MADE = MadeRun(

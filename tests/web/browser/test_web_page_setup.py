@@ -12,7 +12,7 @@ import pytest
 
 from bearing_sim.emulator import BearingParameters
 from bearing_sim.tracker import TrackerParameters
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from control.behaviors.parameters import BehaviorParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel

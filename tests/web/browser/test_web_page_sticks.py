@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from console.catalogue import Catalogue
+from console.catalogue.catalogue import Catalogue
 from control.behaviors.parameters import BehaviorParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from vehicle_link.messages import decode, header, new

@@ -14,13 +14,13 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 from sqlalchemy import delete
 
-from console.catalogue import Catalogue
-from console.catalogue_completeness import Completeness, keep_completeness
-from console.catalogue_marks import Mark, keep_mark
-from console.catalogue_notes import notes_history, write_notes
-from console.catalogue_tables import RunRow
-from console.catalogue_tags import change_tags, tags_of
-from console.run_trash import deleted_runs
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.completeness import Completeness, keep_completeness
+from console.catalogue.marks import Mark, keep_mark
+from console.catalogue.notes import notes_history, write_notes
+from console.catalogue.tables import RunRow
+from console.catalogue.tags import change_tags, tags_of
+from console.runs.trash import deleted_runs
 from vehicle_link.messages import header, new
 
 MANY = 450

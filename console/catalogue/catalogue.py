@@ -1,0 +1,210 @@
+"""The catalogue of runs: SQLite in the data folder by default, any server by URL.
+
+The page and the station share it; names from outside become paths only through `resolve`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import Engine, create_engine, event, func, select
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.orm import Session, sessionmaker
+
+from console.catalogue.database_file import DatabaseFile
+from console.catalogue.search import RunSearch, condition
+from console.catalogue.tables import Base, RunRow, TrashRow
+from quadrotor.errors import StorageError
+
+RUNS = "runs"
+DATABASE = "catalogue.sqlite"
+SUFFIX = ".mcap"
+
+
+@dataclass(frozen=True, slots=True)
+class RunEntry:
+    """One line of the catalogue."""
+
+    id: str
+    vehicle: str
+    start_ns: int  # epoch, station clock
+    duration: float  # s
+    file: str  # name within the runs folder
+    bytes: int
+    messages: int
+    operator: str
+    complete: bool  # closed with its index
+    recovered: bool  # its end was lost and it was closed afterwards
+    problem: str  # empty, or why the file is not as it should be
+    notes: str
+
+    @property
+    def start(self) -> datetime:
+        """UTC."""
+        return datetime.fromtimestamp(self.start_ns * 1e-9, UTC)
+
+
+class Catalogue:
+    """Safe to use from several threads and processes; every method may raise StorageError.
+
+    Args:
+        data: the data folder; runs are in its `runs`.
+        url: of another database (SQLAlchemy), default SQLite in the data folder.
+    """
+
+    def __init__(self, data: Path, url: str | None = None) -> None:
+        self.folder = data / RUNS
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StorageError(
+                f"cannot make the folder {self.folder} ({error.strerror}); "
+                "choose another with --data"
+            ) from error
+        self._engine = create_engine(url or f"sqlite:///{data / DATABASE}")
+        if self._engine.dialect.name == "sqlite":
+            event.listen(self._engine, "connect", _set_up_sqlite)
+        self._sessions = sessionmaker(self._engine, expire_on_commit=False)
+        try:
+            try:
+                Base.metadata.create_all(self._engine)
+            except OperationalError:  # another process was making the same tables
+                Base.metadata.create_all(self._engine)
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+        self._file = DatabaseFile(self._engine, data)
+
+    @property
+    def problem(self) -> str:
+        """Why nothing can be kept, and what to do: its file or the data folder is gone; or ""."""
+        return self._file.problem()
+
+    @property
+    def engine(self) -> Engine:
+        """Of the database, for the tables of others in it."""
+        return self._engine
+
+    def close(self) -> None:
+        self._engine.dispose()
+
+    def add(self, entry: RunEntry) -> None:
+        """A new run, or new facts about one; notes already written are kept."""
+        with self.session() as session:
+            row = session.get(RunRow, entry.id)
+            values = {name: getattr(entry, name) for name in RunEntry.__slots__}
+            if row is None:
+                session.add(RunRow(**values))
+                return
+            values.pop("notes")
+            _update(row, values)
+
+    def update(self, run_id: str, **values: Any) -> None:
+        """Change columns of a run. Raises StorageError for an unknown or deleted run."""
+        with self.session() as session:
+            _update(self.existing(session, run_id), values)
+
+    def get(self, run_id: str) -> RunEntry:
+        """Raises StorageError for an unknown or deleted run."""
+        with self.session() as session:
+            return _entry(self.existing(session, run_id))
+
+    def runs(
+        self, search: RunSearch | str = "", vehicle: str = "", limit: int = 200, offset: int = 0
+    ) -> list[RunEntry]:
+        """Newest first, without deleted ones; a text is searched for as words."""
+        query = select(RunRow).where(condition(_search(search, vehicle)))
+        query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc())
+        with self.session() as session:
+            return [_entry(row) for row in session.scalars(query.limit(limit).offset(offset))]
+
+    def count(self, search: RunSearch | str = "", vehicle: str = "") -> int:
+        """Of what `runs` would list."""
+        query = select(func.count()).select_from(RunRow)
+        with self.session() as session:
+            return session.scalar(query.where(condition(_search(search, vehicle)))) or 0
+
+    def remove(self, run_id: str) -> None:
+        """Forget a run; its file stays."""
+        with self.session() as session:
+            session.delete(self.existing(session, run_id))
+
+    def resolve(self, run_id: str) -> Path:
+        """The file of a catalogued run, never anything outside the runs folder.
+
+        Raises StorageError for an unknown or deleted run, a missing file, or a name that leads
+        elsewhere.
+        """
+        entry = self.get(run_id)
+        folder = self.folder.resolve()
+        path = (folder / entry.file).resolve()
+        if path.parent != folder or path.suffix != SUFFIX:
+            raise StorageError(f"the file of run {run_id!r} does not lie in {folder}; not opened")
+        if not path.is_file():
+            raise StorageError(f"the file of run {run_id} is gone: {path}")
+        return path
+
+    def existing(self, session: Session, run_id: str) -> RunRow:
+        """Within `session`. Raises StorageError for an unknown or deleted run."""
+        row = session.get(RunRow, run_id)
+        if row is None:
+            raise StorageError(f"no run {run_id!r} in the catalogue; list them on the Runs page")
+        if session.get(TrashRow, run_id) is not None:
+            raise StorageError(f"run {run_id} was deleted; undo that on the Runs page first")
+        return row
+
+    @contextmanager
+    def session(self) -> Iterator[Session]:
+        """One transaction; what the database cannot do is a StorageError."""
+        try:
+            with self._sessions.begin() as session:
+                yield session
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+
+def run_name(
+    now: datetime, vehicle: str, folder: Path, taken: Collection[str] = frozenset()
+) -> str:
+    """`20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its file exists."""
+    name = stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{vehicle}"
+    number = 1
+    while name in taken or (folder / f"{name}{SUFFIX}").exists():
+        number += 1
+        name = f"{stem}_{number}"
+    return name
+
+
+def _search(search: RunSearch | str, vehicle: str) -> RunSearch:
+    return RunSearch(words=search, vehicle=vehicle) if isinstance(search, str) else search
+
+
+def _update(row: RunRow, values: dict[str, Any]) -> None:
+    for name, value in values.items():
+        if name not in RunEntry.__slots__:
+            raise AttributeError(f"runs have no column {name!r}")
+        setattr(row, name, value)
+
+
+def _entry(row: RunRow) -> RunEntry:
+    return RunEntry(**{name: getattr(row, name) for name in RunEntry.__slots__})
+
+
+def _storage_error(error: SQLAlchemyError) -> StorageError:
+    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
+    return StorageError(
+        f"the catalogue of runs cannot be used ({reason}); the logs themselves are not touched"
+    )
+
+
+def _set_up_sqlite(connection: Any, _record: Any) -> None:
+    cursor = connection.cursor()
+    # Readers (the page) never block the writer (the station), who may wait for another writer.
+    cursor.execute("PRAGMA journal_mode=WAL")
+    cursor.execute("PRAGMA busy_timeout=5000")
+    cursor.execute("PRAGMA synchronous=NORMAL")
+    cursor.close()

@@ -1,0 +1,86 @@
+"""Whether a run has every tick the vehicle logged, as the catalogue keeps it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from sqlalchemy import select
+
+from console.catalogue.search import NOT_DELETED
+from console.catalogue.tables import CompletenessRow, RunRow
+
+if TYPE_CHECKING:
+    from console.catalogue.catalogue import Catalogue
+
+State = Literal["open", "complete", "filled", "missing", "unknown"]
+"""open: to be compared; unknown: it was given up."""
+MOST_OPEN = 200
+WORTH_TELLING = 0.1
+"""s; of nearly every run the first ticks come from the vehicle's log: arming is heard later."""
+
+
+@dataclass(frozen=True, slots=True)
+class Completeness:
+    """Of one run; times in s of ticks."""
+
+    state: State
+    filled: float = 0.0  # from the vehicle's log
+    missing: float = 0.0
+    total: float = 0.0  # what it would have without holes
+    why: str = ""  # missing, or what it was compared with
+
+    @property
+    def line(self) -> str:
+        """In words."""
+        filled = f"; {self.filled:.1f} s were filled from it" if self.filled else ""
+        if self.state == "missing":
+            return f"{self.missing:.1f} s missing of {self.total:.1f} s: {self.why}{filled}"
+        if self.state == "filled":
+            return f"complete: {self.filled:.1f} s of {self.total:.1f} s filled, {self.why}"
+        if self.state == "complete":
+            return f"complete: {self.why}"
+        return self.why or "not compared with the vehicle's log yet"
+
+
+def keep_completeness(catalogue: Catalogue, run_id: str, found: Completeness) -> None:
+    """Raises StorageError."""
+    with catalogue.session() as session:
+        session.merge(CompletenessRow(run_id=run_id, stamp_ns=time.time_ns(), **asdict(found)))
+
+
+def completeness_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, Completeness]:
+    """Run → how complete it is; runs that nobody asked about are left out."""
+    with catalogue.session() as session:
+        rows = select(CompletenessRow).where(CompletenessRow.run_id.in_(run_ids))
+        return {row.run_id: _completeness(row) for row in session.scalars(rows)}
+
+
+def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
+    """Ids of the vehicle's runs that are still to be compared, newest first."""
+    query = select(RunRow.id).join(CompletenessRow, CompletenessRow.run_id == RunRow.id)
+    query = query.where(CompletenessRow.state == "open", RunRow.vehicle == vehicle, NOT_DELETED)
+    query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc()).limit(MOST_OPEN)
+    with catalogue.session() as session:
+        return list(session.scalars(query))
+
+
+def end_of_run_before(catalogue: Catalogue, run_id: str) -> int:
+    """When the vehicle's run before this one ended, epoch ns of the station; 0 without one."""
+    with catalogue.session() as session:
+        run = catalogue.existing(session, run_id)
+        query = select(RunRow).where(
+            RunRow.vehicle == run.vehicle, RunRow.start_ns < run.start_ns, RunRow.id != run_id
+        )
+        before = session.scalar(query.order_by(RunRow.start_ns.desc()).limit(1))
+        return before.start_ns + round(before.duration * 1e9) if before is not None else 0
+
+
+def as_json(found: Completeness | None) -> dict[str, Any] | None:
+    return None if found is None else {**asdict(found), "line": found.line}
+
+
+def _completeness(row: CompletenessRow) -> Completeness:
+    return Completeness(row.state, row.filled, row.missing, row.total, row.why)  # type: ignore[arg-type]

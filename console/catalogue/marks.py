@@ -1,0 +1,64 @@
+"""Event marks as the catalogue keeps them, so that nobody opens a log to list them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+from sqlalchemy import func, select
+
+from console.catalogue.tables import MarkRow
+
+if TYPE_CHECKING:
+    from console.catalogue.catalogue import Catalogue
+
+LONGEST = 500
+"""Characters of a mark's text."""
+OLDEST = 10.0
+"""s a key press may lie back."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A moment of a run somebody marked."""
+
+    run_id: str
+    id: str
+    stamp_ns: int  # the vehicle's clock when the key was pressed
+    time: float  # s since the start of the run
+    text: str
+    requester: str
+
+
+def keep_mark(catalogue: Catalogue, mark: Mark) -> None:
+    """A new one, or a new text of a known one."""
+    with catalogue.session() as session:
+        session.merge(MarkRow(**asdict(mark)))
+
+
+def find_mark(catalogue: Catalogue, mark_id: str) -> Mark | None:
+    """By its id, of whatever run."""
+    with catalogue.session() as session:
+        row = session.scalar(select(MarkRow).where(MarkRow.id == mark_id))
+        return _mark(row) if row else None
+
+
+def marks_of(catalogue: Catalogue, run_id: str) -> list[Mark]:
+    """In the order of time. Raises StorageError for an unknown or deleted run."""
+    with catalogue.session() as session:
+        catalogue.existing(session, run_id)
+        rows = select(MarkRow).where(MarkRow.run_id == run_id).order_by(MarkRow.time, MarkRow.id)
+        return [_mark(row) for row in session.scalars(rows)]
+
+
+def mark_counts(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, int]:
+    """Run → how many marks it has; runs without are left out."""
+    with catalogue.session() as session:
+        query = select(MarkRow.run_id, func.count()).where(MarkRow.run_id.in_(run_ids))
+        rows = session.execute(query.group_by(MarkRow.run_id))
+        return {row[0]: row[1] for row in rows}
+
+
+def _mark(row: MarkRow) -> Mark:
+    return Mark(row.run_id, row.id, row.stamp_ns, row.time, row.text, row.requester)

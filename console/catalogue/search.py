@@ -1,0 +1,61 @@
+"""Which runs are looked for: words, a tag, a vehicle, a span of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import ColumnElement, and_, exists, or_, select
+
+from console.catalogue.tables import MarkRow, RunRow, TagRow, TrashRow
+
+MOST_WORDS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class RunSearch:
+    """All of it must hold; what is empty is not asked.
+
+    Args:
+        words: each must stand in id, operator, notes, vehicle, a tag or the text of a mark.
+        tag: exactly, but for upper and lower case.
+        since_ns, until_ns: bounds of the start, epoch, the second one excluded; 0 = none.
+    """
+
+    words: str = ""
+    tag: str = ""
+    vehicle: str = ""
+    since_ns: int = 0
+    until_ns: int = 0
+
+
+NOT_DELETED: ColumnElement[bool] = RunRow.id.not_in(select(TrashRow.run_id))
+
+
+def condition(search: RunSearch) -> ColumnElement[bool]:
+    """For a query of runs; deleted ones are never found."""
+    wanted: list[Any] = [NOT_DELETED]
+    if search.vehicle:
+        wanted.append(RunRow.vehicle == search.vehicle)
+    if search.since_ns:
+        wanted.append(RunRow.start_ns >= search.since_ns)
+    if search.until_ns:
+        wanted.append(RunRow.start_ns < search.until_ns)
+    if search.tag:
+        same = TagRow.tag.ilike(_literally(search.tag), escape="\\")
+        wanted.append(exists().where(TagRow.run_id == RunRow.id, same))
+    wanted += [_has(word) for word in search.words.split()[:MOST_WORDS]]
+    return and_(*wanted)
+
+
+def _has(word: str) -> ColumnElement[bool]:
+    columns = (RunRow.id, RunRow.operator, RunRow.notes, RunRow.vehicle)
+    return or_(
+        *(column.icontains(word, autoescape=True) for column in columns),
+        exists().where(TagRow.run_id == RunRow.id, TagRow.tag.icontains(word, autoescape=True)),
+        exists().where(MarkRow.run_id == RunRow.id, MarkRow.text.icontains(word, autoescape=True)),
+    )
+
+
+def _literally(text: str) -> str:
+    return text.replace("\\", "\\\\").replace("%", "\\%").replace("_", "\\_")

@@ -1,0 +1,72 @@
+"""Tags of runs: short words without order, spelled everywhere as the first one spelled them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from sqlalchemy import delete, func, select
+
+from console.catalogue.search import NOT_DELETED
+from console.catalogue.tables import RunRow, TagRow
+from quadrotor.errors import ParameterError
+
+if TYPE_CHECKING:
+    from console.catalogue.catalogue import Catalogue
+
+LONGEST = 40
+MOST = 20
+"""Tags of one run."""
+
+
+def all_tags(catalogue: Catalogue) -> dict[str, int]:
+    """Tag → number of runs that have it, the most used first; deleted runs do not count."""
+    with catalogue.session() as session:
+        count = func.count().label("count")
+        query = select(TagRow.tag, count).join(RunRow, RunRow.id == TagRow.run_id)
+        query = query.where(NOT_DELETED).group_by(TagRow.tag).order_by(count.desc(), TagRow.tag)
+        return {row[0]: row[1] for row in session.execute(query)}
+
+
+def tags_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, list[str]]:
+    """Run → its tags in alphabetical order; runs without are left out."""
+    found: dict[str, list[str]] = {}
+    with catalogue.session() as session:
+        rows = select(TagRow.run_id, TagRow.tag).where(TagRow.run_id.in_(run_ids))
+        for run_id, tag in session.execute(rows.order_by(func.lower(TagRow.tag))):
+            found.setdefault(run_id, []).append(tag)
+    return found
+
+
+def change_tags(
+    catalogue: Catalogue, run_ids: Sequence[str], add: Sequence[str], remove: Sequence[str]
+) -> dict[str, list[str]]:
+    """Adds and removes the same tags of several runs, all or nothing; run → tags afterwards.
+
+    Raises StorageError for an unknown run, ParameterError for something that is no tag.
+    """
+    with catalogue.session() as session:
+        spelled = {tag.casefold(): tag for tag in session.scalars(select(TagRow.tag).distinct())}
+        wanted = dict.fromkeys(spelled.get(t.casefold(), t) for t in map(checked, add))
+        unwanted = {tag.strip().casefold() for tag in remove}
+        for run_id in run_ids:
+            catalogue.existing(session, run_id)
+            has = list(session.scalars(select(TagRow.tag).where(TagRow.run_id == run_id)))
+            gone = [tag for tag in has if tag.casefold() in unwanted]
+            new = [tag for tag in wanted if tag not in has]
+            if len(has) - len(gone) + len(new) > MOST:
+                raise ParameterError(f"run {run_id} would have more than {MOST} tags; remove some")
+            session.execute(delete(TagRow).where(TagRow.run_id == run_id, TagRow.tag.in_(gone)))
+            session.add_all(TagRow(run_id=run_id, tag=tag) for tag in new)
+    tags = tags_of(catalogue, run_ids)
+    return {run_id: tags.get(run_id, []) for run_id in run_ids}
+
+
+def checked(text: str) -> str:
+    """The tag without blanks around it. Raises ParameterError."""
+    tag = " ".join(text.split())
+    if not 0 < len(tag) <= LONGEST or not tag.isprintable() or "," in tag:
+        raise ParameterError(
+            f"{text!r:.60} is no tag; allowed are 1 to {LONGEST} characters without a comma"
+        )
+    return tag

@@ -1,0 +1,132 @@
+"""The pre-flight check list: judged all the time, told at 2 Hz, and asked before each arming.
+
+A thread of its own, because the disk is looked at: it may hang, and the beat must not.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from console.checks.facts import Facts
+from console.checks.items import judged, reasons
+from console.checks.parameters import PreflightParameters
+from console.link.outbox import Outbox
+from quadrotor.errors import LinkError, QuadlabError, RefusedError
+from vehicle_link.checks import Check, to_messages
+from vehicle_link.messages import header, new
+
+log = logging.getLogger(__name__)
+
+PERIOD = 0.2
+"""s between two looks; what changed is told at once."""
+EVERY = 0.5
+WARN = 30
+KEPT = 5.0
+"""s for which the list of an accepted request to arm is that of the flight that begins."""
+
+
+class Preflight:
+    """Thread-safe.
+
+    Args:
+        facts: of now; may wait for the disk.
+        limits: the live parameters.
+        outbox: publishes and records `preflight`.
+        vehicle_ns: the vehicle's clock.
+        refresh: reads the vehicle's parameters again when they have changed. Raises LinkError.
+    """
+
+    def __init__(
+        self,
+        facts: Callable[[], Facts],
+        limits: PreflightParameters,
+        outbox: Outbox,
+        vehicle_ns: Callable[[], int],
+        refresh: Callable[[], None],
+    ) -> None:
+        self._facts, self._limits = facts, limits
+        self._outbox, self._vehicle_ns, self._refresh = outbox, vehicle_ns, refresh
+        self._lock = threading.Lock()
+        self._judging = threading.Lock()
+        self._asked: tuple[float, list[Check]] = (float("-inf"), [])
+        self._flown: list[Check] | None = None  # the list as it was at arming, while armed
+        self._newest: list[Check] = []
+        self._told: tuple[object, ...] = ()
+        self._told_at = float("-inf")
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="preflight", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join(2.0)
+
+    def before_arming(self, requester: str) -> None:
+        """Raises RefusedError with all the reasons why the vehicle is not to be armed now."""
+        facts = self._gather()
+        if facts.armed or not self._limits.blocks:
+            return  # armed already: its own answer is the better one
+        checks = judged(facts, self._limits)
+        if any(one.name == "parameters" and one.state == "fail" for one in checks):
+            checks = judged(self._read_anew(), self._limits)
+        if failing := reasons(checks):
+            line = f"not armed: {'. '.join(failing)}"
+            self._outbox.say(WARN, f"refused {requester or 'somebody'}: {line}")
+            raise RefusedError(line)
+        with self._lock:
+            self._asked = (time.monotonic(), checks)
+
+    def tick(self) -> None:
+        """One look; tells when something has changed, or when it is time."""
+        facts = self._gather()
+        checks = judged(facts, self._limits)
+        with self._lock:
+            if not facts.armed:
+                self._flown, self._newest = None, checks
+            elif self._flown is None:
+                at, asked = self._asked
+                self._flown = asked if time.monotonic() - at < KEPT else self._newest
+            shown = self._newest if self._flown is None else self._flown
+        ready = not any(one.state == "fail" for one in shown)
+        key = (facts.armed, ready, *((one.name, one.state) for one in shown))
+        now = time.monotonic()
+        if key == self._told and now - self._told_at < EVERY - PERIOD / 2:
+            return
+        self._told, self._told_at = key, now
+        stamp_ns = self._vehicle_ns()
+        message = new(
+            "quadlab_msgs/Preflight",
+            header=header(stamp_ns),
+            ready=ready,
+            armed=facts.armed,
+            blocks=self._limits.blocks,
+            checks=to_messages(shown),
+        )
+        self._outbox.message("preflight", message, stamp_ns)
+
+    def _read_anew(self) -> Facts:
+        """What the vehicle says now of its parameters; it may not answer either."""
+        try:
+            self._refresh()
+        except LinkError:
+            log.debug("the vehicle's parameters were not read", exc_info=True)
+        return self._gather()
+
+    def _gather(self) -> Facts:
+        with self._judging:
+            return self._facts()
+
+    def _run(self) -> None:
+        while not self._closing.wait(PERIOD):
+            try:
+                self.tick()
+            except QuadlabError:
+                if not self._closing.is_set():
+                    log.warning("pre-flight check", exc_info=True)
+            except Exception:  # a defect here must not end the list: arming would stay refused
+                log.exception("pre-flight check")

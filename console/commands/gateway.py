@@ -1,0 +1,180 @@
+"""The station's services: commands for the vehicle are passed on, the rest is answered here.
+
+The requester's name travels along, so that vehicle, log and catalogue know who asked, and so does
+the request id, so that a repeated request has one effect. Each service has a thread of its own
+(vehicle_link.node): an emergency never waits behind another command.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+
+from console.parameters.store import PREFIX, StationStore
+from quadrotor.errors import NoAnswerError, ParameterError, RefusedError, StorageError
+from vehicle_link.idempotent import Idempotent
+from vehicle_link.messages import new
+from vehicle_link.node import Node
+from vehicle_link.parameter_authority import SIMULATOR, authority_of
+from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.topics import SERVICES
+
+CALL_TIMEOUT = 1.0
+"""s the vehicle has for an answer to what is asked again."""
+LATE_ANSWER = 3.0
+"""s the vehicle has for its answer to a command, which is not asked again. A late answer still
+tells what became of it. Clients of the station wait a little longer."""
+
+AT_ONCE = 4
+"""Requests of one service: a cut does not wait behind a landing that the vehicle does not answer,
+nor a landing behind a take-off."""
+AGAIN = 5
+"""Times in all a change of parameters is asked for, a second apart, under one id and while the
+link is there. Not what moves the vehicle: done late it would surprise."""
+
+NOT_REPEATED = ("arm", "disarm", "start_behavior")
+FORWARDED = (*NOT_REPEATED, "emergency")
+
+
+class CommandGateway:
+    """Serves `/<vehicle>/station/{arm, …, change_parameters, record}`.
+
+    Args:
+        refusal: why a command is not sent to the vehicle now; "" when it is.
+        record: (start, requester) → run id; raises StorageError with the reason.
+        permit: asked first with (command, requester); raises RefusedError with the reason.
+        on_asked: told (command, requester) before a command is passed on.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        store: StationStore,
+        refusal: Callable[[str], str],
+        record: Callable[[bool, str], str],
+        permit: Callable[[str, str], None],
+        on_asked: Callable[[str, str], None],
+    ) -> None:
+        self._store = store
+        self._refusal = refusal
+        self._record = record
+        self._permit = permit
+        self._on_asked = on_asked
+        self._simulator = node.client("simulator/change_parameters", SERVICES["change_parameters"])
+        self._clients = {
+            name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
+        }
+        for name in FORWARDED:
+            handler = partial(self._forward, name)
+            node.serve(f"station/{name}", SERVICES[name], handler, threads=AT_ONCE)
+        change = "change_parameters"
+        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, threads=AT_ONCE)
+        self._simulation = node.client("simulator/simulation", SERVICES["simulation"])
+        node.serve("station/simulation", SERVICES["simulation"], self._simulate)
+        # Only here: a repeated command must reach the vehicle when the first one did not.
+        record = Idempotent(self._start_or_stop)
+        node.serve("station/record", SERVICES["record"], record)
+
+    def _forward(self, name: str, request: Any) -> Any:
+        # Sent into a lost link it may be carried out late, which would surprise.
+        if reason := self._refusal(name):
+            return _refused(name, reason)
+        try:
+            self._permit(name, request.requester)
+            self._on_asked(name, request.requester)
+            return self._ask(name, request)
+        except RefusedError as error:
+            return _refused(name, str(error))
+
+    def _ask(self, name: str, request: Any) -> Any:
+        """Return the vehicle's answer.
+
+        Raises LinkError, which is no refusal: it is not known what became of the command.
+        RefusedError when link or control are lost meanwhile.
+        """
+        tries = AGAIN if name == "change_parameters" else 1
+        timeout = LATE_ANSWER if name in NOT_REPEATED else CALL_TIMEOUT
+        began, asked = time.monotonic(), 0
+        while True:
+            try:
+                return self._clients[name].call(request, timeout=timeout)
+            except NoAnswerError:
+                asked += 1
+                if asked == tries:
+                    raise
+            time.sleep(max(0.0, began + CALL_TIMEOUT * asked - time.monotonic()))
+            if reason := self._refusal(name):
+                raise RefusedError(reason)
+            self._permit(name, request.requester)
+
+    def _change_parameters(self, request: Any) -> Any:
+        """Names of the station here, all others at the vehicle; all or nothing."""
+        name = "change_parameters"
+        try:
+            self._permit(name, request.requester)
+            values = from_parameters(request.parameters)
+            own = {key: value for key, value in values.items() if key.startswith(PREFIX)}
+            self._store.check(own)
+            if any(authority_of(key) == SIMULATOR for key in values):
+                return self._change_simulator(request, values)
+        except (ParameterError, RefusedError) as error:
+            return _refused(name, str(error))
+        applied, revision = {}, self._store.revision
+        others = {key: value for key, value in values.items() if key not in own}
+        if others:
+            passed_on = new(
+                f"{SERVICES[name]}_Request",
+                request_id=request.request_id,
+                requester=request.requester,
+                parameters=to_parameters(others),
+            )
+            response = self._forward(name, passed_on)
+            if not response.accepted:
+                return response
+            applied, revision = from_parameters(response.applied), int(response.revision)
+        if own:
+            try:
+                mine, own_revision = self._store.change(own, request.requester)
+            except ParameterError as error:  # changed by somebody else since the check
+                return _refused(name, str(error))
+            applied = {**applied, **mine}
+            revision = revision if others else own_revision
+        return new(
+            f"{SERVICES[name]}_Response",
+            accepted=True,
+            applied=to_parameters(applied),
+            revision=revision,
+        )
+
+    def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
+        """Raises ParameterError, LinkError."""
+        others = [name for name in names if authority_of(name) != SIMULATOR]
+        if others:
+            raise ParameterError(
+                f"{others[0]} and parameters of the simulator cannot be changed in one step; "
+                "change them apart"
+            )
+        return self._simulator.call(request, timeout=CALL_TIMEOUT)
+
+    def _simulate(self, request: Any) -> Any:
+        """Pass on to the simulator. Raises LinkError, of a real vehicle UnreachableError."""
+        try:
+            self._permit("simulation", request.requester)
+            self._on_asked("simulation", request.requester)
+        except RefusedError as error:
+            return _refused("simulation", str(error))
+        return self._simulation.call(request, timeout=CALL_TIMEOUT)
+
+    def _start_or_stop(self, request: Any) -> Any:
+        try:
+            self._permit("record", request.requester)
+            run_id = self._record(bool(request.start), request.requester)
+        except (RefusedError, StorageError) as error:
+            return _refused("record", str(error))
+        return new(f"{SERVICES['record']}_Response", accepted=True, run_id=run_id)
+
+
+def _refused(name: str, reason: str) -> Any:
+    return new(f"{SERVICES[name]}_Response", accepted=False, reason=reason)

@@ -1,0 +1,133 @@
+"""The lease at the station: who may command now, asked for and told over the station's session.
+
+Serves `/<vehicle>/station/control`; publishes `control` at 2 Hz and on change; hears `presence`,
+the names of those who have a page open. Every command of the gateway passes `permit`.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from console.commands.lease import ControlLease
+from console.link.outbox import Outbox
+from quadrotor.errors import RefusedError, UsageError
+from vehicle_link.idempotent import Idempotent
+from vehicle_link.messages import decode, header, new
+from vehicle_link.node import Node, Received
+from vehicle_link.topics import SERVICES, TOPICS
+
+INFO = 20
+ANSWER = f"{SERVICES['control']}_Response"
+OWN = ("quadlab up",)
+"""Requesters of our own that end a flight, whoever has control; people's names have no spaces,
+or end in a number."""
+EVERY = 10  # beats between two messages without a change
+
+
+class ControlDesk:
+    """Thread-safe. Args: `clock`, s of a steady clock."""
+
+    def __init__(
+        self,
+        node: Node,
+        outbox: Outbox,
+        vehicle_ns: Callable[[], int],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._outbox = outbox
+        self._vehicle_ns = vehicle_ns
+        self._clock = clock
+        self._lease = ControlLease()
+        self._lock = threading.Lock()
+        self._told = ("", "")
+        node.serve("station/control", SERVICES["control"], Idempotent(self._answer))
+        presence = TOPICS["presence"]
+        node.subscribe(presence.name, presence.type_name, self._on_presence, qos=presence.qos)
+
+    def permit(self, command: str, requester: str) -> None:
+        """A command of this requester. Raises RefusedError when another has control.
+
+        Emergencies are everybody's, and nobody gets control by one.
+        """
+        if command == "emergency" or requester in OWN:
+            return
+        with self._lock:
+            self._lease.command(requester or "somebody", self._clock())
+        self._tell()
+
+    def steers(self, requester: str, enabled: bool) -> bool:
+        """Whether these sticks count; sticks that are let go ask for nothing.
+
+        Nobody's (a joystick at the base, through ROS 2) are of whoever has control.
+        """
+        if not requester:
+            return True
+        with self._lock:
+            now = self._clock()
+            if not self._lease.may_command(requester, now):
+                return False
+            if enabled:
+                self._lease.command(requester, now)
+        self._tell()
+        return True
+
+    def tick(self, count: int) -> None:
+        """Every 50 ms."""
+        with self._lock:
+            self._lease.expire(self._clock())
+        self._tell(count % EVERY == 0)
+
+    def _on_presence(self, received: Received) -> None:
+        names = decode(received.payload, TOPICS["presence"].type_name).names
+        with self._lock:
+            for name in names:
+                self._lease.present(str(name), self._clock())
+
+    def _answer(self, request: Any) -> Any:
+        try:
+            with self._lock:
+                self._do(request.action, request.requester or "somebody", self._clock())
+        except (RefusedError, UsageError) as error:
+            return new(ANSWER, accepted=False, reason=str(error))
+        finally:
+            self._tell()
+        return new(ANSWER, accepted=True)
+
+    def _do(self, action: str, who: str, now: float) -> None:
+        lease = self._lease
+        if action == "ask":
+            lease.ask(who, now)
+        elif action in ("give", "keep"):
+            lease.answer(who, action == "give", now)
+        elif action == "release":
+            lease.release(who, now)
+        elif action == "take":  # the page lets admins only; this session is the station's own
+            lease.take(who, now)
+        else:
+            raise UsageError(
+                f"{action!r} is no action; there are ask, give, keep, release and take"
+            )
+
+    def _tell(self, always: bool = False) -> None:
+        with self._lock:
+            view, told = self._lease.view(self._clock()), self._told
+            self._told = (view.holder, view.asking)
+        if self._told == told and not always:
+            return
+        if view.holder != told[0]:
+            self._outbox.say(INFO, f"{view.holder} has control" if view.holder else _FREE)
+        stamp_ns = self._vehicle_ns()
+        message = new(
+            "quadlab_msgs/ControlStatus",
+            header=header(stamp_ns),
+            holder=view.holder,
+            asking=view.asking,
+            answer_within=view.answer_within,
+        )
+        self._outbox.message("control", message, stamp_ns)
+
+
+_FREE = "nobody has control; the next command takes it"

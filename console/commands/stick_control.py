@@ -1,0 +1,143 @@
+"""The sticks at the station: whose they are, the watchdog's clock, and an answer to each message.
+
+Each message of `stick` is answered on `stick_status` with its own stamp, so that a page knows how
+long its sticks take to get here and whether they go on to the vehicle. Silence is noticed by a
+thread that sleeps until it is due: a beat of 20 Hz would add up to 50 ms to the 250.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+from console.commands.stick_watchdog import StickOrder, StickWatchdog
+from console.link.outbox import Outbox
+from vehicle_link import topics
+from vehicle_link.clock import monotonic
+from vehicle_link.messages import Message, decode, encode, header, new
+from vehicle_link.node import Received
+
+log = logging.getLogger(__name__)
+
+REPEAT = 0.05  # s between two messages of one drop
+EARLY = 0.01  # s, so that the drop is out, and not only due, when the silence has lasted
+JOY, STATUS = "sensor_msgs/Joy", "quadlab_msgs/StickStatus"
+
+
+class Pilots(Protocol):
+    """An experiment may fly; only what takes it over passes then."""
+
+    def passes(self, order: StickOrder) -> bool: ...
+
+
+class StickDesk:
+    """Thread-safe.
+
+    Args:
+        steers: (requester, whether their dead-man is held) → whether their sticks count.
+        pilots: who decides between a person and an experiment.
+        timeout: s of silence after which sticks are dropped, now.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        steers: Callable[[str, bool], bool],
+        pilots: Pilots,
+        timeout: Callable[[], float],
+    ) -> None:
+        self._outbox, self._steers, self._pilots = outbox, steers, pilots
+        self._timeout = timeout
+        self._watchdog = StickWatchdog()
+        self._changed = threading.Condition()
+        self._last = topics.Sticks(0, (0.0, 0.0, 0.0, 0.0), enabled=False)
+        self._closing = False
+        # Serialisers are written on first use, which takes up to 0.1 s.
+        decode(encode(new(JOY)), JOY)
+        encode(new(STATUS))
+        self._thread = threading.Thread(target=self._watch, name="sticks", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(1.0)
+
+    @property
+    def alarm(self) -> str | None:
+        """What is wrong with the sticks, until their button is released."""
+        with self._changed:
+            if not self._watchdog.dropped:
+                return None
+            whose = f" of {self._last.requester}" if self._last.requester else ""
+        return (
+            f"sticks{whose} dropped: silent for {self._timeout():g} s; "
+            "release the dead-man and press again"
+        )
+
+    def received(self, message: Received) -> None:
+        """One message of `stick`. Raises LinkError or MeasurementError when it makes no sense."""
+        timeout = self._timeout()
+        if message.received_ns - message.source_ns > timeout * 1e9:
+            return  # of a process that stood still; the watchdog has noticed
+        sticks = topics.decode_joy(message.payload)
+        if not self._steers(sticks.requester, sticks.enabled):
+            # What these sticks held is dropped by their silence, or at once when they let go.
+            if not sticks.enabled:
+                self._let_go(sticks, timeout)
+            self._answer(sticks, False, "another has control" if sticks.enabled else "")
+            return
+        with self._changed:
+            order = self._watchdog.feed(sticks.axes, sticks.enabled, monotonic(), timeout)
+            dropped, self._last = self._watchdog.dropped, sticks
+            self._changed.notify()
+        passes = self._pilots.passes(order)
+        if passes:
+            self._outbox.joy(order)
+        reason = ""
+        if sticks.enabled and dropped:
+            reason = "dropped by the station's watchdog"
+        elif sticks.enabled and not passes:
+            reason = "an experiment flies; deflect a stick to take over"
+        self._answer(sticks, order.enabled, reason)
+
+    def _let_go(self, sticks: topics.Sticks, timeout: float) -> None:
+        """Who lost control lets go: else a drop of these sticks would stay for ever."""
+        with self._changed:
+            if self._last.requester == sticks.requester:
+                self._watchdog.feed(sticks.axes, False, monotonic(), timeout)
+                self._changed.notify()
+
+    def _watch(self) -> None:
+        while not self._closing:
+            try:
+                self._watch_once()
+            except Exception:  # a defect of one drop must not end the watch over the next
+                log.exception("sticks")
+
+    def _watch_once(self) -> None:
+        with self._changed:
+            if self._closing:
+                return
+            now, timeout = monotonic() + EARLY, self._timeout()
+            order = self._watchdog.tick(now, timeout)
+            last, is_drop = self._last, self._watchdog.dropped
+            if order is None:
+                self._changed.wait(self._watchdog.due(now, timeout))
+                return
+        if self._pilots.passes(order):
+            self._outbox.joy(order)
+        if is_drop:
+            self._answer(last, False, f"silent for {timeout:g} s")
+        with self._changed:
+            self._changed.wait(REPEAT)
+
+    def _answer(self, sticks: topics.Sticks, enabled: bool, reason: str) -> None:
+        stamp_ns = sticks.stamp_ns
+        answer: Message = new(
+            STATUS, header=header(stamp_ns, sticks.requester), enabled=enabled, reason=reason
+        )
+        self._outbox.message("stick_status", answer, stamp_ns)

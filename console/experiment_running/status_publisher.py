@@ -1,0 +1,94 @@
+"""How the experiment stands, told to everybody: often while one runs, and on change."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from console.experiment_running import state as phases
+from console.experiment_running.state import ExperimentState, plain
+from console.experiments.readings import Progress
+from console.link.outbox import Outbox
+from quadrotor.errors import LinkError
+from vehicle_link.clock import monotonic
+
+log = logging.getLogger(__name__)
+
+OFTEN, SELDOM = 4, 20
+"""Beats (50 ms) between two statuses, while an experiment runs and otherwise."""
+SOON = 0.2
+"""s at least between two statuses sent for new instructions."""
+INFO, WARN = 20, 30
+
+
+class ExperimentBoard:
+    """Sends `experiment_status`; any thread may write, under `lock`.
+
+    Args:
+        vehicle_ns: the vehicle's clock.
+        manual: whether a person's sticks fly.
+    """
+
+    def __init__(
+        self, outbox: Outbox, vehicle_ns: Callable[[], int], manual: Callable[[], bool]
+    ) -> None:
+        self._outbox, self._vehicle_ns, self._manual = outbox, vehicle_ns, manual
+        self.lock = threading.RLock()
+        self._sending = threading.Lock()
+        self._sent = 0.0
+        self.state = ExperimentState()
+
+    def say(self, level: int, line: str) -> None:
+        self._outbox.say(level, line)
+
+    def set(self, **fields: Any) -> None:
+        """New values of the state's fields, sent when they are other ones."""
+        with self.lock:
+            changed = any(getattr(self.state, name) != value for name, value in fields.items())
+            for name, value in fields.items():
+                setattr(self.state, name, value)
+        if changed:
+            self.send()
+
+    def tell(self, progress: Progress) -> None:
+        """A new instruction is sent at once, its figures with the next status.
+
+        Raises TypeError or ValueError for what no message can carry.
+        """
+        told = plain(progress)
+        with self.lock:
+            before, self.state.progress = self.state.progress, told
+            is_late = monotonic() - self._sent > SOON
+        if is_late and (told.instruction, told.number) != (before.instruction, before.number):
+            self.send()
+
+    def end(self, phase: str, reason: str) -> None:
+        """It is over; said and sent."""
+        with self.lock:
+            state = self.state
+            state.phase, state.reason, state.step = phase, reason, ""
+            state.progress, state.question = phases.NOTHING_TOLD, ""
+            state.ended = monotonic()
+            name = state.name
+        level = INFO if phase == phases.PASSED else WARN
+        words = phase.replace("_", " ")
+        self.say(level, f"experiment {name}: {words}{': ' if reason else ''}{reason}")
+        self.send()
+
+    def tick(self, count: int) -> None:
+        """At each beat of the station."""
+        if count % (OFTEN if self.state.running else SELDOM) == 0:
+            self.send()
+
+    def send(self) -> None:
+        stamp_ns = self._vehicle_ns()
+        with self._sending:  # what is sent later is newer
+            with self.lock:
+                message = self.state.message(stamp_ns, self._manual())
+                self._sent = monotonic()
+            try:
+                self._outbox.message("experiment_status", message, stamp_ns)
+            except LinkError:
+                log.debug("the session is closed", exc_info=True)

@@ -1,0 +1,106 @@
+"""Asks who is at the other end whenever the link comes up, and says so when nobody answers."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from console.link.monitor import LinkMonitor
+from console.link.permission import OBSERVER
+from quadrotor.errors import LinkError
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.knock import WHY, Door, knock
+from vehicle_link.node import Node
+from vehicle_link.session import parse_endpoint
+from vehicle_link.whoami import WhoAmI
+
+log = logging.getLogger(__name__)
+
+LOOK = 0.25
+AGAIN = 5.0
+"""s between questions to a vehicle that has answered: another may have its address by now."""
+STRANGE = 3.0
+"""s for which a link stands without a word before we say why."""
+DOWN = 3.0
+"""s for which there is none before we say why."""
+
+
+class Introduction:
+    """In a thread of its own (`run`): an answer may take a second."""
+
+    def __init__(self, node: Node, vehicle: str, link: LinkMonitor) -> None:
+        self._vehicle, self._link = vehicle, link
+        self._whoami = WhoAmI(node)
+        self._due = self._down_since = self._knock_due = 0.0
+        self._door: Door | None = None
+
+    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Until `closing`; `guard` calls and survives what is called."""
+        while not closing.wait(LOOK):
+            guard(self.look)
+
+    def look(self) -> None:
+        """Once; does nothing while nothing is due."""
+        standing, now = self._link.standing, time.monotonic()
+        if not self._link.stands:
+            standing.gone()
+            self._due = 0.0
+            self._down_since = self._down_since or now
+            if now >= max(self._down_since + DOWN, self._knock_due):
+                self._knock_due = now + AGAIN
+                standing.unreachable = self._unreachable()
+                standing.stranger = ""
+            return
+        self._down_since, self._door = 0.0, None
+        standing.unreachable = ""
+        if now < self._due:
+            return
+        try:
+            standing.introduced(self._whoami.ask())
+            self._due = now + (AGAIN if standing.access != OBSERVER else STRANGE)
+        except LinkError:
+            log.debug("the vehicle did not say who it is", exc_info=True)
+            # With access a question was lost, and nothing is new.
+            if not standing.access and (found := self._stranger()) is not None:
+                standing.stranger = found
+
+    def _unreachable(self) -> str:
+        """Why there is no link, as far as our files and a packet without certificates can tell."""
+        radio = self._link.radio
+        if radio is None:
+            return ""
+        if reason := radio.problem():
+            return f"no link to {radio.address}: {reason}"
+        before, door = self._door, knock(*parse_endpoint(radio.address))
+        self._door = door
+        if door is Door.ANSWERS is not before:
+            return ""  # it may have come up this moment
+        return f"no link to {radio.address}: {WHY[door]}"
+
+    def _stranger(self) -> str | None:
+        """What is known of a vehicle that does not answer; None while it may still do."""
+        radio = self._link.radio
+        heard = self._link.state() is not LinkState.LOST
+        if radio is None or heard or self._whoami.is_there:
+            return ""  # it would understand; it is busy
+        if radio.connected_for < STRANGE:
+            return None
+        names = radio.names()
+        if names and self._vehicle not in names:
+            found = ", ".join(sorted(names))
+            return (
+                f"the vehicle at {radio.address} is called {found}, not {self._vehicle}: start it "
+                f"with --name {self._vehicle}, or enrol it as {found}"
+            )
+        if not names:
+            return (
+                f"the vehicle at {radio.address} shows nothing to this station: its certificate "
+                "may be of a vehicle (copy station.pem and station.key from the base), or its "
+                "quadlab is another version"
+            )
+        return (
+            f"the vehicle at {radio.address} does not understand who we are: it speaks another "
+            "version of quadlab (bring vehicle and station to the same one), or is still starting"
+        )

@@ -1,0 +1,125 @@
+"""The station's end of the lane to its vehicle, wired: what comes by it, and what goes.
+
+Telemetry is subscribed to over Zenoh only while the lane does not stand, so that it crosses the
+radio once. Heartbeats come both ways always: each says of its way whether it works. Poses,
+bearings and sticks, whoever on the base publishes them, and our heartbeats are sent by the lane as
+well as over Zenoh; the vehicle takes the first of both.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import partial
+
+from console.link.monitor import LinkMonitor
+from console.link.permission import OBSERVER
+from vehicle_link import topics
+from vehicle_link.access import LANE, PILOT_LANE
+from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
+from vehicle_link.lane.first_only import FirstOnly
+from vehicle_link.lane.station_lane import StationLane
+from vehicle_link.messages import Message, new
+from vehicle_link.node import Node, Publisher, Received
+from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.whoami import SHOWN_WITHIN
+
+DATAGRAM, QUIC = "datagram", "quic"
+BEAT = "station_heartbeat"
+TYPE = SERVICES[LANE]
+
+
+class LaneDoor:
+    """The asking side of the vehicle's service: at the pilots' door, unless that is hidden."""
+
+    def __init__(self, node: Node, instance: int) -> None:
+        self._pilot, self._observer = node.client(PILOT_LANE, TYPE), node.client(LANE, TYPE)
+        self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
+
+    def ask(self) -> Message:
+        """Raises LinkError."""
+        door = self._pilot if self._pilot.wait(SHOWN_WITHIN) else self._observer
+        return door.call(self._request)
+
+
+class LaneIn:
+    """One vehicle's.
+
+    Args:
+        node: of the station, in the vehicle's namespace.
+        host: of the vehicle, as it is dialled; empty for no lane at all.
+        telemetry, heartbeat: what hears of each message, once; never two at a time.
+        beats: publishes our heartbeats, which go by the lane too.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        host: str,
+        link: LinkMonitor,
+        telemetry: Callable[[Received], None],
+        heartbeat: Callable[[Received], None],
+        beats: Publisher,
+    ) -> None:
+        self._node, self._link = node, link
+        self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
+        self._first = FirstOnly()
+        self._one_at_a_time = {name: threading.Lock() for name in self._callbacks}
+        self._lane: StationLane | None = None
+        self._over_zenoh: Node | None = None
+        self._subscribe("vehicle_heartbeat", node)
+        self._stands(False)
+        if host:
+            door = LaneDoor(node, link.standing.instance)
+            self._lane = StationLane(host, door.ask, self._by_lane, self._stands)
+            beats.beside = partial(self._beat, self._lane)
+            for name in TO_VEHICLE:
+                if name not in (HELLO, BEAT):
+                    send = partial(self._send, self._lane, name)
+                    node.subscribe(name, TOPICS[name].type_name, send, direct=True)
+
+    def close(self) -> None:
+        if self._lane is not None:
+            self._lane.close()
+        if self._over_zenoh is not None:
+            self._over_zenoh.close()
+
+    def _subscribe(self, name: str, node: Node) -> None:
+        row = TOPICS[name]
+        node.subscribe(name, row.type_name, partial(self._by_zenoh, name), qos=row.qos)
+
+    def _stands(self, stands: bool) -> None:
+        """The lane does, or no longer."""
+        if stands and self._over_zenoh is not None:
+            self._over_zenoh.close()
+            self._over_zenoh = None
+        elif not stands and self._over_zenoh is None:
+            # A node of its own, because a node closes as a whole.
+            self._over_zenoh = Node(self._node.session, self._node.namespace, "station_telemetry")
+            self._subscribe("telemetry", self._over_zenoh)
+
+    @staticmethod
+    def _send(lane: StationLane, name: str, received: Received) -> None:
+        lane.put(name, received)
+
+    def _beat(self, lane: StationLane, received: Received) -> bool:
+        is_pilot = self._link.standing.access not in ("", OBSERVER)
+        return lane.put(BEAT, received, greets=is_pilot) and lane.stands
+
+    def _by_lane(self, name: str, received: Received) -> None:
+        self._link.came_beside()
+        self._heard(name, DATAGRAM, received)
+
+    def _by_zenoh(self, name: str, received: Received) -> None:
+        self._link.carried()
+        if name == "vehicle_heartbeat" and self._lane is not None:
+            self._lane.vehicle_is(topics.decode_heartbeat(received.payload).instance)
+        self._heard(name, QUIC, received)
+
+    def _heard(self, name: str, path: str, received: Received) -> None:
+        with self._one_at_a_time[name]:
+            if not self._first.is_first(name, received):
+                return
+            if name == "telemetry":
+                self._link.path = path
+            self._callbacks[name](received)

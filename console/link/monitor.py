@@ -1,0 +1,155 @@
+"""The link to the vehicle as the station sees it: state, clock offset, telemetry's quality."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from console.link.outages import Outages
+from console.link.permission import Standing
+from console.link.telemetry_quality import TelemetryWindow
+from vehicle_link.clock import monotonic, monotonic_ns, time_ns
+from vehicle_link.heartbeat import HeartbeatMonitor, LinkState
+from vehicle_link.messages import header, new
+from vehicle_link.radio import Radio
+from vehicle_link.time_sync import ClockOffset, Exchange
+from vehicle_link.topics import decode_heartbeat
+
+OLDEST_NS = 250_000_000
+"""Telemetry older than this is recorded but not shown."""
+
+
+class LinkMonitor:
+    """Fed from several threads; every method is a few assignments on plain objects.
+
+    Times named `station_ns` are time.time_ns of this process. What only lasts is measured on
+    `steady_ns`: the system's clock may be set while the vehicle flies.
+
+    Args:
+        vehicle: its name.
+        instance: of this station's process.
+    """
+
+    def __init__(
+        self, vehicle: str = "quad1", instance: int = 0, steady_ns: Callable[[], int] = monotonic_ns
+    ) -> None:
+        self.standing = Standing(vehicle, instance)
+        self.radio: Radio | None = None
+        """Set once it is dialled; a station in tests may have a session of its own instead."""
+        self.path = ""
+        """How telemetry came the last time: datagram or quic."""
+        self._carried: float | None = None
+        self._by_lane: float | None = None
+        self._heartbeats = HeartbeatMonitor()
+        self._clock = ClockOffset()
+        self._telemetry = TelemetryWindow()
+        self._steady_ns = steady_ns
+        self._started_ns = steady_ns()
+        self._outages = Outages(self._started_ns)
+
+    def carried(self) -> None:
+        """Something came from the vehicle over its Zenoh session."""
+        self._carried = monotonic()
+
+    def silent(self) -> float:
+        """s since the last thing that did; inf before the first."""
+        return math.inf if self._carried is None else monotonic() - self._carried
+
+    def came_beside(self) -> None:
+        """Something came from the vehicle beside its Zenoh session."""
+        self._by_lane = monotonic()
+
+    def beside(self) -> float:
+        """s since the last thing that did; inf before the first."""
+        return math.inf if self._by_lane is None else monotonic() - self._by_lane
+
+    def beat(self, payload: bytes) -> None:
+        """The vehicle's heartbeat came, by whichever way. Raises LinkError."""
+        self.standing.heartbeat(decode_heartbeat(payload), monotonic_ns())
+        self.alive()
+
+    def alive(self) -> None:
+        """The vehicle was heard just now."""
+        now_ns = self._steady_ns()
+        self._heartbeats.heard(now_ns)
+        self._outages.heard(now_ns)
+
+    def exchanged(self, exchange: Exchange) -> None:
+        """A time synchronisation was answered."""
+        self._clock.add(exchange)
+
+    def telemetry(
+        self, sequence: int, stamp_ns: int, station_ns: int, now_ns: int | None = None
+    ) -> bool:
+        """A packet with the vehicle's stamp of its newest sample came; True if it is to be shown.
+
+        It is not when a newer one came before, or when it is more than 250 ms old `now_ns`, which
+        is later than it came where it had to wait for a processor here.
+        """
+        newest = self._telemetry.feed(sequence, stamp_ns, station_ns, self._steady_ns())
+        now_ns = station_ns if now_ns is None else now_ns
+        fresh = now_ns - self._clock.to_client(stamp_ns) <= OLDEST_NS
+        if newest and fresh and self._clock.known:
+            self.alive()
+        return newest and (fresh or not self._clock.known)
+
+    @property
+    def stands(self) -> bool:
+        """Whether there is a link, heartbeats or not."""
+        if self.radio is not None:
+            return self.radio.connected
+        return self.state() is not LinkState.LOST
+
+    def problem(self) -> str:
+        """Why the vehicle is not commanded although the link stands."""
+        return self.standing.problem(monotonic_ns())
+
+    def refusal(self, command: str) -> str:
+        """Why this command is not sent to the vehicle; "" when it is."""
+        if command != "emergency" and self.state() is LinkState.LOST:
+            return "the link to the vehicle is lost; nothing was sent"
+        return self.standing.refusal(command, monotonic_ns())
+
+    def state(self) -> LinkState:
+        return self._heartbeats.state(self._steady_ns())
+
+    @property
+    def clock_known(self) -> bool:
+        return self._clock.known
+
+    def vehicle_ns(self) -> int:
+        """The vehicle's clock now; the station's own until it is known."""
+        return self._clock.to_server(time_ns())
+
+    def message(self, station_ns: int) -> Any:
+        """quadlab_msgs/LinkStatus."""
+        now_ns = self._steady_ns()
+        quality = self._telemetry.quality(now_ns)
+        outages = self._outages.figures(now_ns)
+        newest_ns = self._telemetry.newest_stamp_ns
+        # Before the first packet, for as long as we have waited for one.
+        age_ns = now_ns - self._started_ns
+        if newest_ns is not None:
+            age_ns = station_ns - self._clock.to_client(newest_ns)
+        return new(
+            "quadlab_msgs/LinkStatus",
+            header=header(self._clock.to_server(station_ns)),
+            state=str(self.state()),
+            round_trip=self._clock.round_trip_ns * 1e-9,
+            clock_offset=self._clock.offset_ns * 1e-9,
+            jitter=quality.jitter,
+            age=max(0, age_ns) * 1e-9,
+            loss=quality.loss,
+            telemetry_rate=quality.rate,
+            state_duration=self._outages.state_duration(now_ns),
+            outages=outages.count,
+            outage_last=outages.last,
+            outage_longest=outages.longest,
+            outage_total=outages.total,
+            address="" if self.radio is None else self.radio.address,
+            access=self.standing.access,
+            path=self.path if quality.rate else "",
+            problem=self.problem() or self.standing.unreachable,
+            reopened=0 if self.radio is None else self.radio.reopened,
+        )

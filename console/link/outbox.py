@@ -1,0 +1,150 @@
+"""Everything the station sends: published for vehicle and base, and recorded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from bearing_sim import BearingMeasurement, PoseMeasurement
+from console.commands.stick_watchdog import StickOrder
+from console.link.permission import Standing
+from console.link.telemetry_topics import ENCODERS
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import POSE_SAMPLE
+from vehicle_link import topics
+from vehicle_link.clock import time_ns
+from vehicle_link.messages import encode
+from vehicle_link.node import Node
+from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import SHARED
+
+RECORDED = (
+    "tracker_pose",
+    "bearings",
+    "joy",
+    "station_status",
+    "link_status",
+    "comparison",
+    "experiment_status",
+    "preflight",
+    "control",
+)
+"""As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
+
+LOOK = 0.2  # s
+STEERING = ("tracker_pose", "bearings", "joy")
+
+Record = Callable[[str, str, bytes, int, int], None]
+"""Topic, type name, payload, log_ns, publish_ns."""
+
+
+class Outbox:
+    """Publishers of the station; any thread may send.
+
+    Args:
+        vehicle: name, the namespace of the topics.
+        record: takes what is to be recorded.
+        vehicle_ns: the vehicle's clock, with which everything is stamped.
+        standing: whether the vehicle takes anything from us.
+        speaker: of lines for the terminal.
+
+    Attributes:
+        beats: publishes our heartbeats.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        vehicle: str,
+        record: Record,
+        vehicle_ns: Callable[[], int],
+        standing: Standing,
+        speaker: str = "station",
+    ) -> None:
+        self._speaker = speaker
+        self._node_name = node.full_name
+        self._vehicle = vehicle
+        self._record = record
+        self._vehicle_ns = vehicle_ns
+        self._standing = standing
+        names = (*RECORDED, *SHARED, "station_heartbeat", "stick_status", "marks", *ENCODERS)
+        self._heard: frozenset[str] = frozenset()
+        self._look_due = 0.0
+        self._publishers = {name: node.advertise(TOPICS[name]) for name in names}
+        self.beats = self._publishers["station_heartbeat"]
+
+    def put(self, name: str, payload: bytes, source_ns: int) -> None:
+        """Publish, and record what is recorded as it is sent. Raises LinkError when closed.
+
+        Poses, bearings and sticks are neither while the vehicle takes them from another.
+        """
+        if name in STEERING and not self._standing.speaks:
+            return
+        self._publishers[name].put(payload, source_ns)
+        if name in RECORDED:
+            topic, type_name = f"/{self._vehicle}/{name}", TOPICS[name].type_name
+            self._record(topic, type_name, payload, time_ns(), source_ns)
+
+    @property
+    def heard(self) -> frozenset[str]:
+        """The topics of expanded telemetry that somebody subscribes to, as of `LOOK` ago at most:
+        most of the time, of most vehicles, nobody does."""
+        now = time.monotonic()
+        if now >= self._look_due:
+            self._look_due = now + LOOK
+            self._heard = frozenset(filter(self.is_heard, ENCODERS))
+        return self._heard
+
+    def is_heard(self, name: str) -> bool:
+        """Whether anybody subscribes to it."""
+        return self._publishers[name].is_heard
+
+    def message(self, name: str, message: Any, stamp_ns: int) -> None:
+        """One that is not worth an encoder of its own."""
+        self.put(name, encode(message), stamp_ns)
+
+    def pose(self, pose: PoseMeasurement) -> None:
+        sample = np.zeros(1, POSE_SAMPLE)
+        sample["stamp_ns"], sample["position_w"], sample["quaternion_wb"] = pose
+        self.put("tracker_pose", topics.encode_poses(sample)[0], pose.stamp_ns)
+
+    def bearings(self, frame: BearingMeasurement) -> None:
+        payload = topics.encode_bearings(
+            frame.stamp_ns,
+            frame.beacon_ids.tolist(),
+            frame.bearings_b.tolist(),
+            frame.sigma,
+            self._vehicle,
+        )
+        self.put("bearings", payload, frame.stamp_ns)
+
+    def joy(self, order: StickOrder) -> None:
+        stamp_ns = self._vehicle_ns()
+        self.put("joy", topics.encode_joy(stamp_ns, order.axes, order.enabled), stamp_ns)
+
+    def heartbeat(self, count: int) -> None:
+        stamp_ns = self._vehicle_ns()
+        self.put(
+            "station_heartbeat",
+            topics.encode_heartbeat(count, stamp_ns, self._standing.instance),
+            stamp_ns,
+        )
+
+    def say(self, level: int, line: str) -> None:
+        """An event: one line for the terminal, the page and the log; rcl_interfaces/Log levels."""
+        print(f"{self._speaker}: {line}", flush=True)
+        stamp_ns = self._vehicle_ns()
+        self.put("events", topics.encode_event(stamp_ns, level, line, "station"), stamp_ns)
+
+    def parameter_changed(
+        self, name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
+    ) -> None:
+        """For our own log and page, and for ROS 2."""
+        stamp_ns = self._vehicle_ns()
+        change = topics.encode_parameter_change(stamp_ns, name, old, value, requester, revision)
+        self.put("parameter_changes", change, stamp_ns)
+        event = topics.encode_parameter_event(stamp_ns, self._node_name, {name: value})
+        self.put("parameter_events", event, stamp_ns)

@@ -1,0 +1,73 @@
+"""What the station asks the vehicle again and again: its clock, its parameters, its beacons, its
+calibrations."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from console.beacon_layout import BeaconLayout
+from console.calibrations import Calibrations
+from console.checks.alarms import AlarmBoard
+from console.link.monitor import LinkMonitor
+from console.parameters.history_writer import ParameterWitness
+from console.parameters.vehicle import VehicleParameters
+from console.runs.recorder import Recorder
+from quadrotor.errors import LinkError
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.node import Node
+from vehicle_link.time_sync import TIME_SYNC, exchange
+
+log = logging.getLogger(__name__)
+
+SLOW, EAGER = 1.0, 0.2
+"""s between questions to the vehicle; eager until its clock and its calibrations are known, which
+the next run is to carry."""
+
+
+class SlowQuestions:
+    """Asked in a thread of their own: an answer may take a second."""
+
+    def __init__(
+        self,
+        node: Node,
+        link: LinkMonitor,
+        recorder: Recorder,
+        parameters: VehicleParameters,
+        witness: ParameterWitness,
+        layout: BeaconLayout,
+        calibrations: Calibrations,
+        alarms: AlarmBoard,
+    ) -> None:
+        self._link, self._recorder, self._parameters = link, recorder, parameters
+        self._witness, self._layout, self._alarms = witness, layout, alarms
+        self._calibrations = calibrations
+        self._time_sync = node.client("time_sync", TIME_SYNC)
+
+    def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
+        """Until `closing`; `guard` calls and survives what is called."""
+        while not closing.wait(EAGER if self._is_eager else SLOW):
+            if self._link.state() is not LinkState.LOST:
+                guard(self._ask)
+            else:
+                self._calibrations.lost()
+
+    @property
+    def _is_eager(self) -> bool:
+        knows_all = bool(self._recorder.run_id) or not self._calibrations.is_due
+        return not (self._link.clock_known and knows_all)
+
+    def _ask(self) -> None:
+        try:
+            self._link.exchanged(exchange(self._time_sync))
+            if not self._recorder.run_id:
+                self._parameters.refresh()
+                if (present := self._parameters.present()) is not None:
+                    self._witness.look(*present)
+                self._calibrations.look(self._parameters.shown_revision)
+                self._parameters.learn_defaults()  # last: it takes the longest
+            self._alarms.set("beacons", self._layout.agree() or None)
+        except LinkError:
+            # The link's state on the page says it; asked again in a second.
+            log.debug("the vehicle did not answer", exc_info=True)

@@ -1,0 +1,69 @@
+"""How station and link stand: `station_status` and `link_status`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from console.checks.alarms import AlarmBoard
+from console.link.monitor import LinkMonitor
+from console.link.outbox import Outbox
+from console.runs.recorder import Recorder
+from console.tracker_feed import TrackerFeed
+from vehicle_link.clock import real_time_factor, time_ns
+from vehicle_link.heartbeat import LinkState
+from vehicle_link.messages import header, new
+
+TRACKER_SILENT = 1.0
+INFO, WARN = 20, 30
+
+
+class StatusSender:
+    """Of one thread. Args: `on_link` hears each LinkStatus that is sent."""
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        link: LinkMonitor,
+        tracker: TrackerFeed,
+        recorder: Recorder,
+        alarms: AlarmBoard,
+        on_link: Callable[[Any], None],
+    ) -> None:
+        self._outbox, self._link = outbox, link
+        self._tracker, self._recorder, self._alarms = tracker, recorder, alarms
+        self._on_link = on_link
+        self._said = LinkState.LOST
+
+    @property
+    def link_changed(self) -> bool:
+        """Whether the link's state is another than was said last."""
+        return self._link.state() is not self._said
+
+    def send(self) -> None:
+        """Both, and an event when the link's state is another than the last time."""
+        now_ns, stamp_ns = time_ns(), self._link.vehicle_ns()
+        state = self._link.state()
+        if state is not self._said:
+            self._said = state
+            self._outbox.say(INFO if state is LinkState.GOOD else WARN, f"link {state}")
+        silence = self._tracker.silence
+        lost = silence is not None and silence > TRACKER_SILENT
+        self._alarms.set("tracker", "tracker: the truth has stopped coming" if lost else None)
+        recorder = self._recorder.status()
+        status = new(
+            "quadlab_msgs/StationStatus",
+            header=header(stamp_ns),
+            recording=recorder.recording,
+            run_id=recorder.run_id,
+            recording_duration=recorder.duration,
+            recording_bytes=recorder.bytes,
+            free_bytes=recorder.free_bytes,
+            tracker_rate=self._tracker.rate,
+            real_time_factor=real_time_factor(),
+            alarms=self._alarms.lines(recorder.alarms),
+        )
+        self._outbox.message("station_status", status, stamp_ns)
+        link_status = self._link.message(now_ns)
+        self._on_link(link_status)
+        self._outbox.message("link_status", link_status, stamp_ns)

@@ -1,0 +1,104 @@
+"""What the station hears of its vehicle: each topic acted upon, then recorded as it came."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from console.checks.alarms import AlarmBoard
+from console.checks.observed import Observed
+from console.link.lane import LaneIn
+from console.link.monitor import LinkMonitor
+from console.runs.recorder import Recorder
+from quadrotor.errors import LinkError, MeasurementError
+from vehicle_link.node import Node, Publisher, Received
+from vehicle_link.topics import TOPICS
+from vehicle_link.topics.table import SHARED
+
+AS_IT_COMES = (
+    "status",
+    "estimator",
+    "battery",
+    "pressure",
+    "bearing_pose",
+    "truth",
+    "parameter_events",
+    "parameter_changes",
+    "events",
+    "bench_reading",
+)
+"""Recorded as received; our own parameter changes and events come this way too."""
+NEWEST = {"truth": 50}
+"""Of what is worthless when late, so many wait at most: a station held up for a moment, at its
+start for instance, would measure old poses for as long as it has no time to catch up."""
+
+Act = Callable[[Received], None]
+
+
+class Subscriptions:
+    """Each topic has a thread of its own (vehicle_link.node).
+
+    Args:
+        acts: by topic; may raise LinkError or MeasurementError for what makes no sense.
+        host: of the vehicle, for datagrams beside the link; empty for none.
+        beats: publishes our heartbeats.
+        closing: set when errors are no alarm any more.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        vehicle: str,
+        host: str,
+        link: LinkMonitor,
+        alarms: AlarmBoard,
+        observed: Observed,
+        recorder: Recorder,
+        acts: Mapping[str, Act],
+        beats: Publisher,
+        closing: threading.Event,
+    ) -> None:
+        self._vehicle = vehicle
+        self._link, self._alarms = link, alarms
+        self._observed, self._recorder = observed, recorder
+        self._closing = closing
+        callbacks = {
+            name: partial(self._received, name, acts.get(name)) for name in {*acts, *AS_IT_COMES}
+        }
+        self._lane = LaneIn(
+            node, host, link, callbacks.pop("telemetry"), callbacks.pop("vehicle_heartbeat"), beats
+        )
+        for name, callback in callbacks.items():
+            node.subscribe(
+                name,
+                TOPICS[name].type_name,
+                callback,
+                qos=TOPICS[name].qos,
+                newest=NEWEST.get(name, 0),
+            )
+
+    def close(self) -> None:
+        """The lane; the rest closes with its node."""
+        self._lane.close()
+
+    def _received(self, name: str, act: Act | None, received: Received) -> None:
+        """A message that makes no sense is an alarm until the next good one."""
+        if act is not None:
+            try:
+                act(received)
+                self._alarms.set(name, None)
+            except (LinkError, MeasurementError) as error:
+                if not self._closing.is_set():
+                    self._alarms.set(name, f"{name}: {error}")
+        if name in AS_IT_COMES:
+            if TOPICS[name].sender == "vehicle" and name not in SHARED:
+                self._link.carried()
+            self._observed.message(name, received.payload)
+            self._recorder.put(
+                f"/{self._vehicle}/{name}",
+                TOPICS[name].type_name,
+                received.payload,
+                received.received_ns,
+                received.source_ns,
+            )

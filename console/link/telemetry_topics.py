@@ -1,0 +1,42 @@
+"""One telemetry packet to the standard topics: every sample recorded, the last one published."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from console.runs.recorder import Message
+from quadrotor.records import Record
+from vehicle_link.topics import (
+    TOPICS,
+    encode_actuators,
+    encode_imus,
+    encode_references,
+    encode_states,
+)
+
+ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
+    "state": encode_states,
+    "reference": lambda ticks, vehicle: encode_references(ticks),
+    "imu": encode_imus,
+    "actuators": encode_actuators,
+}
+"""Topic → its payloads of TICK records, shape (N,)."""
+
+
+def expanded(
+    ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
+) -> dict[str, list[bytes]]:
+    """Payloads of each wanted topic, one for each of the TICK records, shape (N,)."""
+    return {topic: ENCODERS[topic](ticks, vehicle) for topic in wanted}
+
+
+def messages_of(
+    payloads: dict[str, list[bytes]], ticks: Record, vehicle: str, received_ns: int
+) -> list[Message]:
+    """What the recorder takes: received now, published at each sample's own stamp."""
+    stamps = ticks["imu"]["stamp_ns"].tolist()
+    return [
+        (f"/{vehicle}/{topic}", TOPICS[topic].type_name, payload, received_ns, stamp)
+        for topic, column in payloads.items()
+        for payload, stamp in zip(column, stamps, strict=True)
+    ]

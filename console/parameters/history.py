@@ -1,0 +1,246 @@
+"""Every change of every parameter, kept in the data folder's database: who, when, old, new, flight.
+
+The station writes (`console.parameters.history_writer`), the page reads. Values are kept as Python writes
+them, so that a text and a number are told apart.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from sqlalchemy import BigInteger, Engine, String, Text, UniqueConstraint, func, select
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+
+from quadrotor.errors import StorageError
+from quadrotor.parameters import ParameterValue
+
+
+class Base(DeclarativeBase):
+    """Of the tables here."""
+
+
+class ChangeRow(Base):
+    """One parameter's step from one value to the next; `id` is the order."""
+
+    __tablename__ = "parameter_changes"
+    __table_args__ = (
+        UniqueConstraint("vehicle", "name", "revision", "sent_ns"),
+        {"sqlite_autoincrement": True},
+    )
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    vehicle: Mapped[str] = mapped_column(String(60), index=True)
+    name: Mapped[str] = mapped_column(String(200), index=True)
+    old: Mapped[str] = mapped_column(Text)
+    new: Mapped[str] = mapped_column(Text)
+    requester: Mapped[str] = mapped_column(String(120))
+    stamp_ns: Mapped[int] = mapped_column(BigInteger)
+    sent_ns: Mapped[int] = mapped_column(BigInteger)
+    flight: Mapped[str] = mapped_column(String(120), index=True)
+    revision: Mapped[int] = mapped_column(BigInteger)
+
+
+class FlightRow(Base):
+    """From arming to disarming; `after` is the last change before it."""
+
+    __tablename__ = "parameter_flights"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    vehicle: Mapped[str] = mapped_column(String(60), index=True)
+    run: Mapped[str] = mapped_column(String(120))
+    start_ns: Mapped[int] = mapped_column(BigInteger)
+    end_ns: Mapped[int] = mapped_column(BigInteger, default=0)
+    after: Mapped[int] = mapped_column(default=0)
+
+
+class KnownRow(Base):
+    """The value that was heard last, so that a change nobody heard of is found later."""
+
+    __tablename__ = "parameter_known"
+
+    vehicle: Mapped[str] = mapped_column(String(60), primary_key=True)
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    value: Mapped[str] = mapped_column(Text)
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """One line of the history; `id` is 0 before it is written."""
+
+    name: str
+    old: ParameterValue
+    new: ParameterValue
+    requester: str
+    stamp_ns: int  # station's clock, at arrival
+    sent_ns: int  # clock of who changed it
+    flight: str  # run id, "" on the ground
+    revision: int  # of who changed it
+    id: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """The present flight or the last one, and what has changed since it began."""
+
+    run: str
+    start_ns: int
+    is_over: bool
+    values: dict[str, ParameterValue]  # at arming, of what has changed since
+
+
+class ParameterHistory:
+    """Safe to use from several threads and processes; every method may raise StorageError.
+
+    Args:
+        engine: of the catalogue's database.
+        vehicle: whose changes, its station's included.
+    """
+
+    def __init__(self, engine: Engine, vehicle: str) -> None:
+        self._vehicle = vehicle
+        self._sessions = sessionmaker(engine, expire_on_commit=False)
+        try:
+            try:
+                Base.metadata.create_all(engine)
+            except OperationalError:  # station and page start at once: it has just made them
+                Base.metadata.create_all(engine)
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+    # ------------------------------------------------------------------ read
+    def changes(
+        self, name: str = "", flight: str | None = None, limit: int = 200, before: int = 0
+    ) -> list[ParameterChange]:
+        """Newest first.
+
+        Args:
+            name: of one parameter. flight: a run id, "" for those on the ground, None for all.
+            before: only older ones than this id; 0 for all.
+        """
+        query = select(ChangeRow).where(ChangeRow.vehicle == self._vehicle)
+        if name:
+            query = query.where(ChangeRow.name == name)
+        if flight is not None:
+            query = query.where(ChangeRow.flight == flight)
+        if before:
+            query = query.where(ChangeRow.id < before)
+        with self._session() as session:
+            rows = session.scalars(query.order_by(ChangeRow.id.desc()).limit(limit))
+            return [_change(row) for row in rows]
+
+    def count(self) -> int:
+        with self._session() as session:
+            query = select(func.count()).where(ChangeRow.vehicle == self._vehicle)
+            return session.scalar(query.select_from(ChangeRow)) or 0
+
+    def flight(self) -> Flight | None:
+        """None before the first one."""
+        with self._session() as session:
+            row = self._last_flight(session)
+            if row is None:
+                return None
+            first = (
+                select(func.min(ChangeRow.id))
+                .where(ChangeRow.vehicle == self._vehicle, ChangeRow.id > row.after)
+                .group_by(ChangeRow.name)
+            )
+            rows = session.scalars(select(ChangeRow).where(ChangeRow.id.in_(first)))
+            values = {change.name: ast.literal_eval(change.old) for change in rows}
+            return Flight(row.run, row.start_ns, row.end_ns != 0, values)
+
+    def known(self) -> dict[str, ParameterValue]:
+        with self._session() as session:
+            rows = session.scalars(select(KnownRow).where(KnownRow.vehicle == self._vehicle))
+            return {row.name: ast.literal_eval(row.value) for row in rows}
+
+    # ------------------------------------------------------------------ write
+    def add(self, changes: Iterable[ParameterChange]) -> None:
+        """In this order; one that is there already is not added again."""
+        with self._session() as session:
+            for change in changes:
+                if self._is_there(session, change):
+                    continue
+                session.add(
+                    ChangeRow(
+                        vehicle=self._vehicle,
+                        name=change.name,
+                        old=repr(change.old),
+                        new=repr(change.new),
+                        requester=change.requester,
+                        stamp_ns=change.stamp_ns,
+                        sent_ns=change.sent_ns,
+                        flight=change.flight,
+                        revision=change.revision,
+                    )
+                )
+                session.flush()  # the order of the ids is that of the changes
+                self._know(session, {change.name: change.new})
+
+    def learn(self, values: Mapping[str, ParameterValue]) -> None:
+        """Values that are known without a change."""
+        with self._session() as session:
+            self._know(session, values)
+
+    def begin_flight(self, run: str, start_ns: int) -> None:
+        with self._session() as session:
+            newest = session.scalar(select(func.max(ChangeRow.id))) or 0
+            session.add(FlightRow(vehicle=self._vehicle, run=run, start_ns=start_ns, after=newest))
+
+    def end_flight(self, end_ns: int) -> None:
+        """Nothing when none is under way."""
+        with self._session() as session:
+            row = self._last_flight(session)
+            if row is not None and row.end_ns == 0:
+                row.end_ns = end_ns
+
+    # ------------------------------------------------------------------ parts
+    def _last_flight(self, session: Session) -> FlightRow | None:
+        query = select(FlightRow).where(FlightRow.vehicle == self._vehicle)
+        return session.scalars(query.order_by(FlightRow.id.desc()).limit(1)).first()
+
+    def _is_there(self, session: Session, change: ParameterChange) -> bool:
+        query = select(ChangeRow.id).where(
+            ChangeRow.vehicle == self._vehicle,
+            ChangeRow.name == change.name,
+            ChangeRow.revision == change.revision,
+            ChangeRow.sent_ns == change.sent_ns,
+        )
+        return session.scalar(query) is not None
+
+    def _know(self, session: Session, values: Mapping[str, ParameterValue]) -> None:
+        for name, value in values.items():
+            session.merge(KnownRow(vehicle=self._vehicle, name=name, value=repr(value)))
+
+    @contextmanager
+    def _session(self) -> Iterator[Session]:
+        """One transaction; what the database cannot do is a StorageError."""
+        try:
+            with self._sessions.begin() as session:
+                yield session
+        except SQLAlchemyError as error:
+            raise _storage_error(error) from error
+
+
+def _change(row: ChangeRow) -> ParameterChange:
+    return ParameterChange(
+        id=row.id,
+        name=row.name,
+        old=ast.literal_eval(row.old),
+        new=ast.literal_eval(row.new),
+        requester=row.requester,
+        stamp_ns=row.stamp_ns,
+        sent_ns=row.sent_ns,
+        flight=row.flight,
+        revision=row.revision,
+    )
+
+
+def _storage_error(error: SQLAlchemyError) -> StorageError:
+    reason = str(getattr(error, "orig", None) or error).splitlines()[0]
+    return StorageError(
+        f"the history of parameters cannot be used ({reason}); the changes act nevertheless"
+    )

@@ -1,0 +1,203 @@
+"""Writes the history of parameters from what the station hears.
+
+Whoever changes a parameter (page, ROS 2, experiment, the vehicle itself), its authority tells it
+on `parameter_changes`. What was not heard, because the link or this process was away, shows as
+another value than the last known one, and is written as that.
+"""
+
+from __future__ import annotations
+
+import ast
+import logging
+import queue
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from console.parameters.history import ParameterChange, ParameterHistory
+from quadrotor.errors import MeasurementError, StorageError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.clock import time_ns
+from vehicle_link.parameter_authority import VEHICLE, authority_of
+
+log = logging.getLogger(__name__)
+
+AT_START = "(start of vehicle or station)"
+AT_RESTART = "(the vehicle started anew)"
+NOT_HEARD = "(not heard: the link was away)"
+"""Who changed it, where nobody said."""
+UNRECORDED = "not recorded"
+CLOSE_PATIENCE = 3.0
+RETRY = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Begin:
+    run: str
+    stamp_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    stamp_ns: int
+
+
+_Item = ParameterChange | _Begin | _End | dict[str, ParameterValue] | None
+
+
+class ParameterWitness:
+    """Any thread may tell it; one of its own writes, for the disk may be slow.
+
+    Args:
+        alarm: told why nothing can be written, and None when it can again.
+    """
+
+    def __init__(self, history: ParameterHistory, alarm: Callable[[str | None], None]) -> None:
+        self._history = history
+        self._alarm = alarm
+        self._lock = threading.Lock()
+        self._known = history.known()
+        self._heard: int | None = None  # revision of the vehicle's last change
+        self._suspect: tuple[int, int | None] | None = None
+        self._has_looked = False
+        self._flight = ""
+        self._is_armed: bool | None = None
+        last = history.flight()
+        self._is_open = last is not None and not last.is_over
+        self._queue: queue.SimpleQueue[_Item] = queue.SimpleQueue()
+        self._idle = threading.Event()
+        self._idle.set()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._write, name="parameter history", daemon=True)
+        self._thread.start()
+
+    def changed(self, change: Any, received_ns: int) -> None:
+        """A quadlab_msgs/ParameterChange. Raises MeasurementError for one without values."""
+        stamp = change.header.stamp
+        try:
+            old, new = ast.literal_eval(change.old_value), ast.literal_eval(change.new_value)
+        except (ValueError, SyntaxError):
+            raise MeasurementError(
+                f"{change.name} from {change.old_value!r} to {change.new_value!r}: not values"
+            ) from None
+        with self._lock:
+            if authority_of(str(change.name)) == VEHICLE:
+                self._heard = int(change.revision)
+            self._known[str(change.name)] = new
+            if old != new:
+                self._put(
+                    ParameterChange(
+                        name=str(change.name),
+                        old=old,
+                        new=new,
+                        requester=str(change.requester),
+                        stamp_ns=received_ns,
+                        flight=self._flight,
+                        revision=int(change.revision),
+                        sent_ns=int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec),
+                    )
+                )
+
+    def status(self, armed: bool, run: str) -> None:
+        """Each status of the vehicle; a flight lasts from arming to disarming."""
+        with self._lock:
+            was, self._is_armed = self._is_armed, armed
+            if armed:
+                self._flight = run or self._flight or UNRECORDED
+            if armed == was:
+                return
+            if not armed:
+                self._flight = ""
+                self._put(_End(time_ns()))
+            elif not (was is None and self._is_open):  # the station died in flight and came back
+                self._put(_Begin(self._flight, time_ns()))
+
+    def look(self, values: Mapping[str, ParameterValue], revision: int) -> None:
+        """The vehicle's values as read at `revision`; to be told once a second.
+
+        Another revision than that of the last change heard, twice in a row, was not heard of.
+        """
+        with self._lock:
+            if not self._has_looked:
+                self._has_looked = True
+                self._adopt(values, revision, AT_START)
+            elif revision == self._heard:
+                self._suspect = None
+            elif self._suspect != (revision, self._heard):
+                self._suspect = (revision, self._heard)
+            else:
+                is_lower = self._heard is not None and revision < self._heard
+                why = AT_RESTART if is_lower else NOT_HEARD
+                self._adopt(values, revision, why)
+
+    def begin(self, values: Mapping[str, ParameterValue]) -> None:
+        """The station's own values at its start."""
+        with self._lock:
+            heard = self._heard
+            self._adopt(values, 0, AT_START)
+            self._heard = heard
+
+    def wait_idle(self, bound: float) -> bool:
+        """Whether all that was told is written."""
+        return self._idle.wait(bound)
+
+    def close(self) -> None:
+        self._closing.set()
+        self._queue.put(None)
+        self._thread.join(CLOSE_PATIENCE)
+
+    def _adopt(self, values: Mapping[str, ParameterValue], revision: int, why: str) -> None:
+        now_ns = time_ns()
+        unknown = {name: value for name, value in values.items() if name not in self._known}
+        if unknown:
+            self._put(unknown)
+        for name, value in values.items():
+            if name not in unknown and self._known[name] != value:
+                self._put(
+                    ParameterChange(
+                        name=name,
+                        old=self._known[name],
+                        new=value,
+                        requester=why,
+                        stamp_ns=now_ns,
+                        sent_ns=now_ns,
+                        flight=self._flight,
+                        revision=revision,
+                    )
+                )
+        self._known.update(values)
+        self._heard, self._suspect = revision, None
+
+    def _put(self, item: _Item) -> None:
+        self._idle.clear()
+        self._queue.put(item)
+
+    # ------------------------------------------------------------------ the writer's thread
+    def _write(self) -> None:
+        while (item := self._queue.get()) is not None:
+            self._write_one(item)
+            with self._lock:
+                if self._queue.empty():
+                    self._idle.set()
+
+    def _write_one(self, item: _Item) -> None:
+        """Tried until it works: a full disk or a busy database leaves no hole."""
+        while True:
+            try:
+                if isinstance(item, ParameterChange):
+                    self._history.add([item])
+                elif isinstance(item, _Begin):
+                    self._history.begin_flight(item.run, item.stamp_ns)
+                elif isinstance(item, _End):
+                    self._history.end_flight(item.stamp_ns)
+                elif item is not None:
+                    self._history.learn(item)
+            except StorageError as error:
+                self._alarm(str(error))
+                if self._closing.wait(RETRY):
+                    log.error("a change of a parameter was not written: %s", item)
+                    return
+            else:
+                self._alarm(None)
+                return

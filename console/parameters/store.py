@@ -1,0 +1,85 @@
+"""The station's own parameters behind one lock, with everybody told of each change."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+
+from console.parameters.station import StationParameters, StationTree
+from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
+
+PREFIX = "station."
+
+BeforeChange = Callable[[Mapping[str, ParameterValue], str], None]
+"""Values and requester; raises ParameterError to refuse them."""
+
+OnChange = Callable[[str, ParameterValue, ParameterValue, str, int], None]
+"""Name, old value, new value, requester, revision."""
+
+
+class StationStore:
+    """The backend of the station's parameter services; thread-safe.
+
+    Args:
+        on_change: called once for each value that really changed, in the order of the revisions;
+            it may read here but not change.
+
+    Attributes:
+        before_change: has a say in sound values before they are applied; outside any lock.
+    """
+
+    def __init__(self, on_change: OnChange = lambda *_: None) -> None:
+        self._tree = StationTree(
+            station=StationParameters().model_copy(deep=True)  # never the class's defaults
+        )
+        self._store = ParameterStore(self._tree)
+        self._lock = threading.Lock()
+        self._telling = threading.Lock()
+        self.before_change: BeforeChange = lambda *_: None
+        self.on_change = on_change
+
+    @property
+    def parameters(self) -> StationParameters:
+        """The live objects, read by whoever uses them; only `change` writes."""
+        return self._tree.station
+
+    @property
+    def revision(self) -> int:
+        return self._store.revision
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return self._store.descriptions()
+
+    def values(self) -> dict[str, ParameterValue]:
+        return self._store.values()
+
+    def check(self, values: Mapping[str, object]) -> None:
+        """Raises ParameterError when `change` would, but for `before_change`."""
+        self._checked(values)
+
+    def preset(self, values: Mapping[str, object]) -> None:
+        """Before the start, from the command line. Raises ParameterError."""
+        self._store.preset(values)
+
+    def change(
+        self, values: Mapping[str, object], requester: str
+    ) -> tuple[dict[str, ParameterValue], int]:
+        """(applied values, revision); all or nothing. Raises ParameterError."""
+        self.before_change(self._checked(values), requester)
+        with self._telling:
+            with self._lock:
+                before = self._store.values()
+                applied = self._store.set(values)
+                revision = self._store.revision
+            for name, value in applied.items():
+                if value != before[name]:
+                    self.on_change(name, before[name], value, requester, revision)
+        return applied, revision
+
+    def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        """As they would be applied. Raises ParameterError.
+
+        Tried on a copy: texts such as the beacons' layout are checked where they are assigned,
+        and of several values none may stay when one is refused.
+        """
+        return ParameterStore(self._tree.model_copy(deep=True)).set(values)

@@ -1,0 +1,122 @@
+"""Bring catalogue and runs folder together: torn logs are closed, unknown ones entered."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+
+from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry
+from console.runs.log_marks import keep_marks_of_log
+from console.runs.trash import finish_moves, is_deleted, is_in_trash
+from quadrotor.errors import LogFormatError, StorageError
+from vehicle_link.log import is_closed, recover, summarize
+from vehicle_link.log.file import is_being_written
+
+
+def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
+    """Look at every file and every row once; returns one line for each thing mended or wrong.
+
+    Files being written, in whatever process, and runs named in `skip` are left alone.
+    Raises StorageError when folder or catalogue cannot be used at all.
+    """
+    lines = finish_moves(catalogue)
+    known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
+    try:
+        paths = sorted(catalogue.folder.glob(f"*{SUFFIX}"))
+    except OSError as error:
+        raise StorageError(f"cannot list {catalogue.folder}: {error.strerror}") from error
+    for path in paths:
+        if path.stem not in skip:
+            lines += _tidy_file(catalogue, path, known.pop(path.stem, None))
+        else:
+            known.pop(path.stem, None)
+    for entry in known.values():
+        if entry.id not in skip and _is_gone(catalogue, entry):
+            catalogue.update(entry.id, complete=False, problem="the file is gone")
+            if entry.problem != "the file is gone":
+                lines.append(f"run {entry.id}: the file is gone")
+    return lines
+
+
+def _is_gone(catalogue: Catalogue, entry: RunEntry) -> bool:
+    """Neither there nor in the trash, where a deletion under way has put it."""
+    log = catalogue.folder / entry.file
+    # Looked at twice: it may be put back between the two looks.
+    return not (log.exists() or is_in_trash(catalogue, entry.file) or log.exists())
+
+
+def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list[str]:
+    if entry is None and is_deleted(catalogue, path.stem):
+        return []  # it is being put back
+    try:
+        closed = is_closed(path)
+        if (closed and entry is not None and entry.complete) or is_being_written(path):
+            return []
+        recovery = recover(path)  # also of a closed one whose index is damaged
+        _enter(catalogue, path, entry)
+    except (LogFormatError, StorageError) as error:
+        if not path.exists():
+            return []  # it was deleted under our eyes
+        catalogue.add(_unreadable(path, entry, str(error)))
+        return [f"run {path.stem}: {error}"]
+    if not recovery.torn:
+        return [f"run {path.stem}: entered in the catalogue"]
+    return [
+        f"run {path.stem}: recovered {recovery.messages} messages of a recording that was cut off"
+        + (f"; as it was, it is kept as {recovery.kept.name}" if recovery.kept else "")
+    ]
+
+
+def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> None:
+    catalogue.add(described(path, entry))
+    keep_marks_of_log(catalogue, path, path.stem)
+
+
+def described(path: Path, entry: RunEntry | None) -> RunEntry:
+    """The catalogue's line of a closed file, from the file itself.
+
+    Raises LogFormatError or StorageError.
+    """
+    summary = summarize(path)
+    return RunEntry(
+        id=path.stem,
+        vehicle=summary.run.get("vehicle", entry.vehicle if entry else ""),
+        start_ns=entry.start_ns if entry else summary.start_ns,
+        duration=summary.duration,
+        file=path.name,
+        bytes=summary.bytes,
+        messages=summary.message_count,
+        operator=summary.run.get("operator", ""),
+        complete=summary.closed,
+        recovered=summary.recovered,
+        problem="",
+        notes=entry.notes if entry else "",
+    )
+
+
+def enter_again(catalogue: Catalogue, path: Path) -> None:
+    """A run whose file was filled: its new size and count; what else is known of it stays.
+
+    Raises LogFormatError or StorageError.
+    """
+    entry = catalogue.get(path.stem)
+    found = described(path, entry)
+    catalogue.add(replace(found, problem=entry.problem, operator=entry.operator))
+
+
+def _unreadable(path: Path, entry: RunEntry | None, problem: str) -> RunEntry:
+    return RunEntry(
+        id=path.stem,
+        vehicle=entry.vehicle if entry else "",
+        start_ns=entry.start_ns if entry else 0,
+        duration=0.0,
+        file=path.name,
+        bytes=path.stat().st_size if path.exists() else 0,
+        messages=0,
+        operator=entry.operator if entry else "",
+        complete=False,
+        recovered=False,
+        problem=problem,
+        notes=entry.notes if entry else "",
+    )

@@ -1,0 +1,66 @@
+"""The file of the run that is being recorded."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from console.runs.run import AGAIN_SPARE, Run, RunEnd
+from quadrotor.errors import StorageError
+from vehicle_link.clock import monotonic
+from vehicle_link.log import LogWriter
+
+CHUNK_AGE_NS = 20_000_000
+"""A message waits for the recorder's thread (10 ms), then for its chunk to be closed: with both, a
+killed process loses some 30 ms."""
+
+
+class RunFile:
+    """Of one thread, but `sync`. The attachments are asked for here and may wait.
+
+    Raises StorageError.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.writer = LogWriter(
+            run.path, run.metadata, run.attachments(), chunk_age_ns=CHUNK_AGE_NS
+        )
+        self.synced, self._since = time.monotonic(), monotonic()
+        self.sync_problem: StorageError | None = None
+
+    def sync(self) -> None:
+        """In a thread beside: a disk under load may take a second. `sync_problem` tells more."""
+        try:
+            self.writer.sync()
+        except StorageError as error:
+            self.sync_problem = error
+
+    def problem(self, folder: Path, free: int) -> StorageError | None:
+        """Why it must not go on, with `free` bytes on the disk of `folder`."""
+        if not self.writer.is_in_place():
+            return StorageError(f"{self.run.path} was removed or its folder has vanished")
+        if free < self.run.keep_free:
+            return StorageError(
+                f"only {free // 10**6} MB are free in {folder}, "
+                f"{self.run.keep_free // 10**6} MB are kept; delete or move runs: while armed, "
+                f"the next begins with {(self.run.keep_free + AGAIN_SPARE) // 10**6} MB"
+            )
+        return None
+
+    def close(self) -> bool:
+        """Whether it has its index and is still where it was begun. Raises StorageError."""
+        in_place = self.writer.is_in_place()
+        return self.writer.close() and in_place
+
+    def end(self, *, dropped: int, closed: bool, problem: str) -> RunEnd:
+        """How it ended."""
+        return RunEnd(
+            run=self.run,
+            duration=monotonic() - self._since,
+            bytes=self.writer.size,
+            messages=self.writer.message_count,
+            dropped=dropped,
+            closed=closed,
+            problem=problem,
+        )

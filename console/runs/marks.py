@@ -1,0 +1,131 @@
+"""Event marks: the service `mark`, the topic `marks` in the log, and the catalogue's copy.
+
+A mark is made at once, at the time of the key press; its text may follow in a second message with
+the same id. Whoever may operate may mark: it commands nothing, so it asks for no lease.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from dataclasses import replace
+from typing import Any, Protocol
+
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.marks import LONGEST, OLDEST, Mark, find_mark, keep_mark
+from console.link.outbox import Outbox
+from console.runs.run import RecorderStatus
+from quadrotor.errors import QuadlabError, RefusedError
+from vehicle_link.clock import time_ns
+from vehicle_link.idempotent import Idempotent
+from vehicle_link.messages import encode, header, new
+from vehicle_link.node import Node
+from vehicle_link.topics import SERVICES, TOPICS
+
+INFO = 20
+ID = re.compile(r"[A-Za-z0-9_-]{8,64}")
+
+
+class Clock(Protocol):
+    def vehicle_ns(self) -> int: ...
+
+
+class Recording(Protocol):
+    def status(self) -> RecorderStatus: ...
+
+    def put(
+        self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int
+    ) -> None: ...
+
+
+class MarkService:
+    """Serves `/<vehicle>/station/mark` on a thread of its own.
+
+    Args:
+        clock: the vehicle's, now (the link's).
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        vehicle: str,
+        catalogue: Catalogue,
+        recorder: Recording,
+        outbox: Outbox,
+        clock: Clock,
+    ) -> None:
+        self._vehicle = vehicle
+        self._catalogue = catalogue
+        self._recorder = recorder
+        self._outbox = outbox
+        self._clock = clock
+        self._lock = threading.Lock()
+        node.serve("station/mark", SERVICES["mark"], Idempotent(self._answer))
+
+    def _answer(self, request: Any) -> Any:
+        kind = f"{SERVICES['mark']}_Response"
+        try:
+            with self._lock:
+                mark, logged = self._take(request)
+        except QuadlabError as error:
+            return new(kind, accepted=False, reason=str(error))
+        return new(kind, accepted=True, run_id=mark.run_id, time=mark.time, logged=logged)
+
+    def _take(self, request: Any) -> tuple[Mark, bool]:
+        text = " ".join(request.text.split())
+        if not ID.fullmatch(request.id):
+            raise RefusedError(
+                f"mark: {request.id!r:.80} is no id; allowed are 8 to 64 of A-Za-z0-9_-"
+            )
+        if len(text) > LONGEST:
+            raise RefusedError(f"mark: the text has {len(text)} characters; allowed are {LONGEST}")
+        known = find_mark(self._catalogue, request.id)
+        recorder = self._recorder.status()
+        if known is None:
+            mark = self._new(request, text, recorder)
+        elif text == known.text:
+            return known, True
+        else:
+            mark = replace(known, text=text)
+        is_logged = recorder.recording and recorder.run_id == mark.run_id
+        message = new(
+            "quadlab_msgs/Mark",
+            header=header(mark.stamp_ns),
+            id=mark.id,
+            run_id=mark.run_id,
+            time=mark.time,
+            text=mark.text,
+            requester=request.requester,
+        )
+        payload, now_ns = encode(message), time_ns()
+        if is_logged:  # of a run that has ended only the pages hear
+            kind = TOPICS["marks"].type_name
+            self._recorder.put(f"/{self._vehicle}/marks", kind, payload, now_ns, mark.stamp_ns)
+        self._outbox.put("marks", payload, mark.stamp_ns)
+        keep_mark(self._catalogue, mark)
+        said = f": {text}" if text else ""
+        self._outbox.say(INFO, f"mark at {mark.time:.1f} s of the run by {request.requester}{said}")
+        return mark, is_logged
+
+    def _new(self, request: Any, text: str, recorder: RecorderStatus) -> Mark:
+        if not request.pressed_ns:
+            raise RefusedError(f"no mark has the id {request.id}; mark first, then give the text")
+        if not recorder.recording:
+            raise RefusedError(
+                "nothing is being recorded, so there is no log to mark; press Record first"
+            )
+        ago = (time.time_ns() - int(request.pressed_ns)) * 1e-9
+        if not -0.5 <= ago <= OLDEST:
+            raise RefusedError(
+                f"mark: pressed {ago:.1f} s ago by this clock; allowed are {OLDEST:g} s at most"
+            )
+        ago = min(max(ago, 0.0), recorder.duration)
+        return Mark(
+            run_id=recorder.run_id,
+            id=request.id,
+            stamp_ns=self._clock.vehicle_ns() - round(ago * 1e9),
+            time=recorder.duration - ago,
+            text=text,
+            requester=request.requester,
+        )

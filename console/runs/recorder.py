@@ -1,0 +1,322 @@
+"""The recorder: a bounded queue and one thread that owns the run's file.
+
+Whoever puts a message never waits for the disk. What does not fit is counted and said; a full
+disk, a vanished folder or a failing file ends the run with an alarm, never the station.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from console.runs.disk import check_folder, free_bytes, make_again, try_disk
+from console.runs.disk_worker import DiskChores
+from console.runs.file import RunFile
+from console.runs.run import AGAIN_SPARE, RecorderStatus, Run, RunEnd
+from quadrotor.errors import QuadlabError, StorageError
+from vehicle_link.clock import monotonic
+
+log = logging.getLogger(__name__)
+
+QUEUE_LIMIT = 20_000
+"""Messages: 10 s at the full rate, some 15 MB."""
+
+PERIOD = 0.01
+SYNC_PERIOD = 0.25
+WATCH_PERIOD = 1.0
+AGAIN_PERIOD = 3.0
+"""s between questions whether a run that the disk ended may have a next one."""
+
+Message = tuple[str, str, bytes, int, int]
+"""Topic, type name, CDR payload, log_ns, publish_ns."""
+
+
+class Recorder:
+    """Start, put, stop from any thread.
+
+    Args:
+        folder: where runs are written; watched also while nothing is recorded.
+        on_start, on_end: called in a thread beside the recorder's (catalogue), for a commit may
+            take a second; StorageError becomes an alarm.
+        on_again: called in that thread some seconds after the disk ended a run, or kept one from
+            beginning, and again until one begins: whether one is to begin.
+        on_watch: asked once a second; what is wrong with all that is kept, "" for nothing.
+        queue_limit: messages that may wait for the disk.
+
+    Attributes:
+        period: s between two writes.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        on_start: Callable[[Run], None] = lambda run: None,
+        on_end: Callable[[RunEnd], None] = lambda end: None,
+        queue_limit: int = QUEUE_LIMIT,
+        on_again: Callable[[], None] = lambda: None,
+        on_watch: Callable[[], str] = lambda: "",
+    ) -> None:
+        self._folder = folder
+        self._on_start, self._on_end, self._on_again = on_start, on_end, on_again
+        self._on_watch = on_watch
+        self._limit = queue_limit
+        self._queue: deque[Message | Run | None] = deque()  # None: stop
+        self._wake = threading.Event()
+        self._idle = threading.Event()
+        self._idle.set()
+        self._closing = False
+        self._wanted: Run | None = None
+        self._open: RunFile | None = None
+        self._since = 0.0
+        self._bytes = 0
+        self._dropped: Counter[str] = Counter()  # by run
+        self._free = 0
+        self._alarms: dict[str, str] = {}
+        self._is_owed = False  # the disk ended a run, and none began since
+        self._asked = 0.0
+        self._lock = threading.Lock()
+        self._chores = DiskChores("recorder-chores", self._rest)
+        self.period = PERIOD
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    @property
+    def run_id(self) -> str:
+        """Of the run being recorded, or empty."""
+        run = self._wanted
+        return run.run_id if run else ""
+
+    def start(self, run: Run, *, again: bool = False) -> None:
+        """Begin; messages put from now on belong to the run.
+
+        Args:
+            again: after the disk ended one. Wants AGAIN_SPARE more room and a disk that takes a
+                file; until then the alarm of that end stays as it is.
+
+        Raises StorageError when a run is being recorded, the folder is not writable or the disk
+        is too full.
+        """
+        try:
+            # Not within the lock: a disk that does not answer must not hold up `stop`.
+            check_folder(run.path.parent, run.keep_free + again * AGAIN_SPARE)
+            if again:
+                try_disk(run.path.parent)
+        except StorageError as error:
+            if not again:
+                self._alarms["run"] = str(error)
+                self._is_owed = True
+            raise
+        with self._lock:
+            if self._wanted is not None:
+                raise StorageError(f"run {self._wanted.run_id} is being recorded; stop it first")
+            if self._closing or not self._thread.is_alive():
+                raise StorageError("the recorder has stopped; start the station again")
+            self._alarms.pop("run", None)
+            self._alarms.pop("dropped", None)
+            self._is_owed = False
+            self._idle.clear()
+            self._bytes = 0
+            self._since = monotonic()
+            self._queue.append(run)
+            self._wanted = run
+        self._wake.set()
+
+    def put(self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int) -> None:
+        """One message; forgotten when nothing is recorded. Never waits."""
+        self.put_all(((topic, type_name, payload, log_ns, publish_ns),))
+
+    def put_all(self, messages: Sequence[Message]) -> None:
+        """As `put`, for several."""
+        if self._wanted is None:
+            return
+        if len(self._queue) + len(messages) > self._limit:
+            run_id = self.run_id
+            self._dropped[run_id] += len(messages)
+            self._alarms["dropped"] = (
+                f"recorder: {self._dropped[run_id]} messages of run {run_id} were dropped; "
+                "the disk is slower than the data"
+            )
+            return
+        self._queue.extend(messages)
+
+    def stop(self) -> None:
+        """End the run after what was put so far; without a run nothing happens."""
+        with self._lock:
+            if self._wanted is None:
+                return
+            self._wanted = None
+            self._queue.append(None)
+        self._wake.set()
+
+    def wait_idle(self, timeout: float) -> bool:
+        """True when no file is open any more within `timeout` s."""
+        return self._idle.wait(timeout)
+
+    def close(self, timeout: float = 30.0) -> None:
+        """Stop, write what waits, close the file, end the thread."""
+        self._closing = True  # first: none begins any more
+        self.stop()
+        self._wake.set()
+        self._thread.join(timeout)
+        self._chores.close(timeout)
+
+    def status(self) -> RecorderStatus:
+        run = self._wanted
+        return RecorderStatus(
+            recording=run is not None,
+            run_id=run.run_id if run else "",
+            duration=monotonic() - self._since if run else 0.0,
+            bytes=self._bytes,
+            free_bytes=self._free,
+            dropped=self._dropped[run.run_id] if run else 0,
+            alarms=tuple(self._alarms.copy().values()),
+        )
+
+    # What follows runs in the recorder's thread.
+
+    def _run(self) -> None:
+        watched = -WATCH_PERIOD
+        try:
+            while True:
+                closing = self._closing
+                self._drain()
+                now = time.monotonic()
+                if now - watched >= WATCH_PERIOD:
+                    watched = now
+                    self._watch()
+                self._sync()
+                if closing and self._open is None and not self._queue:
+                    return
+                # Polled while recording, so that nobody who puts pays for waking us.
+                self._wake.wait(self.period if self._open else WATCH_PERIOD)
+                self._wake.clear()
+        except BaseException as error:
+            self._alarms["run"] = f"recorder: stopped by a defect, see the station's log: {error!r}"
+            self._wanted = None
+            self._idle.set()
+            log.exception("recorder stopped")
+            raise
+
+    def _drain(self) -> None:
+        queue = self._queue
+        while queue:
+            item = queue.popleft()
+            if isinstance(item, tuple):
+                if self._open is not None:
+                    try:
+                        self._open.writer.write(*item)
+                    except Exception as error:
+                        self._fail(self._open.run, error)
+            elif item is None:
+                self._end("")
+            else:
+                self._begin(item)
+        if self._open is not None:
+            self._bytes = self._open.writer.size
+        self._rest()
+
+    def _begin(self, run: Run) -> None:
+        try:
+            self._open = RunFile(run)
+        except Exception as error:
+            self._fail(run, error)
+        else:
+            self._chores.put(partial(self._tell, self._on_start, run))
+
+    def _end(self, problem: str) -> None:
+        if self._open is None:
+            return
+        done, closed = self._open, False
+        try:
+            closed = done.close()
+        except Exception as error:
+            words = _words(error)
+            problem = problem or words
+            self._alarms["run"] = f"recording stopped: {words}"
+        self._bytes = done.writer.size
+        dropped = self._dropped.pop(done.run.run_id, 0)
+        end = done.end(dropped=dropped, closed=closed, problem=problem)
+        self._chores.put(partial(self._tell, self._on_end, end))
+        self._open = None
+
+    def _tell(self, told: Callable[[Any], None], what: Run | RunEnd) -> None:
+        """The catalogue; the file matters more than its line there."""
+        try:
+            told(what)
+            self._alarms.pop("catalogue", None)
+        except Exception as error:
+            self._alarms["catalogue"] = _words(error)
+
+    def _fail(self, run: Run, error: Exception) -> None:
+        """The run cannot go on: say so and close what there is; what waits for it is skipped."""
+        words = _words(error)
+        with self._lock:
+            self._alarms["run"] = f"recording stopped: {words}"
+            if self._wanted is run:
+                self._wanted = None
+                self._is_owed, self._asked = isinstance(error, StorageError), time.monotonic()
+        self._end(words)
+        self._rest()
+
+    def _rest(self) -> None:
+        with self._lock:
+            is_done = self._wanted is None and self._open is None and not self._queue
+            if is_done and self._chores.is_idle:
+                self._idle.set()
+
+    def _sync(self) -> None:
+        """What waits goes to the file some times a second, and from there to the disk."""
+        file, now = self._open, time.monotonic()
+        if file is None or now - file.synced < SYNC_PERIOD:
+            return
+        file.synced = now
+        try:
+            if file.sync_problem is not None:
+                raise file.sync_problem
+            file.writer.close_chunk()
+        except Exception as error:
+            self._fail(file.run, error)
+            return
+        if self._chores.is_idle:
+            self._chores.put(file.sync)
+
+    def _watch(self) -> None:
+        """Once a second: is there still a disk below us?"""
+        problem = self._on_watch()
+        if not problem:
+            make_again(self._folder)
+        try:
+            self._free = free_bytes(self._folder)
+        except StorageError as error:
+            self._free = 0
+            problem = problem or str(error)
+        if problem:
+            self._alarms["folder"] = problem
+        else:
+            self._alarms.pop("folder", None)
+        if self._open is not None:
+            problem = self._open.problem(self._folder, self._free)
+            if problem is not None:
+                self._fail(self._open.run, problem)
+        self._ask_again()
+
+    def _ask_again(self) -> None:
+        """Beside this thread: the answer asks the disk, which may take its time."""
+        now = time.monotonic()
+        if self._is_owed and now - self._asked >= AGAIN_PERIOD and self._chores.is_idle:
+            self._asked = now
+            self._chores.put(self._on_again)
+
+
+def _words(error: Exception) -> str:
+    """One line; a defect must end one run, not all that follow."""
+    if isinstance(error, QuadlabError):
+        return str(error)
+    log.exception("recorder")
+    return f"a defect, see the station's log: {error!r}"

@@ -1,0 +1,209 @@
+"""Runs: recorder, catalogue and the rules of when to record, put together."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, run_name
+from console.catalogue.completeness import Completeness, keep_completeness
+from console.parameters.store import StationStore
+from console.parameters.vehicle import VehicleParameters
+from console.runs.recorder import Recorder
+from console.runs.recording_rules import Decision, RecordingPolicy
+from console.runs.run import Run, RunEnd
+from quadrotor.errors import StorageError
+from vehicle_link.clock import monotonic, time_ns
+from vehicle_link.log.provenance import provenance
+
+ASKED_KEEP = 5.0
+"""s within which a request to arm names the operator of the run that begins."""
+
+
+class RunKeeper:
+    """Thread-safe.
+
+    Args:
+        operator: written into runs nobody asked for by name.
+        calibrations: the file of those in force, for each run's log; never waits.
+    """
+
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        store: StationStore,
+        vehicle_parameters: VehicleParameters,
+        vehicle: str,
+        operator: str,
+        calibrations: Callable[[], bytes],
+    ) -> None:
+        self._catalogue = catalogue
+        self._calibrations = calibrations
+        self._store = store
+        self._vehicle_parameters = vehicle_parameters
+        self._vehicle = vehicle
+        self._operator = operator
+        self._asked = (operator, float("-inf"))
+        self._latest = operator  # of the newest run
+        self._policy = RecordingPolicy()
+        self._held = ""  # the run that an experiment keeps going, motors on or off
+        self._lock = threading.Lock()
+        self._names: set[str] = set()  # given by this process; their files come a little later
+        self._provenance = provenance()
+        self.on_closed: Callable[[str], None] = lambda run_id: None
+        """Told the id of each run that ended, in the recorder's thread."""
+        self.recorder = Recorder(
+            catalogue.folder,
+            self._started,
+            self._ended,
+            on_again=self._again,
+            on_watch=lambda: catalogue.problem,
+        )
+
+    def asked(self, command: str, requester: str) -> None:
+        """Somebody asked for this command; whoever arms is the run's operator."""
+        if command == "arm":
+            self._asked = (requester, monotonic())
+
+    def status(self, armed: bool) -> None:
+        """Each status of the vehicle. A run that cannot start is an alarm of the recorder."""
+        with self._lock:
+            decision = self._policy.status(armed, monotonic())
+        if decision is Decision.START and not self.recorder.run_id:
+            requester, at = self._asked
+            named = requester and monotonic() - at < ASKED_KEEP
+            with suppress(StorageError):  # shown and said as an alarm until a run starts
+                self.start(requester if named else self._operator)
+
+    def tick(self) -> None:
+        """Some times a second."""
+        after = self._store.parameters.recorder.after_disarm
+        with self._lock:
+            decision = self._policy.tick(monotonic(), after)
+            if decision is Decision.STOP and self._held and self._held == self.recorder.run_id:
+                decision = Decision.NOTHING
+        if decision is Decision.STOP:
+            self.recorder.stop()
+
+    def hold(self, requester: str) -> str:
+        """For an experiment that may turn no motor: a run that goes on until `release`; its id.
+
+        One being recorded is that run, though begun by hand: it is judged when its file is closed.
+        Raises StorageError.
+        """
+        run_id = self.recorder.run_id or self.start(requester or self._operator)
+        with self._lock:
+            self._held = run_id
+        return run_id
+
+    def release(self) -> None:
+        """The experiment is over: its run ends, or after the motors stopped as any other."""
+        with self._lock:
+            held, self._held = self._held, ""
+            if held and self.recorder.run_id == held and not self._policy.goes_on:
+                self.recorder.stop()
+
+    def by_hand(self, start: bool, requester: str) -> str:
+        """Start or stop; the run's id. Raises StorageError with the reason."""
+        if start:
+            return self.start(requester or self._operator)
+        run_id = self.recorder.run_id
+        if not run_id:
+            raise StorageError("nothing is being recorded")
+        self.recorder.stop()
+        return run_id
+
+    def start(self, operator: str, *, again: bool = False) -> str:
+        """Begin a run; its id. `again` as of the recorder. Raises StorageError."""
+        self._latest = operator
+        now = datetime.now(UTC)
+        run_id = run_name(now, self._vehicle, self._catalogue.folder, self._names)
+        run = Run(
+            run_id=run_id,
+            path=self._catalogue.folder / f"{run_id}{SUFFIX}",
+            metadata={
+                "run_id": run_id,
+                "vehicle": self._vehicle,
+                "operator": operator,
+                "started": now.isoformat(),
+                "recorder": "station",
+                "seed": str(self._store.parameters.tracker.seed),
+                **self._provenance,
+            },
+            start_ns=time_ns(),
+            attachments=self._attachments,
+            keep_free=round(self._store.parameters.recorder.keep_free * 1e6),
+        )
+        self.recorder.start(run, again=again)
+        self._names.add(run_id)
+        return run_id
+
+    def close(self) -> None:
+        """End the run and write its file to the end."""
+        self.recorder.close()
+
+    def _again(self) -> None:
+        """The disk ended a run: what is left of the flight is recorded as soon as it can be."""
+        with self._lock:
+            armed = self._policy.armed
+        if armed and not self.recorder.run_id:
+            with suppress(StorageError):  # asked again
+                self.start(self._latest, again=True)
+
+    def _attachments(self) -> dict[str, bytes]:
+        values, revision, problem = self._vehicle_parameters.snapshot()
+        content: dict[str, Any] = {
+            "vehicle": values,
+            "vehicle_revision": revision,
+            "station": self._store.values(),
+        }
+        if problem:
+            content["problem"] = problem
+        attached = {
+            "parameters.json": json.dumps(content, indent=1).encode(),
+            "calibrations.json": self._calibrations(),
+        }
+        if defaults := self._vehicle_parameters.defaults():
+            own = {one.name: one.default for one in self._store.descriptions()}
+            attached["defaults.json"] = json.dumps({**defaults, **own}, indent=1).encode()
+        return attached
+
+    def _started(self, run: Run) -> None:
+        self._catalogue.add(self._entry(run))
+        keep_completeness(self._catalogue, run.run_id, Completeness("open"))
+
+    def _ended(self, end: RunEnd) -> None:
+        problem = end.problem
+        if end.dropped:
+            problem = f"{end.dropped} messages were dropped. {problem}".strip()
+        entry = replace(
+            self._entry(end.run),
+            duration=end.duration,
+            bytes=end.bytes,
+            messages=end.messages,
+            complete=end.closed,
+            problem=problem,
+        )
+        self._catalogue.add(entry)
+        self.on_closed(end.run.run_id)
+
+    def _entry(self, run: Run) -> RunEntry:
+        return RunEntry(
+            id=run.run_id,
+            vehicle=self._vehicle,
+            start_ns=run.start_ns,
+            duration=0.0,
+            file=run.path.name,
+            bytes=0,
+            messages=0,
+            operator=run.metadata["operator"],
+            complete=False,
+            recovered=False,
+            problem="",
+            notes="",
+        )

@@ -1,0 +1,58 @@
+"""How full the disk is of runs, and how long recording still lasts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sqlalchemy import func, select
+
+from console.catalogue.catalogue import Catalogue
+from console.catalogue.search import NOT_DELETED
+from console.catalogue.tables import RunRow, TrashRow
+from console.runs.disk import free_bytes
+from console.runs.replay_caches import replay_bytes
+
+RECENT = 10
+"""Runs whose mean rate is taken while nothing is recorded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Storage:
+    """Sizes in bytes."""
+
+    runs: int
+    run_bytes: int
+    deleted: int
+    deleted_bytes: int
+    replay_bytes: int  # of the caches
+    free: int
+    rate: float  # bytes/s, mean of the newest runs; 0 without any
+
+    def lasts(self, keep_free: int, rate: float = 0.0) -> float | None:
+        """s until only `keep_free` is left, at `rate` or that of the newest runs; None unknown."""
+        rate = rate or self.rate
+        return max(0.0, (self.free - keep_free) / rate) if rate > 0.0 else None
+
+
+def storage(catalogue: Catalogue) -> Storage:
+    """Raises StorageError."""
+    size = func.coalesce(func.sum(RunRow.bytes), 0)
+    listed = select(func.count(), size).select_from(RunRow).where(NOT_DELETED)
+    deleted = select(func.count(), size).select_from(RunRow)
+    deleted = deleted.where(RunRow.id.in_(select(TrashRow.run_id)))
+    recent = select(RunRow.bytes, RunRow.duration).where(NOT_DELETED, RunRow.duration > 1.0)
+    recent = recent.order_by(RunRow.start_ns.desc()).limit(RECENT)
+    with catalogue.session() as session:
+        runs, run_bytes = session.execute(listed).one()
+        trashed, trashed_bytes = session.execute(deleted).one()
+        newest = session.execute(recent).all()
+    seconds = sum(row.duration for row in newest)
+    return Storage(
+        runs=int(runs),
+        run_bytes=int(run_bytes),
+        deleted=int(trashed),
+        deleted_bytes=int(trashed_bytes),
+        replay_bytes=replay_bytes(catalogue.folder),
+        free=free_bytes(catalogue.folder),
+        rate=sum(row.bytes for row in newest) / seconds if seconds else 0.0,
+    )

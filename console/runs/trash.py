@@ -1,0 +1,236 @@
+"""Deleting runs with undo: their files wait in `runs/trash/`, on the same disk, for some days.
+
+A deleted run is in no list and its file is not opened; what the vehicle logged on board is never
+touched.
+
+Where the log lies decides: it is moved by one rename, the catalogue's line follows. Somebody who
+looks in between, at a start or after a crash, takes the same last step (`finish_moves`).
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from glob import escape
+from pathlib import Path
+
+from sqlalchemy import delete, select
+
+from console.catalogue.catalogue import SUFFIX, Catalogue
+from console.catalogue.search import NOT_DELETED
+from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
+from console.runs.replay_caches import remove_replay
+from console.runs.report_folders import report_folder
+from quadrotor.errors import RefusedError, StorageError
+from vehicle_link.log.file import is_being_written
+
+TRASH = "trash"
+MADE_AGAIN = (".viser",)
+"""Endings of `<run>.…` files that are made again when asked for; not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deleted:
+    """A run in the trash."""
+
+    id: str
+    vehicle: str
+    start_ns: int  # epoch
+    duration: float  # s
+    bytes: int
+    deleted_ns: int  # epoch
+    requester: str
+
+
+@dataclass(frozen=True, slots=True)
+class Purged:
+    """What emptying the trash came to."""
+
+    done: list[str] = field(default_factory=list)  # ids
+    refused: dict[str, str] = field(default_factory=dict)  # id -> reason; these stay
+
+
+def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
+    """To the trash.
+
+    Raises RefusedError while it is being recorded, StorageError when it is unknown or cannot be
+    moved.
+    """
+    log = _file_of(catalogue, run_id)
+    if log.exists() and is_being_written(log):
+        raise RefusedError(f"run {run_id} is being recorded; stop the recording first")
+    with catalogue.session() as session:
+        catalogue.existing(session, run_id)
+    trash = catalogue.folder / TRASH
+    _move(log, trash)
+    try:
+        _out_of_the_list(catalogue, run_id, requester)
+    except StorageError:
+        _move(trash / log.name, catalogue.folder)
+        raise
+    for path in list(log.parent.glob(f"{escape(log.stem)}.*")):
+        if path.suffix in MADE_AGAIN:
+            path.unlink(missing_ok=True)
+    remove_replay(log)
+
+
+def restore_run(catalogue: Catalogue, run_id: str) -> None:
+    """Out of the trash, with notes, tags and marks. Raises StorageError."""
+    log = _file_of(catalogue, run_id)
+    if not is_deleted(catalogue, run_id):
+        raise StorageError(f"run {run_id!r} is not in the trash")
+    _move(catalogue.folder / TRASH / log.name, catalogue.folder)
+    _back_in_the_list(catalogue, run_id)
+
+
+def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
+    """The newest deletion first."""
+    query = select(RunRow, TrashRow).join(TrashRow, TrashRow.run_id == RunRow.id)
+    with catalogue.session() as session:
+        rows = session.execute(query.order_by(TrashRow.deleted_ns.desc(), RunRow.id.desc()))
+        return [
+            Deleted(
+                run.id,
+                run.vehicle,
+                run.start_ns,
+                run.duration,
+                run.bytes,
+                trash.deleted_ns,
+                trash.requester,
+            )
+            for run, trash in rows
+        ]
+
+
+def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
+    """Removes for good what was deleted more than `older_than` s ago; what cannot be stays.
+
+    Raises StorageError when the catalogue cannot be used at all.
+    """
+    before_ns = time.time_ns() - round(older_than * 1e9)
+    purged = Purged()
+    for run in deleted_runs(catalogue):
+        if run.deleted_ns <= before_ns:
+            try:
+                _remove(catalogue, run.id)
+                purged.done.append(run.id)
+            except StorageError as error:
+                if is_deleted(catalogue, run.id):  # else somebody was quicker
+                    purged.refused[run.id] = str(error)
+    return purged
+
+
+def is_deleted(catalogue: Catalogue, run_id: str) -> bool:
+    """Whether the catalogue says so. Raises StorageError."""
+    with catalogue.session() as session:
+        return session.get(TrashRow, run_id) is not None
+
+
+def is_in_trash(catalogue: Catalogue, file: str) -> bool:
+    """Whether the log lies there; `file`: its name."""
+    return (catalogue.folder / TRASH / file).exists()
+
+
+def finish_moves(catalogue: Catalogue) -> list[str]:
+    """Moves that a crash cut off, or somebody is about to end; one line for each.
+
+    A listed run whose log lies in the trash is deleted, a deleted one whose log lies among the
+    runs is listed again. Raises StorageError.
+    """
+    lines = []
+    for run in deleted_runs(catalogue):
+        log = _file_of(catalogue, run.id)
+        if log.exists() and not is_in_trash(catalogue, log.name):
+            restore_run(catalogue, run.id)
+            lines.append(f"run {run.id}: its deletion was undone")
+    for path in sorted((catalogue.folder / TRASH).glob(f"*{SUFFIX}")):
+        log = catalogue.folder / path.name
+        with catalogue.session() as session:
+            query = select(RunRow.id).where(RunRow.file == path.name, NOT_DELETED)
+            run_id = session.scalar(query)
+        if run_id is not None and not log.exists():
+            _move(log, path.parent)
+            _out_of_the_list(catalogue, run_id, "")
+            lines.append(f"run {run_id}: its deletion was finished")
+    return lines
+
+
+def _remove(catalogue: Catalogue, run_id: str) -> None:
+    """For good; the log last, so that what is left can be put back. Raises StorageError."""
+    log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
+    try:
+        for path in reversed(list(_belongings(log))):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    except OSError as error:
+        raise StorageError(
+            f"run {run_id} cannot be removed from {log.parent}: {error.strerror or error}"
+        ) from error
+    with catalogue.session() as session:
+        for table in (TagRow, NoteRow, MarkRow, CompletenessRow, TrashRow):
+            session.execute(delete(table).where(table.run_id == run_id))
+        session.execute(delete(RunRow).where(RunRow.id == run_id))
+
+
+def _file_of(catalogue: Catalogue, run_id: str) -> Path:
+    """Of a listed or deleted run, in the runs folder. Raises StorageError."""
+    with catalogue.session() as session:
+        run = session.get(RunRow, run_id)
+        if run is None:
+            catalogue.existing(session, run_id)  # says so
+        assert run is not None
+        log = catalogue.folder / run.file
+    if log.name != run.file or log.suffix != SUFFIX:
+        raise StorageError(f"the file of run {run_id!r} does not lie in {catalogue.folder}")
+    return log
+
+
+def _belongings(log: Path) -> Iterator[Path]:
+    """What of a run lies in the folder of `log`, the log first."""
+    yield from (path for path in (log, report_folder(log)) if path.exists())
+
+
+def _move(log: Path, folder: Path) -> None:
+    """A run's log and then the rest of it, within one disk: all or nothing. Raises StorageError.
+
+    What has gone meanwhile was moved by whoever does the same.
+    """
+    moved: list[tuple[Path, Path]] = []
+    try:
+        folder.mkdir(exist_ok=True)
+        for path in list(_belongings(log)):
+            place = folder / path.name
+            if place.exists():
+                if not path.exists():
+                    continue
+                raise StorageError(f"{place} exists already; move or rename it")
+            with suppress(FileNotFoundError):
+                path.rename(place)
+                moved.append((path, place))
+    except (OSError, StorageError) as error:
+        for path, place in reversed(moved):
+            place.rename(path)
+        if isinstance(error, StorageError):
+            raise
+        raise StorageError(f"cannot move to {folder}: {error.strerror}; is it writable?") from error
+
+
+def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
+    """Once, whoever is first; a name is kept. Raises StorageError."""
+    try:
+        with catalogue.session() as session:
+            row = session.get(TrashRow, run_id)
+            if row is None:
+                row = TrashRow(run_id=run_id, deleted_ns=time.time_ns(), requester="")
+                session.add(row)
+            row.requester = requester or row.requester
+    except StorageError:  # somebody may have been quicker by a hair
+        if not is_deleted(catalogue, run_id):
+            raise
+
+
+def _back_in_the_list(catalogue: Catalogue, run_id: str) -> None:
+    with catalogue.session() as session:
+        session.execute(delete(TrashRow).where(TrashRow.run_id == run_id))
