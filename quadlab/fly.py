@@ -173,9 +173,9 @@ def judged(
 
     Raises QuadlabError with the reason and where the log is.
     """
+    from console.evaluation.verdict import evaluated
     from console.experiments.client import Calibrating, Result
     from console.experiments.user_file import mistakes_told
-    from console.experiments.verdict import evaluated
 
     try:
         with mistakes_told(experiment):

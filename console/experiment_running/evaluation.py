@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from console.evaluation.verdict import evaluated
 from console.experiments.client import VERDICTS, Calibrating, Experiment, Reporting, Result
 from console.experiments.user_file import mistakes_told
-from console.experiments.verdict import evaluated
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import ROOT

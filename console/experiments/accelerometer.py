@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from console.experiments.accelerometer_log import RESIDUAL_MAX, Held, InForce, identify, record_of
+from console.evaluation.accelerometer import RESIDUAL_MAX, Held, InForce, identify, record_of
+from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result, VehicleView
 from console.experiments.pose_guide import (
     Array,
@@ -26,7 +27,6 @@ from console.experiments.pose_guide import (
     words_of,
 )
 from console.experiments.readings import Progress
-from console.experiments.verdict import judged
 from estimation.calibration.accelerometer import CONDITION_MAX, FACES, Coverage, coverage, face_of
 from estimation.calibration.still_poses import StillPose, StillPoses
 from quadrotor.calibration_record import CalibrationRecord

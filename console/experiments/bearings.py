@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.experiments.bearings_limits import limits
-from console.experiments.bearings_log import read_flight
+from console.evaluation.bearings import read_flight
+from console.evaluation.bearings_limits import limits
+from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
 from console.experiments.stick_sequences import RATE, recorded, scripted
-from console.experiments.verdict import judged
 from control.presets import PRESETS as CONTROL_PRESETS
 from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION_PRESETS
@@ -262,7 +262,7 @@ class BearingsExperiment:
 
     def report(self, log: Path, folder: Path) -> list[Path]:
         """Fig. 6 and its figures. Raises UsageError without matplotlib."""
-        from console.experiments.bearings_report import write
+        from console.evaluation.bearings_report import write
 
         flight = read_flight(log, self._vehicle, RAMP)
         return write(flight, self.parameters, self.evaluate(log), folder / log.stem)

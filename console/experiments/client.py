@@ -120,7 +120,7 @@ VERDICTS = (PASSED, FAILED, NOT_JUDGED)
 
 @dataclass(slots=True)
 class Result:
-    """The result of an experiment; `console.experiments.verdict.judged` makes it of the figures.
+    """The result of an experiment; `console.evaluation.verdict.judged` makes it of the figures.
 
     Attributes:
         verdict: "passed", "failed" or "not_judged".

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from console.evaluation.drag import RAMP, read_drag
+from console.evaluation.verdict import judged
 from console.experiments.calibration_flight import CLEAR, come_down, missing_place
 from console.experiments.client import Client, Result, VehicleView
-from console.experiments.drag_log import RAMP, read_drag
 from console.experiments.readings import Progress
-from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from console.evaluation.tracking import tracking_errors
+from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
-from console.experiments.tracking import tracking_errors
-from console.experiments.verdict import judged
 from quadrotor.errors import RefusedError, UsageError
 from quadrotor.parameters import Parameters, parameter
 

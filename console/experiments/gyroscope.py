@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from console.evaluation.log_columns import Array, read_columns
+from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result
-from console.experiments.log_columns import Array, read_columns
 from console.experiments.readings import Progress
-from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError, RefusedError
 from quadrotor.parameters import Parameters, parameter

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from console.evaluation.inertia import read_inertia
+from console.evaluation.verdict import judged
 from console.experiments.calibration_flight import CLEAR, come_down, missing_place
 from console.experiments.client import Client, Result, VehicleView
-from console.experiments.inertia_log import read_inertia
 from console.experiments.readings import Progress
-from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter

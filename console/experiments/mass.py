@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from console.evaluation.mass import DEVIATION_MAX, read_mass
+from console.evaluation.verdict import judged
 from console.experiments.calibration_flight import CLEAR, come_down, missing_place
 from console.experiments.client import Client, Result, VehicleView
-from console.experiments.mass_log import DEVIATION_MAX, read_mass
 from console.experiments.readings import Progress
 from console.experiments.stick_sequences import RATE, SPEEDS, scripted
-from console.experiments.verdict import judged
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterValue, parameter

@@ -11,9 +11,8 @@ import math
 from contextlib import suppress
 from pathlib import Path
 
-from console.experiments.bench_file import read_bench_file
-from console.experiments.client import Client, Result
-from console.experiments.motor_bench_log import (
+from console.evaluation.bench_file import read_bench_file
+from console.evaluation.motor_bench import (
     TIME_CONSTANT_ERROR_MAX,
     TORQUE_MISS_MAX,
     WORST_MAX,
@@ -23,8 +22,9 @@ from console.experiments.motor_bench_log import (
     from_log,
     record_of,
 )
+from console.evaluation.verdict import judged
+from console.experiments.client import Client, Result
 from console.experiments.readings import BenchReadings, Progress
-from console.experiments.verdict import judged
 from estimation.calibration.motor_bench import SETTLING, BenchSchedule
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import MOTORS

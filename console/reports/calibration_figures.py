@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from console.experiments.inertia_log import read_inertia
+from console.evaluation.inertia import read_inertia
 from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from console.evaluation.verdict import evaluated, judged
 from console.experiments.catalogue import EXPERIMENTS, find
 from console.experiments.client import NOT_JUDGED, VERDICTS, Calibrating, Experiment, Result
 from console.experiments.figure_eight import LIMITS as EIGHT_LIMITS
 from console.experiments.figure_eight import REST_TO_REST, STEADY
 from console.experiments.hover import Hover
-from console.experiments.verdict import evaluated, judged
 from console.reports.bench_steps import law_figures
 from console.reports.flight import Flight, airborne, inside, rms
 from console.reports.run_log import RunLog, parameters_of

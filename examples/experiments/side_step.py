@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from console.evaluation.log_columns import read_columns
+from console.evaluation.verdict import judged
 from console.experiments.client import Client, Result, VehicleView
-from console.experiments.log_columns import read_columns
-from console.experiments.verdict import judged
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, parameter
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.experiments.bench_file import read_bench_file
+from console.evaluation.bench_file import read_bench_file
+from console.evaluation.motor_bench import from_file, record_of
 from console.experiments.motor_bench import MotorBench
-from console.experiments.motor_bench_log import from_file, record_of
 from quadrotor.errors import MeasurementError, StorageError
 
 SLOPE, OFFSET, RATIO, LAG, DELAY = 0.0126403, 14.267, 0.0174, 0.047, 0.004

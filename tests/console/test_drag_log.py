@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from console.experiments.drag_log import PIECES, RAMP, estimate_drag
-from console.experiments.log_columns import FlownParameters
+from console.evaluation.drag import PIECES, RAMP, estimate_drag
+from console.evaluation.log_columns import FlownParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.vehicle_model import GRAVITY
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from console.evaluation.alignment import at_stamps
 from console.experiment_running.evaluation import Job, judge
-from console.experiments.alignment import at_stamps
 from console.experiments.bearings import BearingsExperiment
 from console.experiments.hover import Hover
 from console.runs.report_folders import has_report, read_result, report_file, report_folder

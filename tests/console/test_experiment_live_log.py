@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.evaluation.bearings import read_flight
+from console.evaluation.tracking import tracking_errors
 from console.experiments.bearings import BearingsExperiment
-from console.experiments.bearings_log import read_flight
-from console.experiments.tracking import tracking_errors
 from quadrotor.records import POSE_SAMPLE, STATE, TICK
 from vehicle_link import topics
 from vehicle_link.log import LogWriter

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from console.experiments.bearings_bound import UNKNOWN, Frame, PoseBound, posterior_bound
-from console.experiments.bearings_limits import DECIDING, limits
+from console.evaluation.bearings_bound import UNKNOWN, Frame, PoseBound, posterior_bound
+from console.evaluation.bearings_limits import DECIDING, limits
+from console.evaluation.verdict import judged, settled
 from console.experiments.client import Result
-from console.experiments.verdict import judged, settled
 from estimation.error_state.parameters import ErrorStateParameters
 
 FIGURES = {"rms": 1.0, "most": 2.0}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.experiments.bearings_log import read_flight
+from console.evaluation.bearings import read_flight
 from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
 from vehicle_link.log import read_log

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.experiments.accelerometer_log import Held, InForce, identify
+from console.evaluation.accelerometer import Held, InForce, identify
+from console.evaluation.motor_bench import Battery, from_log
 from console.experiments.motor_bench import MotorBench
-from console.experiments.motor_bench_log import Battery, from_log
 from estimation.calibration.motor_bench import BenchSchedule
 from quadlab.__main__ import main
 from quadrotor.errors import DegenerateGeometryError, LogFormatError, MeasurementError
@@ -111,7 +111,7 @@ PLAIN = InForce(np.eye(3), np.zeros(3))
 @pytest.fixture(scope="module")
 def held(faces: dict[str, Any]) -> list[Held]:
     """The six poses, found again by the told times of turning: each is still for half a second."""
-    from console.experiments.log_columns import read_columns
+    from console.evaluation.log_columns import read_columns
 
     paths = tuple(f"angular_velocity.{axis}" for axis in "xyz")
     imu = read_columns(Path(faces["log"]), "quad1", {"imu": paths})["imu"]

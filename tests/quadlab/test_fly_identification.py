@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.evaluation.inertia import RATES, THRUSTS, WANTED, estimate_inertia, read_inertia
+from console.evaluation.log_columns import read_columns, read_parameters
+from console.evaluation.mass import read_mass
 from console.experiments.catalogue import find
 from console.experiments.client import ExperimentEndedError, VehicleView
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
-from console.experiments.inertia_log import RATES, THRUSTS, WANTED, estimate_inertia, read_inertia
-from console.experiments.log_columns import read_columns, read_parameters
-from console.experiments.mass_log import read_mass
 from quadlab.flight_log import FlightLog
 from quadlab.fly import with_experiment
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight

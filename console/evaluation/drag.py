@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.experiments.log_columns import (
+from console.evaluation.log_columns import (
     FlownParameters,
     TopicColumns,
     read_columns,

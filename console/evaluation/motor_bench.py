@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from console.experiments.bench_file import BenchRecording
+from console.evaluation.bench_file import BenchRecording
+from console.evaluation.log_columns import Array, TopicColumns, read_columns
 from console.experiments.client import Client
-from console.experiments.log_columns import Array, TopicColumns, read_columns
 from estimation.calibration.motor_bench import BenchSchedule, BenchSteps, average_steps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
 from estimation.calibration.time_constant import TimeConstant, lag_and_dead_time

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.experiments.alignment import at_stamps
+from console.evaluation.alignment import at_stamps
 from quadrotor.errors import LogFormatError
 from vehicle_link.log.reader import read_log
 from vehicle_link.topics import decode_odometry, decode_pose, decode_reference

@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
-from console.experiments.alignment import between
-from console.experiments.bearings_bound import Frame, PoseBound, posterior_bound
-from console.experiments.log_columns import read_parameters
+from console.evaluation.alignment import between
+from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
+from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue

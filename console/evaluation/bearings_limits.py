@@ -1,6 +1,6 @@
 """The largest errors on bearings that are good: multiples of what the flown sensor allows.
 
-They scale with the Cramér-Rao bound of the very flight (`console.experiments.bearings_bound`), and
+They scale with the Cramér-Rao bound of the very flight (`console.evaluation.bearings_bound`), and
 with it with sigma, rate and view of the sensor, the beacons' places and the way flown.
 """
 
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from console.experiments.bearings_bound import PoseBound
+from console.evaluation.bearings_bound import PoseBound
 
 ESTIMATE = {"error_state": 2.5, "complementary": 3.5}
 """Largest rms error of the estimate over the bound, of position and of attitude."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from console.evaluation.log_columns import TopicColumns, read_columns
 from console.experiments.client import Client
-from console.experiments.log_columns import TopicColumns, read_columns
 from console.experiments.pose_guide import Array, raw_of, up_of
 from estimation.calibration.accelerometer import (
     CONDITION_MAX,

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.experiments.log_columns import FlownParameters, read_columns, read_parameters
+from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from console.experiments.bearings_log import BearingsFlight
+from console.evaluation.bearings import BearingsFlight
 from console.experiments.client import Result
 from console.reports.flight import roll_pitch_yaw
 from console.reports.paper_figures import state_estimation
