@@ -22,28 +22,31 @@ from quadrotor.errors import (
     StorageError,
     UnreachableError,
 )
-from web import commands, events, pump, sticks
 from web.access.hashing import BusyError
 from web.access.roles import Role, Session
 from web.access.users import add_users
-from web.asking import Asker, Operator, operator_of
+from web.app_parts import Parts
 from web.beacons.routes import add_beacons
-from web.calibration import add_calibration
-from web.control import add_control
-from web.experiments import add_experiments
-from web.fleet import Fleet
-from web.fleet_routes import add_fleet
-from web.parameter_routes import add_parameters
-from web.parts import Parts
-from web.plain_emergency import add_plain_emergency
+from web.commands.bodies import bodies as commands
+from web.commands.bodies import sticks
+from web.commands.control import add_control
+from web.commands.plain_emergency import add_plain_emergency
+from web.experiments.calibrations import add_calibration
+from web.experiments.experiments import add_experiments
+from web.experiments.reports import add_reports
+from web.fleet.fleet import Fleet
+from web.fleet.routes import add_fleet
+from web.live.latest import events
+from web.live.summary import Summary
+from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
-from web.reports import add_reports
+from web.requester import Asker, Operator, operator_of
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
 from web.static_files import FILES, STATIC
-from web.summary import Summary
 from web.tuning.routes import add_tuning
+from web.view import proxy as pump
 
 UPLOT = {"uPlot.iife.js": "text/javascript", "uPlot.min.css": "text/css"}
 STATUS_OF: tuple[tuple[type[QuadlabError], int], ...] = (

@@ -21,14 +21,14 @@ from web.access.people import open_people
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
 from web.app import create_app
-from web.by_vehicle import ByVehicle
-from web.events import EventHub
-from web.fleet import Fleet
+from web.fleet.fleet import Fleet
+from web.fleet.vehicle_of_request import ByVehicle
+from web.live.events import EventHub
+from web.live.vehicle_side import Connect, Runs, Shared, VehicleSide
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
-from web.vehicle_side import Connect, Runs, Shared, VehicleSide
-from web.view_server import ViewServer
+from web.view.server import ViewServer
 
 
 class ShowLink(Protocol):

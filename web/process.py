@@ -16,10 +16,10 @@ from starlette.types import ASGIApp
 
 from web.access.tls import Tls, own_names, shown_host
 from web.assembly import assemble
-from web.events import EventHub
-from web.live import Live
-from web.sockets import LiveWebSocket, listen
-from web.station import Station
+from web.live.events import EventHub
+from web.live.latest import Live
+from web.live.sockets import LiveWebSocket, listen
+from web.live.station import Station
 
 CLOSING_TIME = 2  # s given to open downloads and sockets at the end
 CHECKS_TOLD = 5.5

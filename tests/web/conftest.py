@@ -32,10 +32,10 @@ from web.access.attempts import Attempts
 from web.access.passwords import Passwords
 from web.access.tls import Tls
 from web.assembly import assemble
+from web.live.sockets import listen
+from web.live.station import Station
 from web.process import server, url_of
-from web.sockets import listen
-from web.station import Station
-from web.view_server import ViewServer
+from web.view.server import ViewServer
 
 RUN = "20260131T093042Z_quad1"
 LOG = bytes(range(256)) * 40

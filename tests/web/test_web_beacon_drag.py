@@ -15,10 +15,10 @@ from vehicle_link.messages import decode
 from web.access.roles import Role, Session
 from web.beacons.drag import SETTLING, BeaconDrags, Drag, drag_of
 from web.beacons.scene import BeaconScene, BeaconView
-from web.live import Live
-from web.pump import HostileError, Upstream, eye_of
-from web.scene import RATE
-from web.view_server import ViewServer
+from web.live.latest import Live
+from web.view.proxy import HostileError, Upstream, eye_of
+from web.view.scene import RATE
+from web.view.server import ViewServer
 
 encode = msgspec.msgpack.encode
 HANDLE = "/beacons/0/handle"

@@ -11,8 +11,8 @@ import pytest
 from bearing_sim.beacons import PRESETS, Beacons
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
-from web.follow_parameters import BEARINGS, ParameterFollower
-from web.parameter_mirror import ParameterMirror
+from web.parameters.follower import BEARINGS, ParameterFollower
+from web.parameters.mirror import ParameterMirror
 
 
 class Shown:

@@ -19,9 +19,9 @@ from quadrotor.errors import OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new
 from web.beacons.marks import SEEN, UNSEEN
 from web.beacons.scene import BeaconScene, BeaconView
-from web.live import Live
-from web.scene import RATE, Scene
-from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
+from web.live.latest import Live
+from web.view.scene import RATE, Scene
+from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 SIGMA = math.radians(1.5)
 VOLUME = ((-3.0, 3.0), (-3.0, 3.0), (0.2, 3.0))

@@ -15,8 +15,8 @@ from quadrotor.errors import RefusedError
 from vehicle_link.parameter_messages import from_parameters
 from web.beacons.moves import BeaconMoves
 from web.beacons.routes import csv_of, layout_of, rows_of
-from web.events import EventHub
-from web.parameter_mirror import LAYOUT
+from web.live.events import EventHub
+from web.parameters.mirror import LAYOUT
 
 SQUARE = [[1, 1.5, 1.0, 0.1], [2, -1.0, 1.0, 0.1], [3, -1.0, -1.0, 0.1], [4, 1.0, -1.0, 0.1]]
 CSV = "id,x,y,z\n7,1.0,1.0,0.1\n2,-1.0,1.0,0.1\n3,-1.0,-1.0,0.1\n4,1.0,-1.0,0.1\n"

@@ -13,7 +13,7 @@ from estimation import registry
 from estimation.parameters import PRESETS as GAINS
 from vehicle_link.messages import decode, encode, new
 from web.beacons.comparison_feed import RATE, as_json
-from web.live import STALE, Live
+from web.live.latest import STALE, Live
 from web.signals import COMPARED, INDEX, snapshot
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import decode, encode, new
-from web.emergency import PATIENCE, TRIES, EmergencyDesk
-from web.live import Live
+from web.commands.emergency import PATIENCE, TRIES, EmergencyDesk
+from web.live.latest import Live
 
 SILENT = LinkError("the vehicle did not answer within 1 s")
 

@@ -12,7 +12,7 @@ import pytest
 import websockets.exceptions
 
 from console.catalogue.catalogue import Catalogue
-from web.live import FAST
+from web.live.latest import FAST
 
 NAMES = ("quad1", "quad2")
 
@@ -195,7 +195,7 @@ def test_land_all_leaves_alone_what_stands_with_its_motors_off(
 def test_what_comes_fast_is_taken_of_the_vehicle_that_is_looked_at(
     fleet_site: Any, pilot: httpx.Client, until: Callable[..., None], monkeypatch: Any
 ) -> None:
-    monkeypatch.setattr("web.fleet.LINGER", 0.0)
+    monkeypatch.setattr("web.fleet.fleet.LINGER", 0.0)
     first, second = fleet_site.stations
     with fleet_site.websocket("/v/quad2/ws/events", fleet_site.cookie(pilot)):
         until(lambda: second._watched == FAST and first._watched == frozenset())

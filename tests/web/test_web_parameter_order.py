@@ -11,8 +11,8 @@ import pytest
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
-from web.parameter_mirror import ParameterMirror
-from web.parameters import GainPath
+from web.parameters.changes import GainPath
+from web.parameters.mirror import ParameterMirror
 
 KP, KV, RATES, STATION = "control.kp", "control.kv", "control.rates", "station.delay"
 
@@ -117,7 +117,7 @@ class Vehicle:
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("web.parameters.SHORTEST_PERIOD", 0.001)
+    monkeypatch.setattr("web.parameters.changes.SHORTEST_PERIOD", 0.001)
 
 
 def flying() -> tuple[GainPath, Vehicle, ParameterMirror]:

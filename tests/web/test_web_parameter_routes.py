@@ -14,9 +14,9 @@ from console.parameters.history import ParameterChange, ParameterHistory
 from quadlab.simulated_flight import FlightParameters
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import new_parameters
-from web.built_in_presets import built_in
-from web.parameter_file import read_file, write_file
-from web.parameter_mirror import ParameterMirror
+from web.parameters.built_in_presets import built_in
+from web.parameters.file import read_file, write_file
+from web.parameters.mirror import ParameterMirror
 
 DEFAULTS = {"gains.kp": 4.0, "gains.laps": 3, "gains.exact": False, "gains.rate": "nominal"}
 

@@ -18,8 +18,8 @@ from quadrotor.errors import (
     WrongTypeError,
 )
 from quadrotor.parameters import ParameterDescription, ParameterValue
-from web.parameter_mirror import ParameterMirror
-from web.parameters import GainPath
+from web.parameters.changes import GainPath
+from web.parameters.mirror import ParameterMirror
 
 
 def description(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from web.paths import CHUNK, CHUNKS, DURATION, HEAD, TrailRing
+from web.view.trails import CHUNK, CHUNKS, DURATION, HEAD, TrailRing
 
 RATE = 30.0
 

@@ -18,9 +18,9 @@ from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError, UsageError
 from quadrotor.parameters import ParameterStore
 from web import app
-from web.follow_parameters import flight_volume
+from web.live.sockets import listen
+from web.parameters.follower import flight_volume
 from web.process import print_link
-from web.sockets import listen
 
 STATIC = Path(app.__file__).parent / "static"
 

@@ -20,10 +20,10 @@ import websockets.sync.client
 import zstandard
 from viser import _messages
 
-from web import pump
 from web.access.roles import Role, Session
 from web.process import CLOSING_TIME
-from web.view_server import ViewServer
+from web.view import proxy as pump
+from web.view.server import ViewServer
 
 CAMERA = {
     "type": "ViewerCameraMessage",

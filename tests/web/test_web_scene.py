@@ -13,9 +13,9 @@ import pytest
 import websockets.sync.client
 
 from vehicle_link.messages import decode, encode, header, new
-from web.live import Live
-from web.scene import RATE, Scene, _edges
-from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
+from web.live.latest import Live
+from web.view.scene import RATE, Scene, _edges
+from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 BUDGET = 100_000  # bytes a second and client
 

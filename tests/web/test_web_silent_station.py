@@ -18,9 +18,9 @@ from console.catalogue.catalogue import Catalogue
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.session import loopback_session, station_session
 from vehicle_link.topics.table import SERVICES
-from web import station as web_station
-from web.sockets import listen
-from web.station import Station
+from web.live.latest import station as web_station
+from web.live.sockets import listen
+from web.live.station import Station
 
 TOLD = ("error", "problem", "reason")
 NOT_ASKED = ("/api/session/sign_out",)  # ends the session the others are asked with

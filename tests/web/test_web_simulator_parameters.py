@@ -11,9 +11,9 @@ import pytest
 from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.simulator.live_parameters import SimulatorTree
-from web.follow_parameters import ParameterFollower
-from web.parameter_mirror import ParameterMirror
-from web.parameters import GainPath
+from web.parameters.changes import GainPath
+from web.parameters.follower import ParameterFollower
+from web.parameters.mirror import ParameterMirror
 
 GUST, DRAG, LAYOUT = "simulator.gust", "simulator.drag", "station.bearings.layout"
 WORLD = ParameterStore(SimulatorTree())

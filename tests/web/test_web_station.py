@@ -20,10 +20,10 @@ from vehicle_link.parameter_service import serve_parameters
 from vehicle_link.session import loopback_session, station_session
 from vehicle_link.topics import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
-from web.events import SUMMARY_NOW, EventHub
-from web.live import Live
-from web.sockets import listen
-from web.station import Station
+from web.live.events import SUMMARY_NOW, EventHub
+from web.live.latest import Live
+from web.live.sockets import listen
+from web.live.station import Station
 
 
 class _Gains(Parameters):

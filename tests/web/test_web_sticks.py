@@ -9,7 +9,16 @@ from typing import Any
 import httpx
 import pytest
 
-from web.sticks import CAUSES, REMEMBERED, SILENCE, Axes, Frame, Hand, StickOutput, read_frame
+from web.commands.sticks import (
+    CAUSES,
+    REMEMBERED,
+    SILENCE,
+    Axes,
+    Frame,
+    Hand,
+    StickOutput,
+    read_frame,
+)
 
 STILL = (0.0, 0.0, 0.0, 0.0)
 

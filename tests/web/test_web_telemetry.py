@@ -13,10 +13,9 @@ import pytest
 import websockets.exceptions
 
 from vehicle_link.messages import decode, encode, new
-from web import events
-from web.live import STALE, Live
+from web.live.latest import STALE, Live, events
+from web.live.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse, topics_of
 from web.signals import INDEX, SIGNALS, describe, snapshot
-from web.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse, topics_of
 
 QUARTER = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))  # x, y, z, w: 90 degrees of yaw
 
@@ -55,7 +54,7 @@ def test_velocity_is_turned_from_body_to_world_axes() -> None:
 
 
 def test_angles_are_those_of_known_rotations() -> None:
-    from web.angles import roll_pitch_yaw
+    from web.view.angles import roll_pitch_yaw
 
     half = math.radians(10.0)
     for axis, index in (("x", 0), ("y", 1), ("z", 2)):

@@ -25,7 +25,7 @@ from web.access.cookie import SessionCookie
 from web.access.reach import check_reach, is_loopback
 from web.access.tls import given_tls, own_names, private_tls, shown_host
 from web.assembly import allowed_hosts
-from web.sockets import plain_transport
+from web.live.sockets import plain_transport
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from viser import _messages
 from viser.infra import _infra
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 
-from web import view_frames
+from web.view import frames as view_frames
 
 PAGES = 5
 

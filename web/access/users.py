@@ -13,7 +13,7 @@ from quadrotor.errors import RefusedError
 from web.access.people import People
 from web.access.roles import Role
 from web.access.sign_in import Refusal, address_of
-from web.asking import Admin, Asker
+from web.requester import Admin, Asker
 
 
 class SignOutBody(BaseModel):

@@ -16,7 +16,7 @@ import msgspec
 from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
-from web.live import Live
+from web.live.latest import Live
 
 RATE = 5.0  # Hz
 TOPIC = "comparison"

@@ -12,9 +12,9 @@ from collections.abc import Callable
 
 from bearing_sim.beacons import format_layout, parse_layout
 from quadrotor.errors import LinkError, QuadlabError
-from web.events import EventHub
-from web.parameter_mirror import LAYOUT, ParameterMirror
-from web.parameters import GainPath
+from web.live.events import EventHub
+from web.parameters.changes import GainPath
+from web.parameters.mirror import LAYOUT, ParameterMirror
 
 Position = tuple[float, float, float]
 DIGITS = 4  # to a tenth of a millimetre, well within the flatness a small set needs

@@ -18,14 +18,14 @@ from bearing_sim.beacon_file import COLUMNS, LARGEST, read_beacons
 from bearing_sim.beacons import PRESETS, Beacons, format_layout, parse_layout
 from estimation.parameters import PRESETS as GAINS
 from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
-from web.asking import Operator
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
-from web.live import Live
-from web.parameter_mirror import LAYOUT, ParameterMirror
+from web.live.latest import Live
+from web.parameters.mirror import LAYOUT, ParameterMirror
+from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 COMPARED = "station.comparison.estimators"
 ALWAYS_SHOWN = ("none", "one frame", "vehicle")

@@ -18,9 +18,9 @@ from web.beacons.drag import BeaconDrags, Drag
 from web.beacons.estimate import ONE_FRAME, Estimate, EstimateGhost, of_comparison, of_one_frame
 from web.beacons.map import BoundSlice, Box, Wish
 from web.beacons.marks import BeaconMarks
-from web.beacons.sight import RATE, PoseHistory, Sight, stamp_of
-from web.live import STALE, Live
-from web.view_server import ViewServer
+from web.beacons.sight_lines import RATE, PoseHistory, Sight, stamp_of
+from web.live.latest import STALE, Live
+from web.view.server import ViewServer
 
 HIGHEST = 20.0  # m
 FRAMES = 2.5  # frames that may be missing before what they show is stale

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from web.events import EventHub
+    from web.live.events import EventHub
 
 
 def tell_changed(hub: EventHub, run_ids: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from quadrotor.errors import RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
-from web.runs.workshop import Work, Workshop
+from web.runs.job_queue import Work, Workshop
 
 MODULE = "web.runs.viser_recording"
 REMEMBERED = 200

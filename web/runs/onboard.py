@@ -9,11 +9,11 @@ from fastapi import FastAPI
 from fastapi import Path as InPath
 
 from console.catalogue.catalogue import SUFFIX
-from web.asking import Operator
-from web.live import Live
+from web.live.latest import Live
+from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 ONBOARD = "onboard"
 Name = Annotated[str, InPath(max_length=160)]

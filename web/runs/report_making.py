@@ -10,7 +10,7 @@ from typing import Any
 from console.runs.report_folders import FILE_NAME, report_folder
 from quadrotor.errors import RefusedError, StorageError
 from vehicle_link.log.file import is_being_written
-from web.runs.workshop import Work, Workshop
+from web.runs.job_queue import Work, Workshop
 
 MODULE = "console.reports"
 SECONDS = 300.0

@@ -15,7 +15,7 @@ from console.catalogue.notes import notes_history, write_notes
 from console.catalogue.search import RunSearch
 from console.catalogue.tags import all_tags, change_tags
 from quadrotor.errors import StorageError
-from web.asking import Operator
+from web.requester import Operator
 from web.runs.bodies import MarkBody, NotesBody, TagsBody
 from web.runs.changes import tell_changed
 from web.runs.listing import about, lines
@@ -25,7 +25,7 @@ from web.runs.trash import add_trash
 from web.static_files import FILES
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 MOST = 1000
 

@@ -11,10 +11,10 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 
 from quadrotor.errors import StorageError
 from web.access.signed_links import AGE, SUFFIX
-from web.asking import Asker
+from web.requester import Asker
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 VIEWERS = {
     "foxglove": "https://app.foxglove.dev/~/view",

@@ -14,14 +14,14 @@ from console.parameters.station import RecorderParameters
 from console.runs.storage import storage
 from console.runs.trash import delete_run, deleted_runs, purge, restore_run
 from quadrotor.errors import QuadlabError
-from web.asking import Admin, Operator
+from web.requester import Admin, Operator
 from web.runs.bodies import RunsBody
 from web.runs.changes import tell_changed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 RECORDER = "station.recorder."
 

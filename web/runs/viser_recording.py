@@ -22,10 +22,10 @@ from quadrotor.errors import QuadlabError, StorageError
 from vehicle_link.log import read_attachments, read_log, summarize
 from vehicle_link.log.attached import json_value
 from vehicle_link.messages import decode
-from web.follow_parameters import BEARINGS, flight_volume
-from web.live import Live
-from web.scene import Scene
-from web.view_server import ViewServer
+from web.live.latest import Live
+from web.parameters.follower import BEARINGS, flight_volume
+from web.view.scene import Scene
+from web.view.server import ViewServer
 
 RATE = 20.0  # Hz
 MOST_FRAMES = 12_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from vehicle_link.checks import Check, from_messages
-from web.live import Live
+from web.live.latest import Live
 
 
 def preflight_summary(live: Live) -> dict[str, Any] | None:

@@ -14,15 +14,15 @@ from fastapi.responses import HTMLResponse
 
 from quadrotor.errors import LinkError
 from vehicle_link.checks import Check, from_messages
-from web.asking import Operator
+from web.requester import Operator
 from web.setup.page_checks import page_checks
 from web.setup.preflight import check_fields
 from web.setup.vehicles import known_vehicles
 from web.static_files import FILES
 
 if TYPE_CHECKING:
-    from web.fleet import Fleet
-    from web.parts import Parts
+    from web.app_parts import Parts
+    from web.fleet.fleet import Fleet
 
 
 def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 
 from console.catalogue.catalogue import Catalogue, RunEntry
 from console.link.known_vehicles import KnownVehicles
-from web.live import Live
+from web.live.latest import Live
 
 SCANNED = 1000
 """Newest runs in which vehicles are looked for."""

@@ -1,7 +1,7 @@
 """Numbers a chart or the state table can show: name, label, unit, and where each comes from.
 
 First the named ones, in the units people think in; then every other number of the topics that are
-kept (`web.live.STALE`), made from their message types. A value is NaN when its topic is stale or
+kept (`web.live.latest.STALE`), made from their message types. A value is NaN when its topic is stale or
 absent: the charts draw a gap, the table greys the cell.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 
-from web.live import STALE, Live
+from web.live.latest import STALE, Live
 from web.signals.estimates import COMPARED, ESTIMATES, RESULTS
 from web.signals.health import HEALTH
 from web.signals.motion import MOTION

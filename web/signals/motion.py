@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from web.angles import roll_pitch_yaw, rotate
 from web.signals.signal import Source, one, vector, xyz
+from web.view.angles import roll_pitch_yaw, rotate
 
 
 def _state(m: Any) -> Sequence[float]:

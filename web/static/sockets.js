@@ -66,7 +66,7 @@ export class Events extends Socket {
   }
 }
 
-// /ws/telemetry: see web/telemetry.py for the frame.
+// /ws/telemetry: see web/live/telemetry.py for the frame.
 export class Telemetry extends Socket {
   constructor(description) {
     super("/ws/telemetry", { binary: true });

@@ -1,5 +1,5 @@
 // Frames to /ws/stick and the answers to them: who has the sticks, why not, and how long the way
-// to the station and back takes. See web/sticks.py for the protocol.
+// to the station and back takes. See web/commands/sticks.py for the protocol.
 
 import { Socket } from "./sockets.js";
 

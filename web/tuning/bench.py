@@ -21,10 +21,10 @@ from control.trajectories.multistep import LEAD
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import stamp_of
-from web.events import EventHub
-from web.live import Live
-from web.parameter_mirror import ParameterMirror
-from web.station import Station
+from web.live.events import EventHub
+from web.live.latest import Live
+from web.live.station import Station
+from web.parameters.mirror import ParameterMirror
 
 log = logging.getLogger("quadlab.web")
 

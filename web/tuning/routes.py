@@ -14,11 +14,11 @@ from console.tuning.step_response import BAND
 from control.trajectories.multistep import AXES, SHAPES
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue
-from web.asking import Operator
+from web.requester import Operator
 from web.tuning.bench import TuningBench
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 LIMITS = {"position": "behavior.excite_position_max", "yaw": "behavior.excite_yaw_max"}
 """Parameters with the largest amplitudes, for the page's form."""

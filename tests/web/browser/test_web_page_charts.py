@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from web.live import STALE
+from web.live.latest import STALE
+from web.live.telemetry import RATE
 from web.signals import SIGNALS
-from web.telemetry import RATE
 
 HISTORY = "const { History, indexAt } = await import('/static/history.js');"
 FEED = """class Feed extends EventTarget {

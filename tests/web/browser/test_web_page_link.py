@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from vehicle_link.messages import header, new
-from web.live import STALE
+from web.live.latest import STALE
 
 MARK = "getComputedStyle(document.querySelector('{}'), '::before').content"
 

@@ -26,7 +26,7 @@ from vehicle_link.node import Node, Received
 from vehicle_link.parameter_messages import from_parameters
 from vehicle_link.session import loopback_session
 from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
-from web.station import Station
+from web.live.station import Station
 
 IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's picture
 PAD = """([id, mapping]) => {

@@ -29,7 +29,7 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 from web.access.roles import Role, Session
 from web.beacons.drag import drag_of
 from web.beacons.shapes import Point
-from web.view_server import SECRET_HEADER, VIEW_HEADER, ViewServer
+from web.view.server import SECRET_HEADER, VIEW_HEADER, ViewServer
 
 CAMERA = "ViewerCameraMessage"
 IDLE = ("SceneNodeDragMessage", "SceneNodeClickMessage", "ScenePointerMessage")

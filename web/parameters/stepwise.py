@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
-from web.parameter_mirror import ParameterMirror
+from web.parameters.mirror import ParameterMirror
 
 ROUNDING = 1e-9
 

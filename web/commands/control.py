@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, Literal
 from fastapi import FastAPI, HTTPException
 
 from web.access.roles import Role
-from web.asking import Operator
-from web.commands import CommandBody
-from web.live import Live
+from web.commands.bodies import CommandBody
+from web.live.latest import Live
+from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 PERIOD = 1.0  # s
 

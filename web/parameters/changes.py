@@ -2,7 +2,7 @@
 
 The vehicle is the authority. `GainPath` carries changes to it: one call at a time for each
 parameter and hand, at most 20 a second, and the last value is always sent, however fast the
-slider moved. `web.parameter_walk` goes on where one step in flight is not enough.
+slider moved. `web.parameters.stepwise` goes on where one step in flight is not enough.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Protocol
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.parameter_authority import SIMULATOR, STATION, authority_of
-from web.parameter_mirror import ParameterMirror
-from web.parameter_walk import step_towards, steps_between, walk
+from web.parameters.mirror import ParameterMirror
+from web.parameters.stepwise import step_towards, steps_between, walk
 
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
 

@@ -1,6 +1,6 @@
 """Calibrations for the page: what the vehicle keeps of them, and what an experiment proposes.
 
-They are flown, confirmed and decided as every experiment (`web/experiments.py`).
+They are flown, confirmed and decided as every experiment (`web/experiments/experiments.py`).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from fastapi import FastAPI
 
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError
-from web.live import Live
+from web.live.latest import Live
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 
 def add_calibration(app: FastAPI, parts: Parts) -> None:

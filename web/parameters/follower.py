@@ -16,10 +16,10 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameter_authority import SIMULATOR, STATION, VEHICLE, authority_of
-from web.live import Live
-from web.parameter_mirror import ParameterMirror
-from web.scene import Box, Scene
-from web.station import Station
+from web.live.latest import Live
+from web.live.station import Station
+from web.parameters.mirror import ParameterMirror
+from web.view.scene import Box, Scene
 
 PERIOD = 0.5  # s between looks at the revision
 ROUND = 2.0  # s between looks for the simulator, which has a life of its own

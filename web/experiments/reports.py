@@ -8,11 +8,11 @@ from fastapi import FastAPI
 from fastapi.responses import FileResponse, HTMLResponse
 
 from console.runs.report_folders import read_result, report_file
-from web.asking import Operator
+from web.requester import Operator
 from web.static_files import FILES
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 SHOWN = {
     ".html": "text/html; charset=utf-8",

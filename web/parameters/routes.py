@@ -16,14 +16,14 @@ from pydantic import BaseModel, ConfigDict, Field
 from console.parameters.presets import Preset
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
-from web.asking import Operator
-from web.built_in_presets import built_in
-from web.parameter_compare import compare, differing
-from web.parameter_file import LARGEST, read_file, write_file
-from web.parameter_mirror import LAYOUT
+from web.parameters.built_in_presets import built_in
+from web.parameters.compare import compare, differing
+from web.parameters.file import LARGEST, read_file, write_file
+from web.parameters.mirror import LAYOUT
+from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 ON_THE_GROUND = "ground"
 PLACES = (LAYOUT, "beacons.layout")

@@ -21,8 +21,8 @@ from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameter_messages import from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
-from web.events import LEVELS, SUMMARY_NOW, EventHub, event
-from web.live import FAST, STALE, Live
+from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
+from web.live.latest import FAST, STALE, Live
 
 if TYPE_CHECKING:
     from vehicle_link.client import ServiceClient

@@ -15,9 +15,9 @@ from fastapi import FastAPI, WebSocket
 from fastapi.responses import HTMLResponse
 from starlette.websockets import WebSocketDisconnect
 
-from web.asking import Asker
-from web.commands import CommandBody
-from web.fleet import Fleet
+from web.commands.bodies import CommandBody
+from web.fleet.fleet import Fleet
+from web.requester import Asker
 from web.static_files import FILES
 
 PERIOD = 0.4  # s, of how they stand

@@ -3,7 +3,7 @@
 The page sends `{"id": 3, "signals": ["state.position.x", …]}` whenever its selection changes.
 A frame (little endian): uint16 id, uint16 count, float64 time (s, this computer's epoch),
 uint16 age in ms (65535: never or longer) of each topic these signals are of, in the order of
-`web.live.STALE`, float32 values. With the 40 signals of state table, charts as they come and
+`web.live.latest.STALE`, float32 values. With the 40 signals of state table, charts as they come and
 Beacons tab a frame has 186 B and a page costs 4.7 kB/s with the heads of the websocket; the most
 there may be, 96 signals, costs 10.6 kB/s. Only what some page asked for is computed.
 
@@ -22,7 +22,7 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from vehicle_link.clock import wall_time
-from web.live import STALE, Live
+from web.live.latest import STALE, Live
 from web.signals import INDEX, SIGNALS, snapshot
 
 RATE = 25.0  # Hz

@@ -21,10 +21,10 @@ from web.access.answer import POLICY
 from web.access.pages import small_page
 from web.access.roles import Role, Session
 from web.access.sign_in import read_form
-from web.asking import Asker
-from web.emergency import Message
-from web.fleet import Fleet
-from web.parts import Parts
+from web.app_parts import Parts
+from web.commands.emergency import Message
+from web.fleet.fleet import Fleet
+from web.requester import Asker
 
 SOON = 0.3
 """s that an answer may take to be told at once."""

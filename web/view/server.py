@@ -22,7 +22,7 @@ from viser import _messages
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from web.view_frames import share_frames
+from web.view.frames import share_frames
 
 if TYPE_CHECKING:
     from web.beacons.drag import Drag

@@ -14,11 +14,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, QuadlabError
-from web.angles import roll_pitch_yaw
-from web.live import FAST, Live
+from web.live.latest import FAST, Live
+from web.view.angles import roll_pitch_yaw
 
 if TYPE_CHECKING:
-    from web.vehicle_side import VehicleSide
+    from web.live.vehicle_side import VehicleSide
 
 LOOK = 0.5  # s between looks at who looks at what
 LINGER = 5.0  # s for which a vehicle is taken whole after the last page of it: it may be reloading

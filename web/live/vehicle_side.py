@@ -17,22 +17,22 @@ from vehicle_link.messages import decode
 from web.access.people import People
 from web.access.signed_links import SignedLinks
 from web.access.tls import Tls
-from web.control import Control
-from web.emergency import EmergencyDesk
-from web.events import EventHub
-from web.follow_parameters import ParameterFollower
-from web.live import Live
-from web.parameter_mirror import ParameterMirror
-from web.parameters import GainPath
-from web.parts import Parts
+from web.app_parts import Parts
+from web.commands.control import Control
+from web.commands.emergency import EmergencyDesk
+from web.commands.sticks import StickOutput
+from web.live.events import EventHub
+from web.live.latest import Live
+from web.live.station import Station
+from web.live.telemetry import TelemetryFeed
+from web.parameters.changes import GainPath
+from web.parameters.follower import ParameterFollower
+from web.parameters.mirror import ParameterMirror
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
-from web.scene import Scene
-from web.station import Station
-from web.sticks import StickOutput
-from web.telemetry import TelemetryFeed
-from web.view_server import ViewServer
+from web.view.scene import Scene
+from web.view.server import ViewServer
 
 Connect = Callable[[str, Live, EventHub], Station]
 """Makes the station's client: of this vehicle, for these."""

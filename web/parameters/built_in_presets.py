@@ -7,7 +7,7 @@ from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION
 from quadrotor.parameters import ParameterValue
 from vehicle_link.parameter_authority import SIMULATOR, authority_of
-from web.parameter_mirror import LAYOUT, ParameterMirror
+from web.parameters.mirror import LAYOUT, ParameterMirror
 
 DEFAULTS, CALM = "defaults", "simulator defaults"
 MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)

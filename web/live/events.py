@@ -20,7 +20,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from vehicle_link.clock import wall_time
 from web.access.roles import Session
-from web.live import CHARTED, STALE, Live
+from web.live.latest import CHARTED, STALE, Live
 
 Message = dict[str, Any]
 

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from web.airframe import Airframe
 from web.beacons.scene import BeaconScene
 from web.beacons.shapes import point_of, wxyz_of
-from web.live import Live
-from web.paths import Trail, line_color
-from web.view_server import ViewServer
+from web.live.latest import Live
+from web.view.airframe import Airframe
+from web.view.server import ViewServer
+from web.view.trails import Trail, line_color
 
 RATE, UNWATCHED = 30.0, 10.0  # Hz
 GREEN, ORANGE = (64, 192, 120), (255, 146, 43)

@@ -7,14 +7,14 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from web.calibration import proposal_summary
-from web.events import Message, summarize
-from web.experiments import experiment_summary
+from web.experiments.calibrations import proposal_summary
+from web.experiments.experiments import experiment_summary
+from web.live.events import Message, summarize
 from web.runs.onboard import transfers_summary
 from web.setup.preflight import preflight_summary
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 SHARED = 0.05  # s
 

@@ -1,6 +1,6 @@
 """Experiments of the station: what there is, start, finish, stop, what they ask and propose.
 
-The station flies and judges them; the page may close meanwhile. Reports are in `web/reports.py`.
+The station flies and judges them; the page may close meanwhile. Reports are in `web/experiments/reports.py`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from fastapi import FastAPI
 from pydantic import BaseModel, ConfigDict, Field
 
 from vehicle_link.parameter_messages import from_descriptor, to_parameters
-from web.asking import Operator
-from web.live import Live
+from web.live.latest import Live
+from web.requester import Operator
 
 if TYPE_CHECKING:
-    from web.parts import Parts
+    from web.app_parts import Parts
 
 
 class ExperimentBody(BaseModel):

@@ -8,8 +8,8 @@ from typing import Any
 
 from quadrotor.errors import ParameterError, ReadOnlyError
 from quadrotor.parameters import ParameterValue
-from web.parameter_mirror import ParameterMirror
-from web.parameter_walk import steps_between
+from web.parameters.mirror import ParameterMirror
+from web.parameters.stepwise import steps_between
 
 MOST_SHOWN = 200  # characters of a value that cannot be taken
 
