@@ -21,11 +21,11 @@ import zenoh
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE
 from vehicle_link import messages, topics
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import Message
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_messages import to_parameters
-from vehicle_link.session import loopback_session, station_session
+from vehicle_link.parameters.messages import to_parameters
+from vehicle_link.security.authority import ensure_certificates
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session, station_session
 
 PATIENCE = 60.0
 BEAT_S = 0.05

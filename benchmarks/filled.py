@@ -29,8 +29,8 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, completeness_of
 from quadlab.station_client import StationClient, station
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import read_log
+from vehicle_link.security.authority import ensure_certificates
 
 PORT = 7447
 TICKS = "/quad1/state"

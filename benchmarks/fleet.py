@@ -21,7 +21,7 @@ from benchmarks.harness import Report, Row, Target
 from benchmarks.laboratory import TICK, processes, started
 from quadlab.station_client import REACH, StationClient
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from vehicle_link.session import loopback_session
+from vehicle_link.transport.session import loopback_session
 
 PORT, LINK_PORT = 28082, 28450
 COUNT, QUICK_COUNT = 8, 3

@@ -35,9 +35,9 @@ from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
 from vehicle.processes.config import CommsConfig, RingDescriptors, Rings, create_rings, open_rings
 from vehicle.processes.rings import READ
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import is_closed, read_log
 from vehicle_link.log.tick_columns import TICK_TOPICS
+from vehicle_link.security.authority import ensure_certificates
 
 RATE = 500
 STEP_NS = 1_000_000_000 // RATE

@@ -19,7 +19,7 @@ from benchmarks.impairment.link import ROOT, A, B, ImpairedLink
 from benchmarks.link_ends import Plan
 from benchmarks.link_notes import Found
 from quadrotor.errors import QuadlabError
-from vehicle_link.authority import ensure_certificates
+from vehicle_link.security.authority import ensure_certificates
 
 SETTLED = 2.0
 """s at the start that do not count: the lane comes up, the clock is found."""

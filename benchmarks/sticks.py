@@ -22,9 +22,9 @@ from typing import Any
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
 from quadrotor.checkout import ROOT
-from vehicle_link.node import Node, Received
-from vehicle_link.session import loopback_session
 from vehicle_link.topics import TOPICS, decode_joy
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session
 
 FLAGS = [
     "--no-sandbox",

@@ -47,12 +47,12 @@ from console.tuning.log_window import LogWindow
 from quadrotor.errors import LinkError, ParameterError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics
-from vehicle_link.instance import new_instance
 from vehicle_link.lockstep import STATION_PROCESS, Part
 from vehicle_link.messages import decode
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_service import serve_parameters
+from vehicle_link.parameters.service import serve_parameters
+from vehicle_link.process_instance import new_instance
 from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Node, Received
 
 log = logging.getLogger(__name__)
 

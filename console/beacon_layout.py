@@ -16,9 +16,9 @@ from typing import Protocol
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.node import Node
 
 OURS = "station.bearings.layout"
 THEIRS = "beacons.layout"

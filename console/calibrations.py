@@ -15,8 +15,8 @@ from typing import Any
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError
 from vehicle_link.messages import new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.node import Node
 
 SERVICE = SERVICES["calibrate"]
 TIMEOUT = 2.0

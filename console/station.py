@@ -17,11 +17,11 @@ from console.base_station import CLOSE_PATIENCE, BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.link.dialled_vehicles import remember_dialled
 from quadrotor.parameters import ParameterValue
-from vehicle_link.authority import ensure_certificates, readable_keys
-from vehicle_link.end_signal import EndSignal
-from vehicle_link.instance import new_instance
-from vehicle_link.radio import Radio, is_hanging_up
-from vehicle_link.session import check_station, hub_session, parse_endpoint
+from vehicle_link.process_instance import new_instance
+from vehicle_link.security.authority import ensure_certificates, readable_keys
+from vehicle_link.termination_signal import EndSignal
+from vehicle_link.transport.radio import Radio, is_hanging_up
+from vehicle_link.transport.session import check_station, hub_session, parse_endpoint
 
 SWITCH_INTERVAL = 0.0005
 

@@ -61,7 +61,7 @@ class Calibrate:
     def _options(self, told: Any) -> dict[str, Any]:
         """Checked against what the station says. Raises UsageError."""
         from quadrotor.parameters import parse_text
-        from vehicle_link.parameter_messages import from_descriptor
+        from vehicle_link.parameters.messages import from_descriptor
 
         known = dict(zip(told.names, told.problems, strict=True))
         name = self.calibration

@@ -12,7 +12,7 @@ from quadlab.calibration_words import beside, table, told
 from quadlab.station_client import StationClient
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError
-from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.parameters.messages import to_parameters
 
 ENDED = ("passed", "failed", "not_judged", "stopped", "refused")
 RUNNING = ("flying", "finishing", "evaluating")

@@ -14,10 +14,10 @@ from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record
 from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
-from vehicle_link.cdr_layout import Records
 from vehicle_link.log import LogWriter
 from vehicle_link.log.provenance import provenance
 from vehicle_link.log.writer import Batch
+from vehicle_link.messages.cdr_layout import Records
 
 Array = npt.NDArray[np.float64]
 Stamps = npt.NDArray[np.int64]

@@ -24,7 +24,7 @@ class _Landing:
     """One vehicle's. Args: `session` with the station."""
 
     def __init__(self, session: Any, name: str, shown: str) -> None:
-        from vehicle_link.node import Node
+        from vehicle_link.transport.node import Node
 
         self.heard = threading.Event()
         self.on_ground = threading.Event()
@@ -73,7 +73,7 @@ class _Landing:
 
 def land_before_stopping(loopback_port: int, names: Sequence[str], stop: StopRequest) -> None:
     """Land all through the station and wait for motors off; gives up when asked twice or late."""
-    from vehicle_link.session import loopback_session
+    from vehicle_link.transport.session import loopback_session
 
     try:
         session: Any = loopback_session(loopback_port)

@@ -51,7 +51,7 @@ def parse_names(words: Sequence[str]) -> tuple[str, ...]:
 
 def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, str]:
     """`name=host:port` words as {name: endpoint}; `name` where there is none. Raises UsageError."""
-    from vehicle_link.session import parse_endpoint
+    from vehicle_link.transport.session import parse_endpoint
 
     found: dict[str, str] = {}
     for word in words:

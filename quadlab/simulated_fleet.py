@@ -8,7 +8,7 @@ from pathlib import Path
 
 from quadlab.processes import THE_VEHICLE
 from quadrotor.errors import StorageError, UsageError
-from vehicle_link.authority import TlsFiles
+from vehicle_link.security.authority import TlsFiles
 from vehicle_link.serial.capacity import DEFAULT_RATE
 
 MOST = 8

@@ -13,10 +13,10 @@ from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_service import ParameterClient
-from vehicle_link.session import loopback_session
+from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session
 
 REACH = 3.0
 """s for a station to answer at all."""

@@ -31,7 +31,7 @@ from vehicle_link.lockstep import Page
 from vehicle_link.serial.capacity import check_rate
 
 if TYPE_CHECKING:
-    from vehicle_link.authority import TlsFiles
+    from vehicle_link.security.authority import TlsFiles
 
 WATCH_PERIOD = 0.2
 PROGRESS_PERIOD = 1.5
@@ -119,7 +119,7 @@ class Up(PageOptions):
         simulator: list[str],
     ) -> list[list[Child]]:
         """In the order of their start; those of one list start and stop together."""
-        from vehicle_link.authority import check_certificate, ensure_certificates
+        from vehicle_link.security.authority import check_certificate, ensure_certificates
 
         # Made here, once, so that vehicle and station never race to make the authority.
         files = ensure_certificates(data / "certificates", ["127.0.0.1"])

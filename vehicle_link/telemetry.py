@@ -11,7 +11,7 @@ import numpy as np
 
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
-from vehicle_link.cdr_layout import FixedLayout
+from vehicle_link.messages.cdr_layout import FixedLayout
 
 SAMPLES_A_PACKET = 5
 """1048 bytes with 5: with Zenoh's framing still below the 1100 B a datagram may have."""

@@ -16,8 +16,8 @@ from vehicle_link.clock import time_ns
 from vehicle_link.messages import Message, new
 
 if TYPE_CHECKING:
-    from vehicle_link.client import ServiceClient
-    from vehicle_link.node import Node
+    from vehicle_link.transport.client import ServiceClient
+    from vehicle_link.transport.node import Node
 
 TIME_SYNC = "quadlab_msgs/srv/TimeSync"
 WINDOW = 10

@@ -56,8 +56,8 @@ def run_web(
     Raises LinkError (port taken), UsageError (no such port) or StorageError (data folder).
     """
     from console.catalogue.catalogue import Catalogue
-    from vehicle_link.session import loopback_session
-    from vehicle_link.shared_session import SharedSession
+    from vehicle_link.transport.session import loopback_session
+    from vehicle_link.transport.shared_session import SharedSession
 
     session = SharedSession(lambda: loopback_session(loopback_port))
 

@@ -16,7 +16,7 @@ from console.parameters.station import StationParameters
 from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import Recorder
 from console.tracker_feed import TrackerFeed
-from vehicle_link.node import Node
+from vehicle_link.transport.node import Node
 
 
 class CheckDesk:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from vehicle_link.heartbeat import LinkState
+from vehicle_link.transport.heartbeat import LinkState
 
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 """(least, largest) of x, y and z, m, world axes."""

@@ -14,7 +14,7 @@ from console.checks.facts import Facts
 from console.checks.parameters import PreflightParameters
 from console.runs.disk import size_text
 from vehicle_link.checks import Check, State
-from vehicle_link.heartbeat import LinkState
+from vehicle_link.transport.heartbeat import LinkState
 
 BEHIND = 2.0
 """s; a change of parameters is read back within one."""

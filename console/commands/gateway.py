@@ -14,12 +14,12 @@ from typing import Any
 
 from console.parameters.store import PREFIX, StationStore
 from quadrotor.errors import NoAnswerError, ParameterError, RefusedError, StorageError
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
-from vehicle_link.node import Node
-from vehicle_link.parameter_authority import SIMULATOR, authority_of
-from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameters.authority import SIMULATOR, authority_of
+from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node
 
 CALL_TIMEOUT = 1.0
 """s the vehicle has for an answer to what is asked again."""

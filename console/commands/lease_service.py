@@ -14,10 +14,10 @@ from typing import Any
 from console.commands.lease import ControlLease
 from console.link.outbox import Outbox
 from quadrotor.errors import RefusedError, UsageError
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import decode, header, new
-from vehicle_link.node import Node, Received
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node, Received
 
 INFO = 20
 ANSWER = f"{SERVICES['control']}_Response"

@@ -19,8 +19,8 @@ from console.experiments.readings import Progress
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.transport.heartbeat import LinkState
 
 LOOK = 0.02
 """s between two looks at a condition, at least."""

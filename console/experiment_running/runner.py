@@ -37,8 +37,8 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.runs import RunKeeper
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.clock import monotonic
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.node import Node
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 

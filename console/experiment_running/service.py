@@ -12,11 +12,11 @@ from console.experiments.client import Calibrating, Experiment
 from console.experiments.user_file import mistakes_told
 from quadrotor.errors import QuadlabError, UsageError
 from quadrotor.parameters import ParameterStore
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import from_parameters, to_descriptor
+from vehicle_link.parameters.messages import from_parameters, to_descriptor
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node
 
 ANSWER = f"{SERVICES['experiment']}_Response"
 RECORDS = {"motor_bench": "motor"}

@@ -16,9 +16,9 @@ from quadrotor.errors import (
 )
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import from_value, to_parameters
+from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.node import Node
 
 HELD, FREE = "simulator.held", "free"
 ANGLES = ("simulator.hand_roll", "simulator.hand_pitch", "simulator.hand_yaw")

@@ -7,8 +7,8 @@ from typing import Any
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.node import Node
 
 CALL_TIMEOUT = 1.0
 USED = ("arm", "disarm", "start_behavior", "change_parameters", "calibrate", "bench")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from quadrotor.errors import StorageError, UsageError
-from vehicle_link.session import parse_endpoint
+from vehicle_link.transport.session import parse_endpoint
 
 FILE = "known_vehicles.toml"
 

@@ -15,14 +15,14 @@ from functools import partial
 from console.link.monitor import LinkMonitor
 from console.link.permission import OBSERVER
 from vehicle_link import topics
-from vehicle_link.access import LANE, PILOT_LANE
 from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
 from vehicle_link.lane.first_only import FirstOnly
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import Message, new
-from vehicle_link.node import Node, Publisher, Received
+from vehicle_link.security.access import LANE, PILOT_LANE
+from vehicle_link.security.whoami import SHOWN_WITHIN
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.whoami import SHOWN_WITHIN
+from vehicle_link.transport.node import Node, Publisher, Received
 
 DATAGRAM, QUIC = "datagram", "quic"
 BEAT = "station_heartbeat"

@@ -10,11 +10,11 @@ from console.link.outages import Outages
 from console.link.permission import Standing
 from console.link.telemetry_quality import TelemetryWindow
 from vehicle_link.clock import monotonic, monotonic_ns, time_ns
-from vehicle_link.heartbeat import HeartbeatMonitor, LinkState
 from vehicle_link.messages import header, new
-from vehicle_link.radio import Radio
 from vehicle_link.time_sync import ClockOffset, Exchange
 from vehicle_link.topics import decode_heartbeat
+from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
+from vehicle_link.transport.radio import Radio
 
 OLDEST_NS = 250_000_000
 """Telemetry older than this is recorded but not shown."""

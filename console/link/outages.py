@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vehicle_link.heartbeat import DEGRADED_AFTER
+from vehicle_link.transport.heartbeat import DEGRADED_AFTER
 
 _SHORTEST_NS = round(DEGRADED_AFTER * 1e9)
 

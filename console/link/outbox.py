@@ -17,9 +17,9 @@ from quadrotor.records import POSE_SAMPLE
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
-from vehicle_link.node import Node
 from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
+from vehicle_link.transport.node import Node
 
 RECORDED = (
     "tracker_pose",

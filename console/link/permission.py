@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from vehicle_link.instance import spoken
-from vehicle_link.protocol import disagreement
+from vehicle_link.process_instance import spoken
 from vehicle_link.topics.measurements import Heartbeat
+from vehicle_link.transport.protocol import disagreement
 
 OBSERVER = "observer"
 TWINS_NS = 1_000_000_000

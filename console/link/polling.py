@@ -15,9 +15,9 @@ from console.parameters.history_writer import ParameterWitness
 from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import Recorder
 from quadrotor.errors import LinkError
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.node import Node
 from vehicle_link.time_sync import TIME_SYNC, exchange
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
 
 log = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ from console.link.outbox import Outbox
 from console.runs.recorder import Recorder
 from console.tracker_feed import TrackerFeed
 from vehicle_link.clock import real_time_factor, time_ns
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import header, new
+from vehicle_link.transport.heartbeat import LinkState
 
 TRACKER_SILENT = 1.0
 INFO, WARN = 20, 30

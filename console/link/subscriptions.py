@@ -12,9 +12,9 @@ from console.link.lane import LaneIn
 from console.link.monitor import LinkMonitor
 from console.runs.recorder import Recorder
 from quadrotor.errors import LinkError, MeasurementError
-from vehicle_link.node import Node, Publisher, Received
 from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
+from vehicle_link.transport.node import Node, Publisher, Received
 
 AS_IT_COMES = (
     "status",

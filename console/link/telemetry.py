@@ -12,8 +12,8 @@ from console.link.outbox import Outbox
 from console.link.telemetry_topics import expanded, messages_of
 from console.runs.recorder import Recorder
 from vehicle_link.clock import time_ns
-from vehicle_link.node import Received
 from vehicle_link.telemetry import unpack
+from vehicle_link.transport.node import Received
 
 
 class TelemetryIn:

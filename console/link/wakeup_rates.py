@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vehicle_link.heartbeat import SELDOM
+from vehicle_link.transport.heartbeat import SELDOM
 
 FEW = 3
 """Vehicles of one process that each have it as if alone."""

@@ -19,7 +19,7 @@ from console.parameters.history import ParameterChange, ParameterHistory
 from quadrotor.errors import MeasurementError, StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import time_ns
-from vehicle_link.parameter_authority import VEHICLE, authority_of
+from vehicle_link.parameters.authority import VEHICLE, authority_of
 
 log = logging.getLogger(__name__)
 

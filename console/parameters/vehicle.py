@@ -6,8 +6,8 @@ import threading
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.node import Node
-from vehicle_link.parameter_service import ParameterClient
+from vehicle_link.parameters.service import ParameterClient
+from vehicle_link.transport.node import Node
 
 
 class VehicleParameters:

@@ -18,10 +18,10 @@ from console.link.outbox import Outbox
 from console.runs.run import RecorderStatus
 from quadrotor.errors import QuadlabError, RefusedError
 from vehicle_link.clock import time_ns
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import encode, header, new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node
 
 INFO = 20
 ID = re.compile(r"[A-Za-z0-9_-]{8,64}")

@@ -36,8 +36,8 @@ from console.transfers.part_file import (
 )
 from console.transfers.vehicle_files import VehicleFiles, check_name
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import encode, header, new
+from vehicle_link.transport.heartbeat import LinkState
 
 log = logging.getLogger(__name__)
 

@@ -10,11 +10,11 @@ from console.parameters.station import RecorderParameters
 from console.transfers.desk import TransferDesk
 from console.transfers.vehicle_files import LinkedFiles
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node
 
 BEATS = 10
 """Of the station's 20 a second between two messages."""

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 
 from quadrotor.errors import LinkError, RefusedError
 from vehicle_link.messages import new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.node import Node
 
 PIECE = 2800
 """Bytes of an answer: what flies always comes between two of them."""

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 from quadrotor.errors import LinkError
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
 
 TYPE = SERVICES["onboard_log"]
 TIMEOUT = 1.0

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from quadrotor.errors import StorageError
-from vehicle_link.authority import TlsFiles
+from vehicle_link.security.authority import TlsFiles
 
 THERE = ".local/share/quadlab/certificates"
 """Where another machine looks for them, unless it is given --data."""

@@ -29,9 +29,9 @@ class List:
 
     def run(self) -> int:
         from console.link.known_vehicles import KnownVehicles
-        from vehicle_link.knock import Door, knock_at_all
-        from vehicle_link.local_networks import own_networks
-        from vehicle_link.session import VEHICLE_PORT, parse_endpoint
+        from vehicle_link.transport.local_networks import own_networks
+        from vehicle_link.transport.quic_probe import Door, knock_at_all
+        from vehicle_link.transport.session import VEHICLE_PORT, parse_endpoint
 
         known = KnownVehicles(open_data_folder(self.data)).all()
         places = {name: parse_endpoint(one.address) for name, one in known.items()}

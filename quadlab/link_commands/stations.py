@@ -14,7 +14,7 @@ from quadlab.data_folder import open_data_folder
 from quadlab.link_commands.handing_over import THERE, hand_over
 from quadlab.processes import Folder
 from quadrotor.errors import UsageError
-from vehicle_link.access import Access
+from vehicle_link.security.access import Access
 
 MAY = {
     "observer": "hears and reads everything, and can command nothing",
@@ -37,7 +37,7 @@ class _Station:
                 f"{self.name!r} is no name for a station; allowed are up to 32 letters, digits and "
                 ". _ -, a letter or digit first, like ben"
             )
-        from vehicle_link.enrolment import issue_station
+        from vehicle_link.security.enrolment import issue_station
 
         data = open_data_folder(self.data)
         out = self.out or data / "issued" / f"{access}_{self.name}"

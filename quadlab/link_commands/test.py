@@ -17,7 +17,7 @@ from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:
     from quadlab.link_commands.verdict import Grade
-    from vehicle_link.link_measurement import Figures
+    from vehicle_link.transport.link_measurement import Figures
 
 SHORTEST, LONGEST = 2.0, 600.0
 
@@ -49,9 +49,9 @@ class Test:
         endpoint, name = _place(data, self.vehicle)
 
         from quadlab.link_commands.verdict import verdict
-        from vehicle_link.authority import ensure_certificates
-        from vehicle_link.link_measurement import measure
-        from vehicle_link.session import parse_endpoint
+        from vehicle_link.security.authority import ensure_certificates
+        from vehicle_link.transport.link_measurement import measure
+        from vehicle_link.transport.session import parse_endpoint
 
         tls = ensure_certificates(data / "certificates", [parse_endpoint(endpoint)[0]])
         figures = measure(endpoint, tls, self.seconds, self.name or name, _say)

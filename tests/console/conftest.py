@@ -26,16 +26,16 @@ from vehicle.flight.stack import FlightStack
 from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import new_parameters
 from vehicle.processes.config import CommsConfig, create_rings, open_rings
-from vehicle_link.authority import ensure_certificates
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.instance import new_instance
 from vehicle_link.messages import new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import to_parameters
-from vehicle_link.radio import Radio
+from vehicle_link.parameters.messages import to_parameters
+from vehicle_link.process_instance import new_instance
+from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
-from vehicle_link.session import hub_session, loopback_session, vehicle_session
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
 
 WAKE_NS = 50_000_000
 

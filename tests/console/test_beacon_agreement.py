@@ -12,7 +12,7 @@ import pytest
 from console.beacon_layout import OURS, THEIRS
 from quadrotor.errors import ParameterError
 from vehicle.flight.modes import Mode
-from vehicle_link.parameter_service import ParameterClient
+from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.serial.ids import MotorState
 
 

@@ -23,9 +23,9 @@ from quadrotor.records import TICK
 from tests.waiting import until
 from vehicle_link.log import read_log
 from vehicle_link.messages import decode
-from vehicle_link.node import Node, Received
 from vehicle_link.telemetry import pack
 from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Node, Received
 
 LIMIT = 20.0
 NAME = "station.comparison.estimators"

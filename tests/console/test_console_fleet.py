@@ -20,17 +20,17 @@ from console.comparison.parameters import ComparisonParameters
 from quadrotor.records import TICK
 from tests.waiting import free_port, until
 from vehicle_link import topics
-from vehicle_link.authority import TlsFiles, ensure_certificates
-from vehicle_link.heartbeat import LinkState
-from vehicle_link.instance import new_instance
 from vehicle_link.log import is_closed, summarize
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.node import Node
-from vehicle_link.radio import Radio
-from vehicle_link.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.process_instance import new_instance
+from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
 
 NAMES = ("quad1", "quad2")
 

@@ -15,10 +15,15 @@ from console.link.lane import LaneIn
 from console.link.monitor import LinkMonitor
 from vehicle.comms.lane import CommsLane
 from vehicle.comms.publishers import LinkRadio
-from vehicle_link.authority import ensure_certificates
-from vehicle_link.node import Node, Received
-from vehicle_link.session import loopback_session, station_session, vehicle_session, wait_connected
+from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import TOPICS, encode_heartbeat
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import (
+    loopback_session,
+    station_session,
+    vehicle_session,
+    wait_connected,
+)
 
 WAIT = 15.0  # s: a bound, not an expectation
 

@@ -26,16 +26,16 @@ from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record
 from tests.waiting import free_port, until
 from vehicle_link import topics
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import LogWriter, is_closed, read_attachments, read_log, read_metadata
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_messages import from_parameters, to_parameters
-from vehicle_link.parameter_service import ParameterClient, serve_parameters
-from vehicle_link.session import loopback_session, station_session, vehicle_session
+from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.parameters.service import ParameterClient, serve_parameters
+from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session, station_session, vehicle_session
 
 LIMIT = 15.0
 AHEAD_NS = 40_000_000_000

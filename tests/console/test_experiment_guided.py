@@ -25,11 +25,11 @@ from console.runs.report_folders import read_result
 from console.runs.runs import RunKeeper
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, StorageError
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.log import read_attachments
 from vehicle_link.messages import header, new
-from vehicle_link.parameter_messages import from_parameters, to_parameters, to_value
+from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.heartbeat import LinkState
 
 BOUND = 60.0
 ENDED = ("passed", "failed", "stopped", "refused")

@@ -23,15 +23,15 @@ from quadrotor.parameters import ParameterDescription, Parameters, parameter
 from quadrotor.records import TICK
 from tests.waiting import LIMIT, free_port, until
 from vehicle_link import topics
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_messages import from_descriptor, from_parameters, to_parameters
-from vehicle_link.parameter_service import serve_parameters
-from vehicle_link.session import loopback_session, station_session, vehicle_session
+from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
+from vehicle_link.parameters.service import serve_parameters
+from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session, station_session, vehicle_session
 
 ENDED = ("passed", "failed", "stopped", "refused")
 

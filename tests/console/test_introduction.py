@@ -17,14 +17,15 @@ from console.link import identification as introduction
 from console.link.identification import Introduction
 from console.link.monitor import LinkMonitor
 from tests.waiting import free_port
-from vehicle_link import radio, whoami
-from vehicle_link.authority import Role, TlsFiles, ensure_certificates
-from vehicle_link.enrolment import issue_station
-from vehicle_link.node import Node
-from vehicle_link.radio import Radio
+from vehicle_link.security import whoami
+from vehicle_link.security.authority import Role, TlsFiles, ensure_certificates
+from vehicle_link.security.enrolment import issue_station
+from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.serial.identity import THE_ONE
-from vehicle_link.session import hub_session, vehicle_session
-from vehicle_link.whoami import serve_whoami
+from vehicle_link.transport import radio
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 WAIT = 10.0  # s: a bound, not an expectation
 

@@ -11,7 +11,7 @@ import pytest
 from console.checks.facts import Facts
 from console.checks.items import ITEMS, judged, reasons
 from console.checks.parameters import PreflightParameters
-from vehicle_link.heartbeat import LinkState
+from vehicle_link.transport.heartbeat import LinkState
 
 LIMITS = PreflightParameters()
 GOOD = Facts(

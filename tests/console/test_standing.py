@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from console.link.permission import Standing
-from vehicle_link.protocol import protocol, version
 from vehicle_link.topics.measurements import Heartbeat
+from vehicle_link.transport.protocol import protocol, version
 
 OURS, OTHER = 7, 9
 VEHICLE, TWIN = 0xABCDEF << 40, 0x123456 << 40

@@ -32,15 +32,15 @@ from quadrotor.records import TICK
 from tests.vehicle_link.drop_outs import START_NS, Flight, flown, with_holes
 from tests.waiting import until
 from vehicle.onboard_log.files import OnboardFiles
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.log import read_log, read_metadata, recover
 from vehicle_link.log.run_index import index_run
 from vehicle_link.log.tick_columns import TICK_TOPICS
 from vehicle_link.log.writer import FILLED_METADATA
 from vehicle_link.messages import decode, new
-from vehicle_link.node import Node
-from vehicle_link.session import hub_session, loopback_session
 from vehicle_link.topics import SERVICES, TOPICS, encode_estimators, encode_status
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.session import hub_session, loopback_session
 
 PATIENCE = 60.0  # s, for a broken program only
 

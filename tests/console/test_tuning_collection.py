@@ -11,9 +11,9 @@ import pytest
 from console.tuning.collection import FRUITLESS_MAX, Collection
 from console.tuning.log_window import LogWindow
 from quadrotor.errors import StorageError
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.heartbeat import LinkState
 
 TYPE = SERVICES["onboard_log"]
 STEP = 2_000_000

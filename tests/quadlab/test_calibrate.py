@@ -20,7 +20,7 @@ from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import new
-from vehicle_link.parameter_messages import from_parameters, to_descriptor
+from vehicle_link.parameters.messages import from_parameters, to_descriptor
 
 FOUND = CalibrationRecord(
     name="motor",

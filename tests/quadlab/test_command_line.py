@@ -85,7 +85,7 @@ def test_a_data_folder_that_is_a_file_is_refused(
 def test_certificates_that_do_not_fit_stop_up_before_it_starts(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    from vehicle_link.authority import ensure_certificates
+    from vehicle_link.security.authority import ensure_certificates
 
     ensure_certificates(tmp_path / "data" / "certificates")
     foreign = ensure_certificates(tmp_path / "other")

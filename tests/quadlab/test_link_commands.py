@@ -22,20 +22,20 @@ from quadlab.link_commands.verdict import Grade, percentile, verdict
 from quadrotor.errors import LinkError, StorageError, UsageError
 from quadrotor.records import TICK
 from tests.waiting import free_port
-from vehicle_link import knock as knocking
 from vehicle_link import topics
-from vehicle_link.authority import TlsFiles, check_certificate, ensure_certificates
-from vehicle_link.certificates import load_certificate
-from vehicle_link.knock import Door, knock, knock_at_all
-from vehicle_link.link_measurement import Figures, measure
-from vehicle_link.local_networks import own_networks
-from vehicle_link.node import Node
+from vehicle_link.security.authority import TlsFiles, check_certificate, ensure_certificates
+from vehicle_link.security.certificates import load_certificate
+from vehicle_link.security.whoami import serve_whoami
 from vehicle_link.serial.identity import THE_ONE
-from vehicle_link.session import vehicle_session
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import TOPICS
-from vehicle_link.whoami import serve_whoami
+from vehicle_link.transport import quic_probe as knocking
+from vehicle_link.transport.link_measurement import Figures, measure
+from vehicle_link.transport.local_networks import own_networks
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.quic_probe import Door, knock, knock_at_all
+from vehicle_link.transport.session import vehicle_session
 
 
 def _link(data: Path, *words: str) -> int:
@@ -193,8 +193,10 @@ def test_packets_of_another_protocol_are_not_measured_and_spill_no_traceback(
     def refused(payload: bytes) -> None:
         raise LinkError(f"{len(payload)} bytes are too few for a telemetry packet")
 
-    monkeypatch.setattr("vehicle_link.link_measurement.unpack", refused)
-    monkeypatch.setattr("vehicle_link.link_measurement.disagreement", lambda *_: "another protocol")
+    monkeypatch.setattr("vehicle_link.transport.link_measurement.unpack", refused)
+    monkeypatch.setattr(
+        "vehicle_link.transport.link_measurement.disagreement", lambda *_: "another protocol"
+    )
     found = measure(f"127.0.0.1:{vehicle}", tls, 1.0)
     assert (found.packets, math.isnan(found.loss), math.isnan(found.jitter)) == (0, True, True)
     hidden = "note: telemetry loss, jitter and throughput not measured: the vehicle speaks another"
@@ -205,7 +207,7 @@ def test_packets_of_another_protocol_are_not_measured_and_spill_no_traceback(
 def test_no_link_is_told_with_its_cause(
     vehicle: int, tls: TlsFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicle_link.link_measurement.CONNECT", 0.3)
+    monkeypatch.setattr("vehicle_link.transport.link_measurement.CONNECT", 0.3)
     with pytest.raises(LinkError, match=r"within 0\.3 s: the machine is there, but no"):
         measure(f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}", tls, 1.0)
     with pytest.raises(

@@ -19,10 +19,10 @@ from console.transfers.service import Transfers
 from quadlab.__main__ import main
 from tests.vehicle_link.drop_outs import Flight, flown
 from vehicle.onboard_log.files import OnboardFiles
-from vehicle_link.heartbeat import LinkState
 from vehicle_link.log.writer import FILLED_METADATA, LogWriter
-from vehicle_link.node import Node
-from vehicle_link.session import hub_session, loopback_session
+from vehicle_link.transport.heartbeat import LinkState
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.session import hub_session, loopback_session
 
 NAME = "quad1_20260131T093042_120Z"
 

@@ -12,7 +12,7 @@ from quadlab.simulated_fleet import MOST, SimulatedFleet
 from quadrotor.errors import LinkError, UsageError
 from vehicle.processes.config import FEWEST_PACKETS, PACKETS_A_SECOND
 from vehicle.simulator.process import pace_of
-from vehicle_link.authority import check_certificate, ensure_certificates
+from vehicle_link.security.authority import check_certificate, ensure_certificates
 from vehicle_link.telemetry import SAMPLES_A_PACKET
 
 PERIOD = 0.001  # s, of the simulated microcontroller

@@ -13,9 +13,9 @@ import pytest
 
 from vehicle_link.log import is_closed, read_log
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.node import Node, Received
-from vehicle_link.session import loopback_session
 from vehicle_link.topics import TOPICS, decode_reference
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session
 
 pytestmark = pytest.mark.timeout(180)
 SPEED, WAY = 0.3, 0.6  # m/s, m

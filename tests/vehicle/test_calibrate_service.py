@@ -13,7 +13,7 @@ from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import ANSWER_BYTES, TYPE
 from vehicle.comms.services import _refusing
 from vehicle.processes import mailbox
-from vehicle_link.idempotent import Idempotent
+from vehicle_link.transport.idempotent import Idempotent
 
 NS = 1_780_000_000_000_000_000
 VALUES: dict[str, ParameterValue] = {"model.motor_slope": 0.0127, "model.motor_offset": 14.5}

@@ -27,13 +27,13 @@ from tests.waiting import free_port
 from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.recovery import torn_logs
 from vehicle_link import messages, telemetry, topics
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.log import read_attachments, read_log, read_metadata
 from vehicle_link.messages import Message
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_messages import to_parameters
-from vehicle_link.parameter_service import ParameterClient
-from vehicle_link.session import station_session
+from vehicle_link.parameters.messages import to_parameters
+from vehicle_link.parameters.service import ParameterClient
+from vehicle_link.security.authority import ensure_certificates
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import station_session
 
 BOUND = 60.0
 """s, after which a test that waits has failed."""

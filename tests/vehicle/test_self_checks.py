@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from vehicle.comms.self_checks import HEARD, SelfChecks, self_checks
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.checks import Check, from_messages
 from vehicle_link.log.provenance import provenance
 from vehicle_link.messages import new
+from vehicle_link.security.authority import ensure_certificates
 
 REQUEST: Any = new("quadlab_msgs/srv/Checks_Request")
 

@@ -28,9 +28,9 @@ from vehicle.simulator.pseudo_terminal import PseudoTerminal
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.simulator.truth import Put, TruthPublisher
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.node import Node, Received
 from vehicle_link.serial.port import PortError, SerialPort
 from vehicle_link.topics.ticks import decode_odometry
+from vehicle_link.transport.node import Node, Received
 
 BOUND = 30.0
 """s, after which a test that waits has failed."""

@@ -16,19 +16,19 @@ import pytest
 
 from quadrotor.errors import LinkError, UnreachableError
 from tests.waiting import free_port, wait_for
-from vehicle_link import authority
-from vehicle_link.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
-from vehicle_link.certificates import certificate_builder, load_certificate
-from vehicle_link.enrolment import issue_station, issue_vehicle
 from vehicle_link.messages import new
-from vehicle_link.node import Node, Received
-from vehicle_link.protocol import disagreement, protocol, version
-from vehicle_link.radio import Radio
+from vehicle_link.security import authority
+from vehicle_link.security.authority import ROLES, TlsFiles, check_certificate, ensure_certificates
+from vehicle_link.security.certificates import certificate_builder, load_certificate
+from vehicle_link.security.enrolment import issue_station, issue_vehicle
+from vehicle_link.security.whoami import WhoAmI, serve_whoami
 from vehicle_link.serial.identity import THE_ONE
-from vehicle_link.session import hub_session, vehicle_session
 from vehicle_link.time_sync import TIME_SYNC, serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
-from vehicle_link.whoami import WhoAmI, serve_whoami
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.protocol import disagreement, protocol, version
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 WAIT = 10.0  # s: a bound, not an expectation
 ARM = SERVICES["arm"]

@@ -12,16 +12,16 @@ from pathlib import Path
 import pytest
 
 from quadrotor.errors import LinkError, StorageError
-from vehicle_link import authority
-from vehicle_link.authority import (
+from vehicle_link.security import authority
+from vehicle_link.security.authority import (
     ROLES,
     TlsFiles,
     check_certificate,
     ensure_certificates,
     ensure_web_certificate,
 )
-from vehicle_link.enrolment import issue_station, issue_vehicle
-from vehicle_link.tls_files import write_secret
+from vehicle_link.security.enrolment import issue_station, issue_vehicle
+from vehicle_link.security.tls_files import write_secret
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError
-from vehicle_link.cdr_layout import FixedLayout
 from vehicle_link.messages import encode, new
+from vehicle_link.messages.cdr_layout import FixedLayout
 
 SEED = 20111
 

@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from vehicle_link.end_signal import EndSignal
+from vehicle_link.termination_signal import EndSignal
 
 WAITS = """
-from vehicle_link.end_signal import EndSignal
+from vehicle_link.termination_signal import EndSignal
 ending = EndSignal()
 print("up", flush=True)
 while not ending.wait(0.0):  # all its time within `wait`

@@ -26,7 +26,7 @@ def touched(size):
 """
 
 LARGE = """
-from vehicle_link.heap import keep_large_buffers_apart
+from vehicle_link.transport.unused_memory import keep_large_buffers_apart
 SIZE, COUNT = 3 << 20, 9
 
 if sys.argv[1] == "apart":
@@ -41,7 +41,7 @@ print((resident() - before) / SIZE)
 """
 
 SMALL = """
-from vehicle_link.heap import give_back_what_is_free
+from vehicle_link.transport.unused_memory import give_back_what_is_free
 SIZE, COUNT = 10_000, 3_000
 
 before = resident()

@@ -33,14 +33,17 @@ from quadrotor.parameters import (
 from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
 from tests.waiting import free_port, wait_for
-from vehicle_link.authority import TlsFiles, ensure_certificates
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import Message, new
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_messages import from_value, to_parameters
-from vehicle_link.parameter_service import ParameterClient, serve_parameters
-from vehicle_link.rmw_keys import RELIABLE
-from vehicle_link.session import (
+from vehicle_link.parameters.messages import from_value, to_parameters
+from vehicle_link.parameters.service import ParameterClient, serve_parameters
+from vehicle_link.security.authority import TlsFiles, ensure_certificates
+from vehicle_link.telemetry import pack, unpack
+from vehicle_link.time_sync import exchange, serve_time_sync
+from vehicle_link.topics import SERVICES, TOPICS, decode_heartbeat, encode_heartbeat
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.rmw_keys import RELIABLE
+from vehicle_link.transport.session import (
     connected_to,
     loopback_session,
     parse_endpoint,
@@ -48,9 +51,6 @@ from vehicle_link.session import (
     vehicle_session,
     wait_connected,
 )
-from vehicle_link.telemetry import pack, unpack
-from vehicle_link.time_sync import exchange, serve_time_sync
-from vehicle_link.topics import SERVICES, TOPICS, decode_heartbeat, encode_heartbeat
 
 WAIT = 10.0  # s: a bound, not an expectation
 REQUEST, RESPONSE = f"{SERVICES['arm']}_Request", f"{SERVICES['arm']}_Response"

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import RefusedError
-from vehicle_link.heartbeat import HeartbeatMonitor, LinkState
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import Message, new
 from vehicle_link.time_sync import ClockOffset, Exchange
+from vehicle_link.transport.heartbeat import HeartbeatMonitor, LinkState
+from vehicle_link.transport.idempotent import Idempotent
 
 MS = 1_000_000
 REQUEST = "quadlab_msgs/srv/Command_Request"

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from vehicle_link.authority import ensure_certificates
-from vehicle_link.certificate_checks import SOON, certificate_check, validity_check
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.machine_checks import (
     ClockWatch,
@@ -19,6 +17,8 @@ from vehicle_link.machine_checks import (
     real_time_check,
 )
 from vehicle_link.messages import decode, encode, new
+from vehicle_link.security.authority import ensure_certificates
+from vehicle_link.security.certificate_checks import SOON, certificate_check, validity_check
 
 MB = 1_000_000
 NOW = datetime.datetime(2030, 1, 1, tzinfo=datetime.UTC)

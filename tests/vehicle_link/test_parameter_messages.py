@@ -10,7 +10,7 @@ from quadrotor.errors import LinkError, WrongTypeError
 from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
 from quadrotor.vehicle_model import VehicleModel
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.parameter_messages import (
+from vehicle_link.parameters.messages import (
     from_descriptor,
     from_parameters,
     from_value,

@@ -16,13 +16,13 @@ import pytest
 
 from quadrotor.errors import LinkError, UsageError
 from tests.waiting import free_port, wait_for
-from vehicle_link import radio
-from vehicle_link.authority import TlsFiles, ensure_certificates
 from vehicle_link.messages import new
-from vehicle_link.node import Node, Received
-from vehicle_link.radio import Radio
-from vehicle_link.session import hub_session, loopback_session, vehicle_session
+from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport import radio
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, loopback_session, vehicle_session
 
 WAIT = 10.0  # s: a bound, not an expectation
 ARM = SERVICES["arm"]

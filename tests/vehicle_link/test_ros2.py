@@ -18,13 +18,13 @@ from rosbags.typesys import Stores, get_typestore
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from tests.waiting import free_port
 from vehicle_link import messages
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import encode, header, new
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_service import serve_parameters
-from vehicle_link.radio import Radio
-from vehicle_link.session import hub_session, vehicle_session
+from vehicle_link.parameters.service import serve_parameters
+from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import SERVICES, TOPICS, decode_external_reference, decode_joy, decode_pose
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 pytest.importorskip("zenoh_ros2_sdk", reason="zenoh-ros2-sdk is not installed")
 WAIT = 20.0  # s: a bound, not an expectation

@@ -9,14 +9,14 @@ import pytest
 from cryptography.hazmat.primitives import serialization
 
 from quadrotor.errors import LinkError
-from vehicle_link.authority import (
+from vehicle_link.security.authority import (
     TlsFiles,
     check_certificate,
     ensure_certificates,
     ensure_web_certificate,
     readable_keys,
 )
-from vehicle_link.enrolment import issue_station, issue_vehicle
+from vehicle_link.security.enrolment import issue_station, issue_vehicle
 
 FROM_A_BASE = "copy vehicle.pem and vehicle.key anew from the base that ca.pem is of"
 HAVE_MADE = "copy vehicle.pem and vehicle.key anew from the base, or delete them to have them made"

@@ -21,12 +21,12 @@ from tests.waiting import free_port, wait_for
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle_link import topics
-from vehicle_link.authority import TlsFiles, ensure_certificates
-from vehicle_link.instance import new_instance, spoken
-from vehicle_link.node import Node, Received
-from vehicle_link.radio import Radio
-from vehicle_link.session import hub_session, vehicle_session
+from vehicle_link.process_instance import new_instance, spoken
+from vehicle_link.security.authority import TlsFiles, ensure_certificates
 from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, vehicle_session
 
 WAIT = 10.0  # s: a bound, not an expectation
 BEAT = 0.02

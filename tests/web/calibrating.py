@@ -16,7 +16,7 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.calibration.imu import ImuCalibration
 from vehicle_link.messages import header, new
-from vehicle_link.parameter_messages import to_descriptor
+from vehicle_link.parameters.messages import to_descriptor
 
 RUN = "20260131T093042Z_quad1"
 EARLIER = "20260101T080000Z_quad1"

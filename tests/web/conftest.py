@@ -27,7 +27,7 @@ from estimation.parameters import EstimationParameters
 from quadrotor.errors import LinkError, QuadlabError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import encode, header, new
-from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameters.messages import from_parameters, to_parameters
 from web.access.attempts import Attempts
 from web.access.passwords import Passwords
 from web.access.tls import Tls

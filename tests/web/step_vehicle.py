@@ -14,7 +14,7 @@ from control.parameters import ControlParameters
 from control.trajectories.multistep import AXES, LEAD, LEVELS
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import header, new
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 from vehicle_link.topics import SERVICES
 
 FASTER = 10.0

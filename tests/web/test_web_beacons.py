@@ -12,7 +12,7 @@ import pytest
 
 from bearing_sim.beacons import PAPER_BEACONS, PRESETS, parse_layout
 from quadrotor.errors import RefusedError
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 from web.beacons.moves import BeaconMoves
 from web.beacons.routes import csv_of, layout_of, rows_of
 from web.live.events import EventHub

@@ -10,7 +10,7 @@ import httpx
 import pytest
 
 from vehicle_link.messages import new
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 
 
 @pytest.fixture

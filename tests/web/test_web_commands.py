@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from quadrotor.errors import NoAnswerError
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 
 COMMANDS = [
     ("arm", {}, {}),

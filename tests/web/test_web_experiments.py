@@ -12,7 +12,7 @@ import pytest
 
 from console.experiment_running.service import describe
 from vehicle_link.messages import new
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 
 RUN = "20260131T093042Z_quad1"
 PNG = b"\x89PNG\r\n\x1a\nnot much of a picture"

@@ -12,14 +12,14 @@ import pytest
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from vehicle_link.authority import ensure_certificates
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import from_parameters, to_parameters
-from vehicle_link.parameter_service import serve_parameters
-from vehicle_link.session import loopback_session, station_session
+from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.parameters.service import serve_parameters
+from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
+from vehicle_link.transport.node import Node
+from vehicle_link.transport.session import loopback_session, station_session
 from web.live.events import SUMMARY_NOW, EventHub
 from web.live.latest import Live
 from web.live.sockets import listen

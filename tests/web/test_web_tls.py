@@ -19,8 +19,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from console.catalogue.catalogue import Catalogue
 from quadrotor.errors import UsageError
-from vehicle_link.authority import WEB_DAYS, check_certificate, ensure_web_certificate
-from vehicle_link.certificates import load_certificate
+from vehicle_link.security.authority import WEB_DAYS, check_certificate, ensure_web_certificate
+from vehicle_link.security.certificates import load_certificate
 from web.access.cookie import SessionCookie
 from web.access.reach import check_reach, is_loopback
 from web.access.tls import given_tls, own_names, private_tls, shown_host
@@ -146,7 +146,7 @@ def test_the_certificate_stays_until_a_name_is_new(tmp_path: Path) -> None:
 def test_a_certificate_that_ends_soon_is_made_anew(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vehicle_link.authority.WEB_DAYS", 30)
+    monkeypatch.setattr("vehicle_link.security.authority.WEB_DAYS", 30)
     first = ensure_web_certificate(tmp_path, []).certificate("web").read_bytes()
     monkeypatch.undo()
     renewed = ensure_web_certificate(tmp_path, []).certificate("web").read_bytes()
@@ -175,7 +175,9 @@ def test_a_certificate_of_ones_own_is_checked(tmp_path: Path) -> None:
 
 
 def test_an_expired_certificate_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vehicle_link.authority.WEB_DAYS", 1)  # begins and ends a day before
+    monkeypatch.setattr(
+        "vehicle_link.security.authority.WEB_DAYS", 1
+    )  # begins and ends a day before
     files = ensure_web_certificate(tmp_path, [])
     with pytest.raises(UsageError, match="and not today"):
         given_tls(files.certificate("web"), files.key("web"))

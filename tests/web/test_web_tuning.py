@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 
 KP = "control.position.kp_xy"
 

@@ -26,7 +26,7 @@ from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.instance import spoken
+from vehicle_link.process_instance import spoken
 
 OLDEST_NS = 200_000_000
 SAID_EVERY_NS = 5_000_000_000

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-from vehicle_link.access import LANE, PILOT_LANE
 from vehicle_link.lane.datagram import HELLO, TO_STATION, TO_VEHICLE
 from vehicle_link.lane.newest_only import NewestOnly
 from vehicle_link.lane.vehicle_lane import VehicleLane
 from vehicle_link.messages import Message
-from vehicle_link.node import Node, Publisher, Received
+from vehicle_link.security.access import LANE, PILOT_LANE
 from vehicle_link.topics import SERVICES, TOPICS
+from vehicle_link.transport.node import Node, Publisher, Received
 
 
 class CommsLane:

@@ -40,14 +40,14 @@ from vehicle.processes.config import TICK_SLOTS, CommsConfig, Rings, open_rings
 from vehicle.processes.parent import GIVEN_UP
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import topics
-from vehicle_link.authority import ensure_certificates, readable_keys
 from vehicle_link.clock import monotonic_ns
-from vehicle_link.end_signal import Ending, EndSignal
-from vehicle_link.heartbeat import HEARTBEAT_RATE, SELDOM
 from vehicle_link.lockstep import COMMS_PROCESS, Part
-from vehicle_link.node import Node, Received
-from vehicle_link.session import vehicle_session
-from vehicle_link.whoami import serve_whoami
+from vehicle_link.security.authority import ensure_certificates, readable_keys
+from vehicle_link.security.whoami import serve_whoami
+from vehicle_link.termination_signal import Ending, EndSignal
+from vehicle_link.transport.heartbeat import HEARTBEAT_RATE, SELDOM
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import vehicle_session
 
 SHORTEST_WAIT_S = 0.001
 STATION_LOST_S = 1.0

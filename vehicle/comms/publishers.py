@@ -9,8 +9,8 @@ from __future__ import annotations
 import queue
 import threading
 
-from vehicle_link.node import Node
 from vehicle_link.topics import TOPICS
+from vehicle_link.transport.node import Node
 
 WAITING_MAX = 1000
 

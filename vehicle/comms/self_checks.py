@@ -14,7 +14,6 @@ from typing import Protocol
 from vehicle.flight.realtime import PRIORITY
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import FOLDER
-from vehicle_link.certificate_checks import certificate_check
 from vehicle_link.checks import Check, Place, to_messages
 from vehicle_link.log.provenance import provenance
 from vehicle_link.machine_checks import (
@@ -25,6 +24,7 @@ from vehicle_link.machine_checks import (
     real_time_check,
 )
 from vehicle_link.messages import Message, new
+from vehicle_link.security.certificate_checks import certificate_check
 from vehicle_link.serial.identity import THE_ONE, Identity
 from vehicle_link.topics import SERVICES
 

@@ -13,13 +13,13 @@ from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, ParameterMirror
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.processes import mailbox
-from vehicle_link.idempotent import Idempotent
 from vehicle_link.messages import Message, decode, encode, new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import from_parameters, to_parameters
-from vehicle_link.parameter_service import serve_parameters
+from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.idempotent import Idempotent
+from vehicle_link.transport.node import Node
 
 EMERGENCIES = 4
 """At once: a cut must not wait behind a landing that the flight process does not answer."""

@@ -28,8 +28,8 @@ from vehicle.onboard_log.ring import Fetched, free_bytes
 from vehicle_link.log import is_closed
 from vehicle_link.log.file_index import FileIndex, begins_as_log, read_index
 from vehicle_link.messages import Message, decode, encode, new
-from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES
+from vehicle_link.transport.node import Node
 
 PART_BYTES = 2800
 """Of a file in an answer: two packets on the radio."""

@@ -33,7 +33,7 @@ from vehicle.processes.config import (
 )
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
-from vehicle_link.instance import new_instance
+from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
 

@@ -31,7 +31,7 @@ from vehicle.simulator.simulated_vehicle import PERIOD_MAX_US, SimulatedVehicle
 from vehicle.simulator.truth import TruthPublisher, connect_to_station
 from vehicle.simulator.uart import Uart
 from vehicle_link import clock
-from vehicle_link.shared_session import SharedSession
+from vehicle_link.transport.shared_session import SharedSession
 
 PRIORITY = 40
 """SCHED_FIFO, below the flight process: late samples would look like a late flight loop."""
@@ -291,7 +291,7 @@ def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorP
 
 def _open(loopback_port: int) -> Any:
     # Imported here: Zenoh takes a while, the plant need not wait.
-    from vehicle_link.session import loopback_session
+    from vehicle_link.transport.session import loopback_session
 
     return loopback_session(loopback_port)
 

@@ -23,7 +23,7 @@ from vehicle.simulator.attendant import Attendant
 from vehicle.simulator.force_sensor import ForceReading
 from vehicle.simulator.live_parameters import LiveParameters
 from vehicle_link import clock
-from vehicle_link.shared_session import SharedSession
+from vehicle_link.transport.shared_session import SharedSession
 
 if TYPE_CHECKING:
     from vehicle_link.topics.table import Topic
@@ -137,7 +137,7 @@ def _hurry(on: bool) -> None:
 
 def _sure(topic: Topic) -> Topic:
     """In lockstep the next truth may wait until this one has come: none may be lost."""
-    from vehicle_link.rmw_keys import RELIABLE
+    from vehicle_link.transport.rmw_keys import RELIABLE
 
     return topic if clock.page() is None else replace(topic, qos=RELIABLE, drop=False)
 
@@ -152,12 +152,12 @@ def connect_to_station(
     """
 
     def connect() -> tuple[Put, Callable[[], None]]:
-        from vehicle_link.idempotent import Idempotent
         from vehicle_link.messages import Message, new
-        from vehicle_link.node import Node
-        from vehicle_link.parameter_messages import from_parameters, to_parameters
-        from vehicle_link.parameter_service import serve_parameters
+        from vehicle_link.parameters.messages import from_parameters, to_parameters
+        from vehicle_link.parameters.service import serve_parameters
         from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
+        from vehicle_link.transport.idempotent import Idempotent
+        from vehicle_link.transport.node import Node
 
         node = Node(shared.open(), f"/{vehicle}", "simulator")
         publishers = {topic: node.advertise(_sure(TOPICS[topic])) for topic in PUBLISHED}

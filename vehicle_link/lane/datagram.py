@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 from vehicle_link.clock import time_ns
 from vehicle_link.lane.replay_window import ReplayWindow
-from vehicle_link.node import Received
-from vehicle_link.rmw_keys import GID_SIZE
+from vehicle_link.transport.node import Received
+from vehicle_link.transport.rmw_keys import GID_SIZE
 
 VERSION = 0xD1
 KEY_SIZE = 32

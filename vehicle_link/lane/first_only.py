@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 
-from vehicle_link.node import Received
+from vehicle_link.transport.node import Received
 
 KEPT = 512
 """Messages of a topic looked back on: 5 s of the fastest."""

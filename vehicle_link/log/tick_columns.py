@@ -19,9 +19,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from quadrotor.errors import LogFormatError, StorageError, UsageError
-from vehicle_link.cdr_layout import FixedLayout
 from vehicle_link.log.records import records
 from vehicle_link.log.walk import UNREADABLE, opened
+from vehicle_link.messages.cdr_layout import FixedLayout
 from vehicle_link.topics.ticks import SECOND_NS, WORLD, body_frame, layout
 
 Stamps = npt.NDArray[np.int64]

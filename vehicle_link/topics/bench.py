@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from vehicle_link.cdr_layout import FixedLayout
+from vehicle_link.messages.cdr_layout import FixedLayout
 from vehicle_link.topics.ticks import set_stamps
 
 

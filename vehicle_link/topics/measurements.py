@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
 from quadrotor.records import POSE_SAMPLE, REFERENCE, Record
-from vehicle_link.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.messages import decode, stamp_of
+from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.topics.ticks import (
     FROM_ROS,
     TO_ROS,

@@ -9,9 +9,9 @@ import numpy as np
 
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
-from vehicle_link.cdr_layout import FixedLayout
 from vehicle_link.messages import encode, header, new, time_message
-from vehicle_link.parameter_messages import to_parameters
+from vehicle_link.messages.cdr_layout import FixedLayout
+from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
 
 LIPO = 3  # POWER_SUPPLY_TECHNOLOGY_LIPO

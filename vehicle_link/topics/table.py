@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from vehicle_link.rmw_keys import RELIABLE, SENSOR_DATA, Qos
+from vehicle_link.transport.rmw_keys import RELIABLE, SENSOR_DATA, Qos
 
 Sender = Literal["vehicle", "station", "simulator", "web"]
 Priority = Literal["real_time", "interactive_high", "data_high", "data", "background"]

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.records import ACTUATORS, IMU_SAMPLE, REFERENCE, STATE, Record
-from vehicle_link.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.messages import decode, stamp_of
+from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
 
 WORLD = "world"
 SECOND_NS = 1_000_000_000

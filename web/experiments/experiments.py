@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from fastapi import FastAPI
 from pydantic import BaseModel, ConfigDict, Field
 
-from vehicle_link.parameter_messages import from_descriptor, to_parameters
+from vehicle_link.parameters.messages import from_descriptor, to_parameters
 from web.live.latest import Live
 from web.requester import Operator
 

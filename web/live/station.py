@@ -19,15 +19,15 @@ from typing import TYPE_CHECKING, Any
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import decode, encode, header, new, stamp_of
-from vehicle_link.parameter_messages import from_parameters, to_parameters
+from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.latest import FAST, STALE, Live
 
 if TYPE_CHECKING:
-    from vehicle_link.client import ServiceClient
-    from vehicle_link.node import Node, Publisher, Received
-    from vehicle_link.parameter_service import ParameterClient
+    from vehicle_link.parameters.service import ParameterClient
+    from vehicle_link.transport.client import ServiceClient
+    from vehicle_link.transport.node import Node, Publisher, Received
 
 CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
 PATIENCE = {
@@ -161,7 +161,7 @@ class Station:
         return client.describe(), client.values()
 
     def _parameter_client(self, remote: str) -> ParameterClient:
-        from vehicle_link.parameter_service import ParameterClient
+        from vehicle_link.parameters.service import ParameterClient
 
         node = self._require_node()
         with self._making:
@@ -228,7 +228,7 @@ class Station:
             return
 
     def _join(self, session: Any) -> None:
-        from vehicle_link.node import Node
+        from vehicle_link.transport.node import Node
 
         node = Node(session, f"/{self._vehicle}", "web")
         for topic in STALE.keys() - FAST - {"link_status"}:
@@ -252,7 +252,7 @@ class Station:
 
     def _renew_view(self, session: Any) -> None:
         """A node of its own, which can go as a whole."""
-        from vehicle_link.node import Node
+        from vehicle_link.transport.node import Node
 
         view, self._view = self._view, None
         if view is not None:

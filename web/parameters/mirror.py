@@ -14,7 +14,7 @@ from typing import Any
 
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
-from vehicle_link.parameter_authority import VEHICLE, authority_of
+from vehicle_link.parameters.authority import VEHICLE, authority_of
 
 LAYOUT = "station.bearings.layout"
 

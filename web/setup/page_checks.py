@@ -6,9 +6,9 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from urllib.parse import urlsplit
 
-from vehicle_link.certificate_checks import validity_check
-from vehicle_link.certificates import load_certificate
 from vehicle_link.checks import Check, Place
+from vehicle_link.security.certificate_checks import validity_check
+from vehicle_link.security.certificates import load_certificate
 from web.access.reach import is_loopback
 from web.access.tls import Tls
 

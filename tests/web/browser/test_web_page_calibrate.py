@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 
 TAB = "#tab-calibrate"
 START, LINE = f"{TAB} .act .hold >> visible=true", f"{TAB} .act .line"

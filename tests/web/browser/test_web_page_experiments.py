@@ -11,7 +11,7 @@ import pytest
 
 from console.experiment_running.service import describe
 from vehicle_link.messages import new
-from vehicle_link.parameter_messages import from_parameters
+from vehicle_link.parameters.messages import from_parameters
 
 RUN = "20260131T093042Z_quad1"
 START, FINISH, STOP = (f"#experiment .act button >> nth={n}" for n in range(3))

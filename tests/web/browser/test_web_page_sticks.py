@@ -22,10 +22,10 @@ from console.catalogue.catalogue import Catalogue
 from control.behaviors.parameters import BehaviorParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from vehicle_link.messages import decode, header, new
-from vehicle_link.node import Node, Received
-from vehicle_link.parameter_messages import from_parameters
-from vehicle_link.session import loopback_session
+from vehicle_link.parameters.messages import from_parameters
 from vehicle_link.topics import TOPICS, decode_joy, encode_heartbeat
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.session import loopback_session
 from web.live.station import Station
 
 IMAGES = os.environ.get("QUADLAB_IMAGES")  # folder for the documentation's picture

@@ -24,10 +24,10 @@ from zenoh.handlers import Callback, RingChannel
 
 from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link import clock
-from vehicle_link.client import ServiceClient, encoding_of, peer_of, wait_for_match
 from vehicle_link.messages import Message, decode, encode
-from vehicle_link.misrouted import Topics
-from vehicle_link.rmw_keys import (
+from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of, wait_for_match
+from vehicle_link.transport.misrouted import Topics
+from vehicle_link.transport.rmw_keys import (
     RELIABLE,
     SENSOR_DATA,
     EntityKind,

@@ -15,10 +15,10 @@ from collections.abc import Callable
 import zenoh
 
 from quadrotor.errors import LinkError
-from vehicle_link.authority import TlsFiles
-from vehicle_link.heap import give_back_what_is_free
-from vehicle_link.peers import namespaces
-from vehicle_link.session import check_station, parse_endpoint, radio_session
+from vehicle_link.security.authority import TlsFiles
+from vehicle_link.transport.peers import namespaces
+from vehicle_link.transport.session import check_station, parse_endpoint, radio_session
+from vehicle_link.transport.unused_memory import give_back_what_is_free
 
 SILENT = 2.0
 """s without data over a link that stands, after which its session is opened anew."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError
-from vehicle_link.tls_files import Role, TlsFiles, is_there, read_certificate, read_key
+from vehicle_link.security.tls_files import Role, TlsFiles, is_there, read_certificate, read_key
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from quadrotor.errors import LinkError
-from vehicle_link.certificates import load_certificate
+from vehicle_link.security.certificates import load_certificate
 
 if TYPE_CHECKING:  # cryptography costs 0.1 s to load
     from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes

@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from quadrotor.errors import LinkError, StorageError
-from vehicle_link.authority_key import (
+from vehicle_link.security.authority_key import (
     authority_key,
     is_of_another_authority,
     remedy_of_authority,
     remedy_of_pair,
     signing_key,
 )
-from vehicle_link.certificates import (
+from vehicle_link.security.certificates import (
     certificate_builder,
     general_name,
     key_usage,
@@ -33,7 +33,7 @@ from vehicle_link.certificates import (
     pem_of_key,
     signed,
 )
-from vehicle_link.tls_files import (
+from vehicle_link.security.tls_files import (
     ROLES,
     Role,
     TlsFiles,

@@ -15,9 +15,9 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, UsageError
-from vehicle_link.access import access_control
-from vehicle_link.authority import Role, TlsFiles, check_certificate
-from vehicle_link.heap import keep_large_buffers_apart
+from vehicle_link.security.access import access_control
+from vehicle_link.security.authority import Role, TlsFiles, check_certificate
+from vehicle_link.transport.unused_memory import keep_large_buffers_apart
 
 if TYPE_CHECKING:
     import zenoh

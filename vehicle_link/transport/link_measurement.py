@@ -13,18 +13,23 @@ import zenoh
 
 from quadrotor.errors import LinkError
 from vehicle_link import topics
-from vehicle_link.authority import TlsFiles
-from vehicle_link.instance import new_instance
-from vehicle_link.knock import WHY, knock
 from vehicle_link.messages import decode, encode, new
-from vehicle_link.node import Node, Received
-from vehicle_link.peers import namespaces
-from vehicle_link.protocol import disagreement
-from vehicle_link.session import check_station, parse_endpoint, radio_session, wait_connected
+from vehicle_link.process_instance import new_instance
+from vehicle_link.security.authority import TlsFiles
+from vehicle_link.security.whoami import WhoAmI
 from vehicle_link.telemetry import unpack
 from vehicle_link.time_sync import TIME_SYNC, ClockOffset, exchange
 from vehicle_link.topics import TOPICS, decode_heartbeat
-from vehicle_link.whoami import WhoAmI
+from vehicle_link.transport.node import Node, Received
+from vehicle_link.transport.peers import namespaces
+from vehicle_link.transport.protocol import disagreement
+from vehicle_link.transport.quic_probe import WHY, knock
+from vehicle_link.transport.session import (
+    check_station,
+    parse_endpoint,
+    radio_session,
+    wait_connected,
+)
 
 QUESTIONS = 20  # a second
 PATIENCE = 1.0  # s for an answer

@@ -6,9 +6,9 @@ import datetime
 from pathlib import Path
 
 from quadrotor.errors import LinkError
-from vehicle_link.authority import Role, TlsFiles, check_certificate
-from vehicle_link.certificates import load_certificate, names_of
 from vehicle_link.checks import Check, Place, State
+from vehicle_link.security.authority import Role, TlsFiles, check_certificate
+from vehicle_link.security.certificates import load_certificate, names_of
 
 SOON = 30
 """Days before its end from which a certificate is worth a word."""

@@ -10,8 +10,7 @@ from typing import Protocol
 from quadrotor.errors import ParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import Message, new
-from vehicle_link.node import Node
-from vehicle_link.parameter_messages import (
+from vehicle_link.parameters.messages import (
     ROS_TYPES,
     from_descriptor,
     from_parameters,
@@ -20,6 +19,7 @@ from vehicle_link.parameter_messages import (
     to_parameters,
     to_value,
 )
+from vehicle_link.transport.node import Node
 
 NAMES_A_CALL = 50
 """Descriptions asked for at a time: about 15 kB, which a lossy link still carries quickly."""

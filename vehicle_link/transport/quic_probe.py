@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from enum import StrEnum
 
-from vehicle_link.session import OPEN_S
+from vehicle_link.transport.session import OPEN_S
 
 RESERVED_VERSION = 0x1A2A3A4A  # RFC 9000, section 15: exists to force a negotiation
 LEAST = 1200  # bytes of a first packet

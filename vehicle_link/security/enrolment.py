@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from vehicle_link.access import COMMON_NAMES, Access
-from vehicle_link.authority import LOCAL_NAMES, TlsFiles, ensure_certificates, issue
+from vehicle_link.security.access import COMMON_NAMES, Access
+from vehicle_link.security.authority import LOCAL_NAMES, TlsFiles, ensure_certificates, issue
 
 
 def issue_vehicle(base: Path, folder: Path, name: str, hosts: Sequence[str]) -> TlsFiles:

@@ -12,7 +12,7 @@ import zenoh
 
 from quadrotor.errors import LinkError, NoAnswerError, UnreachableError
 from vehicle_link.messages import Message, decode, encode
-from vehicle_link.rmw_keys import attachment
+from vehicle_link.transport.rmw_keys import attachment
 
 log = logging.getLogger(__name__)
 
