@@ -31,7 +31,7 @@ class Beacons:
     Args:
         ids: (N,), whole numbers 0 … 2³¹ − 1, each once; 4 <= N <= MAX_BEACONS. Lists will do.
         positions_w: (N, 3) m, world axes; not on one line. Lists will do. An estimator that
-            needs them in one plane refuses what is not (`estimation.beacon_plane`).
+            needs them in one plane refuses what is not (`estimation.poses.beacon_plane`).
 
     Attributes:
         ids, positions_w: int32 and float64, copies, read-only as all arrays here.

@@ -19,7 +19,7 @@ from benchmarks.filter_flights import (
     quaternion,
 )
 from benchmarks.harness import Row
-from estimation.planar_pose import planar_pose
+from estimation.poses.planar_pose import planar_pose
 
 
 def peers(

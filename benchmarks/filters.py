@@ -31,7 +31,7 @@ from estimation.error_state.parameters import ErrorStateParameters
 from estimation.estimator import Estimator
 from estimation.history import recall
 from estimation.parameters import PRESETS, EstimationParameters
-from estimation.planar_pose import planar_pose
+from estimation.poses.planar_pose import planar_pose
 from quadrotor.errors import MeasurementError
 from quadrotor.records import (
     BEARINGS_SAMPLE,

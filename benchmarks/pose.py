@@ -18,9 +18,9 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from benchmarks.harness import Report, Row, Target, time_in_turns
-from estimation.literal_pose import literal_pose
-from estimation.opencv_pose import OpenCVPose
-from estimation.planar_pose import PlanarPoseSolver
+from estimation.poses.literal_pose import literal_pose
+from estimation.poses.opencv_pose import OpenCVPose
+from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import MeasurementError
 
 Array = npt.NDArray[np.float64]

@@ -13,8 +13,8 @@ from estimation.history import recall
 from estimation.memory import START_ATTITUDE, START_POSITION, new_memory
 from estimation.outcome import NORM_TOLERANCE, Agreement, Outcome
 from estimation.parameters import EstimationParameters, estimation_record
-from estimation.planar_pose import planar_pose
-from estimation.position_at_attitude import position_at_attitude
+from estimation.poses.planar_pose import planar_pose
+from estimation.poses.position_at_attitude import position_at_attitude
 from estimation.refusals import refuse_bearings, refuse_pose
 from estimation.stability import gain_warnings
 from quadrotor.errors import DegenerateGeometryError

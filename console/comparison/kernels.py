@@ -20,10 +20,10 @@ SAID_AFTER = 1.0
 KEPT = {
     "complementary": (
         "estimation.complementary_filter",
-        "estimation.frame_solution",
-        "estimation.position_at_attitude",
+        "estimation.poses.frame_solution",
+        "estimation.poses.position_at_attitude",
     ),
-    "error_state": ("estimation.error_state.filter", "estimation.frame_solution"),
+    "error_state": ("estimation.error_state.filter", "estimation.poses.frame_solution"),
 }
 """Modules whose kept code tells that an estimator is compiled. One that is registered from
 elsewhere is prepared in the process that knows it."""

@@ -180,7 +180,7 @@ def estimate_inertia(
 ) -> InertiaFlight:
     """Step the estimator over all ticks; the thrusts of a tick act until the next one."""
     # Here, for it loads a compiler, which the station does not.
-    from estimation.inertia_estimator import InertiaEstimator
+    from estimation.identification.inertia_estimator import InertiaEstimator
     from quadrotor.records import ACTUATORS, new_state
 
     values = parameters.vehicle

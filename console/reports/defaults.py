@@ -18,7 +18,7 @@ def known_defaults() -> dict[str, ParameterValue]:
     from console.parameters.station import StationParameters
     from control.behaviors.parameters import BehaviorParameters
     from control.parameters import ControlParameters
-    from estimation.mass_estimator import MassParameters
+    from estimation.identification.mass_estimator import MassParameters
     from estimation.parameters import EstimationParameters
     from quadrotor.parameters import Parameters, ParameterStore
     from quadrotor.vehicle_model import VehicleModel

@@ -16,7 +16,7 @@ from estimation.error_state.timeline import apply_one
 from estimation.error_state.update import FIT_CONSISTENCY, FIT_UPDATES, LOST_REFUSALS
 from estimation.outcome import AHEAD_NS, NORM_TOLERANCE, Outcome
 from estimation.parameters import EstimationParameters
-from estimation.planar_pose import planar_pose
+from estimation.poses.planar_pose import planar_pose
 from estimation.refusals import refuse_bearings, refuse_pose
 from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
 from quadrotor.records import POSE_SAMPLE, Record

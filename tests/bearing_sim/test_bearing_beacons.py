@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from bearing_sim import PAPER_BEACONS, PRESETS, Beacons, format_layout, parse_layout
-from estimation.beacon_plane import BeaconPlane
+from estimation.poses.beacon_plane import BeaconPlane
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 SQUARE = [[1.0, 1.0, 0.1], [-1.0, 1.0, 0.1], [-1.0, -1.0, 0.1], [1.0, -1.0, 0.1]]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from estimation.beacon_plane import BeaconPlane, require_distinct
+from estimation.poses.beacon_plane import BeaconPlane, require_distinct
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 Array = npt.NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.bearing_frame import SIGHTS
-from estimation.bearing_refinement import normal_equations, refine, tilted
+from estimation.poses.bearing_frame import SIGHTS
+from estimation.poses.bearing_refinement import normal_equations, refine, tilted
 
 Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimation.inertia_estimator import InertiaEstimator
+from estimation.identification.inertia_estimator import InertiaEstimator
 from quadrotor.records import ACTUATORS, new_state
 from quadrotor.rigid_body import rk4_step
 from quadrotor.vehicle_model import mixing_matrix

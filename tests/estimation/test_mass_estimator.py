@@ -7,8 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from estimation import mass_estimator
-from estimation.mass_estimator import MassEstimator, MassParameters, mass_record, new_mass_memory
+from estimation.identification import mass_estimator
+from estimation.identification.mass_estimator import (
+    MassEstimator,
+    MassParameters,
+    mass_record,
+    new_mass_memory,
+)
 from quadrotor.records import ACTUATORS, ESTIMATE, STATE, new_state
 
 MASS, G = 1.308, 9.81

@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.literal_pose import literal_pose
-from estimation.opencv_pose import OpenCVPose
+from estimation.poses.literal_pose import literal_pose
+from estimation.poses.opencv_pose import OpenCVPose
 from quadrotor.errors import DegenerateGeometryError
 
 Array = npt.NDArray[np.float64]

@@ -12,8 +12,8 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation import planar_pose as module
-from estimation.planar_pose import PlanarPoseSolver, planar_pose
+from estimation.poses import planar_pose as module
+from estimation.poses.planar_pose import PlanarPoseSolver, planar_pose
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 Array = npt.NDArray[np.float64]

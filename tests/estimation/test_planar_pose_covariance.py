@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from estimation.frame_solution import FALSE_REFUSAL, chi_square
-from estimation.planar_pose import PlanarPose, PlanarPoseSolver
+from estimation.poses.frame_solution import FALSE_REFUSAL, chi_square
+from estimation.poses.planar_pose import PlanarPose, PlanarPoseSolver
 from quadrotor.errors import MeasurementError
 
 Array = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from estimation.position_at_attitude import position_at_attitude, position_covariance
+from estimation.poses.position_at_attitude import position_at_attitude, position_covariance
 
 Array = npt.NDArray[np.float64]
 SQUARE = np.array([[1, 1, 0.1], [1, -1, 0.1], [-1, -1, 0.1], [-1, 1, 0.1]])

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
-from estimation.planar_pose import PlanarPoseSolver
+from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Record
 from vehicle_link import topics

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from estimation.mass_estimator import MassEstimator, MassParameters
+from estimation.identification.mass_estimator import MassEstimator, MassParameters
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterValue, parameter
 

@@ -56,7 +56,7 @@ def _behaviors() -> None:
 
 def _bearings() -> None:
     from bearing_sim.beacons import PAPER_BEACONS
-    from estimation.planar_pose import PlanarPoseSolver
+    from estimation.poses.planar_pose import PlanarPoseSolver
 
     PlanarPoseSolver(PAPER_BEACONS.positions_w)
 
@@ -90,9 +90,9 @@ PARTS: Parts = {
 }
 """What the tick needs: part -> a module whose kept code tells that it is compiled, and how to."""
 LATER: Parts = {
-    "bearing poses": ("estimation.frame_solution", _bearings),
+    "bearing poses": ("estimation.poses.frame_solution", _bearings),
     "bearings in the complementary filter": (
-        "estimation.position_at_attitude",
+        "estimation.poses.position_at_attitude",
         _complementary_on_bearings,
     ),
     "error-state filter": ("estimation.error_state.filter", _error_state),

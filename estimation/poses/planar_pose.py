@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.beacon_plane import BeaconPlane
-from estimation.bearing_frame import ATTITUDE, CENTER, PLANE, POSITION, SIGHTS
-from estimation.frame_solution import (
+from estimation.poses.beacon_plane import BeaconPlane
+from estimation.poses.bearing_frame import ATTITUDE, CENTER, PLANE, POSITION, SIGHTS
+from estimation.poses.frame_solution import (
     BAD_PREDICTION,
     BAD_SIGMA,
     DOUBTFUL,

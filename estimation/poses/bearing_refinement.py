@@ -18,8 +18,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from estimation.bearing_frame import SIGHTS, right, store_right
-from estimation.position_at_attitude import symmetric_inverse
+from estimation.poses.bearing_frame import SIGHTS, right, store_right
+from estimation.poses.position_at_attitude import symmetric_inverse
 from quadrotor.compiled import compiled
 from quadrotor.vectors import (
     Quaternion,

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from estimation.bearing_frame import ATTITUDE, CENTER, POSITION, SIGHTS, store_right
-from estimation.bearing_refinement import refine
-from estimation.homography import homography_pose
+from estimation.poses.bearing_frame import ATTITUDE, CENTER, POSITION, SIGHTS, store_right
+from estimation.poses.bearing_refinement import refine
+from estimation.poses.homography import homography_pose
 from quadrotor.compiled import compiled
 from quadrotor.vectors import add, length, normalized, quaternion, scale, store, subtract, vector
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from estimation.beacon_plane import BeaconPlane
+from estimation.poses.beacon_plane import BeaconPlane
 from quadrotor.errors import DegenerateGeometryError, MeasurementError
 
 Array = npt.NDArray[np.float64]

@@ -26,7 +26,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from estimation.bearing_frame import CENTER, PLANE, SIGHTS, right
+from estimation.poses.bearing_frame import CENTER, PLANE, SIGHTS, right
 from quadrotor.compiled import compiled
 from quadrotor.vectors import (
     Quaternion,
