@@ -19,8 +19,8 @@ import numpy as np
 
 from benchmarks.harness import Report, Row, Target
 from console.experiments.bearings import LIMITS, BearingsExperiment
-from quadlab.flight_log import FlightLog
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, RefusedError
 from quadrotor.parameters import ParameterStore
 from vehicle.processes import mailbox

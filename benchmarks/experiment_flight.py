@@ -9,9 +9,9 @@ from pathlib import Path
 from console.experiments import watched
 from console.experiments.catalogue import find
 from console.experiments.client import Calibrating, Result
-from quadlab.flight_log import FlightLog
-from quadlab.fly import with_experiment
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
+from quadlab.commands.fly import with_experiment
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
+from quadlab.simulated.flight_log import FlightLog
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -190,7 +190,7 @@ def _tick(report: Report, seconds: float) -> None:
 
 def ticks(seconds: float) -> list[tuple[int, int]]:
     """ns of each tick, on the clock and of processor time, over `seconds` of a simulated 8."""
-    from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+    from quadlab.simulated.flight import FlightParameters, SimulatedFlight
     from vehicle.flight.realtime import freeze_garbage
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 

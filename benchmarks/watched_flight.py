@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
 from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -16,8 +16,8 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from quadlab.commands import COMMANDS
-from quadlab.supervise import follow_parent
+from quadlab.commands.table import COMMANDS
+from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
 OF_SEVERAL = ("log", "link")

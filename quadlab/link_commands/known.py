@@ -7,8 +7,8 @@ from typing import Annotated
 
 import tyro
 
+from quadlab.commands.processes import Folder
 from quadlab.data_folder import open_data_folder
-from quadlab.processes import Folder
 
 STATES = {
     "answers": "answers",

@@ -10,9 +10,9 @@ from typing import Annotated
 
 import tyro
 
+from quadlab.commands.processes import Folder
 from quadlab.data_folder import open_data_folder
 from quadlab.link_commands.handing_over import THERE, hand_over
-from quadlab.processes import Folder
 from quadrotor.errors import UsageError
 from vehicle_link.security.access import Access
 

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 
 import tyro
 
+from quadlab.commands.processes import Folder
 from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
-from quadlab.processes import Folder
 
 
 @dataclass

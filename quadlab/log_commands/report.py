@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from quadlab.commands.processes import Folder
 from quadlab.log_commands.log_file import LogFile, check_log_file
-from quadlab.processes import Folder
 from quadrotor.parameters import ParameterValue
 
 
@@ -33,7 +33,7 @@ class Report:
 def new_defaults() -> dict[str, ParameterValue]:
     """Of every parameter of this version by name; those of the station begin with `station.`."""
     from console.parameters.station import StationTree
-    from quadlab.simulated_flight import FlightParameters
+    from quadlab.simulated.flight import FlightParameters
     from quadrotor.parameters import ParameterStore
 
     trees = (FlightParameters(), StationTree())

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from quadlab.beacon_words import beacon_words
+from quadlab.commands.processes import File, Settings
 from quadlab.log_commands.log_file import check_log_file
-from quadlab.processes import File, Settings
+from quadlab.simulated.beacon_file import beacon_words
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 
 if TYPE_CHECKING:
@@ -71,13 +71,13 @@ class Replay:
     def run(self) -> int:
         self._check_words()
         from quadlab.replay.flown import flown_choices
+        from quadlab.replay.lines import plan_runs
         from quadlab.replay.log import read_recording
         from quadlab.replay.measurements import MeasurementStore
         from quadlab.replay.plot import draw
         from quadlab.replay.report import as_json, print_table, recorded_row, run_row, write_csv
         from quadlab.replay.run import replay
         from quadlab.replay.window import find_window
-        from quadlab.replay.words import plan_runs
 
         settings = [*beacon_words(self.beacons), *self.set]
         recording = read_recording(self.file)

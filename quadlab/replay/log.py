@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from quadlab.replay.errors import rotated
 from quadlab.replay.gathered import Gathered
-from quadlab.simulated_flight import FlightParameters
+from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import IMU_SAMPLE, STATE, Record

@@ -10,8 +10,8 @@ import numpy as np
 from bearing_sim.emulator import BearingEmulator, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadlab.replay.errors import Array, Stamps, Truth
+from quadlab.replay.lines import Run
 from quadlab.replay.log import Arrival, Recording
-from quadlab.replay.words import Run
 from vehicle.processes import mailbox
 
 T = TypeVar("T")

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from quadlab.replay.consistency import Consistency, of_errors
 from quadlab.replay.errors import Array, Errors, Stamps, Truth, errors
+from quadlab.replay.lines import Run
 from quadlab.replay.log import Recording
 from quadlab.replay.run import Replayed
 from quadlab.replay.window import Window
-from quadlab.replay.words import Run
 from quadrotor.errors import StorageError
 
 RECORDED = "recorded state"

@@ -14,8 +14,8 @@ from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator
 from quadlab.replay.consistency import ALL, Consistency, Posterior, of_innovations
 from quadlab.replay.errors import Array, Stamps
+from quadlab.replay.lines import BELIEVED_LAYOUT, Run
 from quadlab.replay.log import Arrival, Change, Recording
-from quadlab.replay.words import BELIEVED_LAYOUT, Run
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import (

@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
-from quadlab import calibration_dialogue, station_client
+from quadlab import station_client
 from quadlab.__main__ import main
-from quadlab.calibration_screen import Screen
+from quadlab.calibration import dialogue as calibration_dialogue
+from quadlab.calibration.screen import Screen
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LinkError, RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter

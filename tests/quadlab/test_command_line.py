@@ -14,7 +14,7 @@ import pytest
 from control.margins import margins
 from control.presets import PRESETS, preset
 from quadlab.__main__ import main, parse
-from quadlab.commands import COMMANDS
+from quadlab.commands.table import COMMANDS
 from quadlab.settings import parse_settings
 from quadrotor.errors import UsageError
 from vehicle.parameters import new_parameters

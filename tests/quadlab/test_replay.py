@@ -15,15 +15,15 @@ import pytest
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
 from quadlab.__main__ import main
-from quadlab.flight_log import FlightLog
 from quadlab.replay import gathered
 from quadlab.replay.errors import Truth, angles, errors, rotated
 from quadlab.replay.flown import flown_choices
+from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import Recording, read_recording
 from quadlab.replay.measurements import MeasurementStore, emulated_bearings, emulated_poses
 from quadlab.replay.run import replay
-from quadlab.replay.words import plan_runs
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import STATE

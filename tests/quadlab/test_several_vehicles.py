@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from console.link.dialled_vehicles import dialled, remember_dialled
-from quadlab.processes import parse_names, parse_vehicles
-from quadlab.simulated_fleet import MOST, SimulatedFleet
+from quadlab.commands.processes import parse_names, parse_vehicles
+from quadlab.simulated.fleet import MOST, SimulatedFleet
 from quadrotor.errors import LinkError, UsageError
 from vehicle.processes.config import FEWEST_PACKETS, PACKETS_A_SECOND
 from vehicle.simulator.process import pace_of

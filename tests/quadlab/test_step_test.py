@@ -10,7 +10,7 @@ import pytest
 from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import COLUMNS, Plan, drawn, evaluate
 from console.tuning.kept_runs import KeptRun, KeptRuns
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.records import TICK, Record
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

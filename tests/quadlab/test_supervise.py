@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from quadlab.supervise import RESTARTS_ALLOWED, Child
+from quadlab.up.supervise import RESTARTS_ALLOWED, Child
 from quadrotor.errors import QuadlabError
 
 
@@ -74,7 +74,7 @@ def test_a_child_does_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     program = (
         "import sys, time\n"
         "from pathlib import Path\n"
-        "from quadlab.supervise import Child\n"
+        "from quadlab.up.supervise import Child\n"
         f"words = ['simulator', '--folder', {str(tmp_path)!r}, '--loopback-port', '1']\n"
         "child = Child('s', words)\n"
         "child.start(); print(child.pid, flush=True); sys.stdin.read()\n"

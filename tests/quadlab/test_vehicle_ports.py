@@ -13,7 +13,7 @@ import pytest
 from serial.tools import list_ports
 
 from quadlab.__main__ import main
-from quadlab.serial_ports import flight_ports, ports_at_rate, split_ports
+from quadlab.up.serial_ports import flight_ports, ports_at_rate, split_ports
 from quadrotor.errors import UsageError
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle_link.serial.ids import Id

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, QuadlabError
 from quadrotor.parameters import ParameterStore, ParameterValue

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bearing_sim.emulator import BearingParameters
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
 from vehicle.flight.modes import Flag

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from bearing_sim.beacons import parse_layout
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS, Agreement
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.parameters import ParameterValue
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox

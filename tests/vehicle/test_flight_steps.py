@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from control.presets import PRESETS, preset
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.flight.parameter_steps import check_steps

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from control.parameters import ControlParameters
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import OutOfBoundsError, RefusedError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import Record

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHeight
 from vehicle.processes import mailbox

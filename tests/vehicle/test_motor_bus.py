@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
 from vehicle.flight.modes import Mode

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from estimation.outcome import Agreement
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.records import ESTIMATE
 from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
 from vehicle.flight.modes import Flag

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
 from vehicle.flight.modes import Flag, Mode
 from vehicle.processes import mailbox

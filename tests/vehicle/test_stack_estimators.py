@@ -13,7 +13,7 @@ from bearing_sim.emulator import BearingMeasurement
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import PRESETS, EstimationParameters
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack

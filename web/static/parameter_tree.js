@@ -3,7 +3,7 @@
 
 import { element } from "./format.js";
 
-const KEY = "quadlab.gains.open";
+const KEY = "quadlab.commands.gains.open";
 const SIMULATED = "simulator.";
 const OPEN = ["control", "control.position", "control.attitude"];
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from quadlab.processes import Settings, check_name
+from quadlab.commands.processes import Settings, check_name
 from quadrotor.errors import ParameterError, UsageError
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ class Calibrate:
     """namespace of the vehicle's topics"""
 
     def run(self) -> int:
-        from quadlab.calibration_dialogue import Dialogue, Wanted
-        from quadlab.calibration_screen import Screen
+        from quadlab.calibration.dialogue import Dialogue, Wanted
+        from quadlab.calibration.screen import Screen
         from quadlab.station_client import station
 
         check_name(self.name)
@@ -90,8 +90,8 @@ class Calibrate:
 
 
 def _list(client: StationClient, told: Any) -> int:
-    from quadlab.calibration_dialogue import in_force
-    from quadlab.calibration_words import listed
+    from quadlab.calibration.dialogue import in_force
+    from quadlab.calibration.lines import listed
 
     names = zip(told.names, told.calibrations, strict=True)
     calibrations = {str(name): str(record) for name, record in names if record}

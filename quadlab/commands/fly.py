@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from quadlab.beacon_words import beacon_words
+from quadlab.calibration.proposal_lines import proposal_json, proposal_lines
+from quadlab.commands.processes import File, Folder, Settings
 from quadlab.data_folder import open_data_folder
-from quadlab.processes import File, Folder, Settings
-from quadlab.proposal_words import proposal_json, proposal_lines
 from quadlab.settings import parse_settings
+from quadlab.simulated.beacon_file import beacon_words
 from quadrotor.errors import QuadlabError, UsageError
 
 if TYPE_CHECKING:
     from console.experiments.client import Experiment, Result
     from console.experiments.readings import Progress
-    from quadlab.simulated_flight import FlightParameters, SimulatedFlight
+    from quadlab.simulated.flight import FlightParameters, SimulatedFlight
     from quadrotor.calibration_record import CalibrationRecord
 
 LARGEST_SEED = 2**31 - 1 - 2_000_003
@@ -63,8 +63,8 @@ class Fly:
         if not 0 <= self.seed <= LARGEST_SEED:
             raise UsageError(f"--seed {self.seed}: allowed 0 to {LARGEST_SEED}")
 
-        from quadlab.flight_log import FlightLog
-        from quadlab.simulated_flight import FlightParameters, SimulatedFlight, TrueState
+        from quadlab.simulated.flight import FlightParameters, SimulatedFlight, TrueState
+        from quadlab.simulated.flight_log import FlightLog
         from quadrotor.parameters import ParameterStore
         from vehicle.flight.kernels import prepare
         from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from quadlab.calibrate import Calibrate
-from quadlab.fly import Fly
-from quadlab.gains import Gains
-from quadlab.link import LinkCommand
-from quadlab.log import LogCommand
-from quadlab.processes import Simulator, Station, Vehicle, Web
+from quadlab.commands.calibrate import Calibrate
+from quadlab.commands.fly import Fly
+from quadlab.commands.gains import Gains
+from quadlab.commands.link import LinkCommand
+from quadlab.commands.log import LogCommand
+from quadlab.commands.processes import Simulator, Station, Vehicle, Web
+from quadlab.commands.up import Up
+from quadlab.commands.user import User
 from quadlab.replay.command import Replay
-from quadlab.up import Up
-from quadlab.user import User
 
 
 class Command(Protocol):

@@ -11,10 +11,10 @@ from typing import Annotated
 
 import tyro
 
-from quadlab import serial_ports
+from quadlab.commands.up import serial_ports
 from quadlab.data_folder import open_data_folder
-from quadlab.page_options import PageOptions, say_authority
 from quadlab.settings import parse_settings
+from quadlab.up.page_options import PageOptions, say_authority
 from quadrotor.errors import UsageError
 from vehicle_link.serial.identity import THE_ONE, Identity
 

@@ -1,6 +1,6 @@
 """Guided procedures in simulated time: the hand that holds the vehicle, the bench, who says yes.
 
-A part of `quadlab.simulated_flight.SimulatedFlight`, which flies meanwhile.
+A part of `quadlab.simulated.flight.SimulatedFlight`, which flies meanwhile.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from bearing_sim.tracker import PoseMeasurement
 from console.experiments.readings import BenchReadings, ImuReadings, Progress, TrackedAttitude
-from quadlab.flight_log import FlightLog
+from quadlab.simulated.flight_log import FlightLog
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterValue

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 import tyro
 
+from quadlab.commands.processes import Folder
 from quadlab.data_folder import open_data_folder
-from quadlab.processes import Folder
 from quadrotor.errors import UsageError
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from quadlab.calibration_screen import Screen
-from quadlab.calibration_words import beside, table, told
+from quadlab.calibration.lines import beside, table, told
+from quadlab.calibration.screen import Screen
 from quadlab.station_client import StationClient
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, UsageError

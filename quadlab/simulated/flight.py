@@ -18,9 +18,9 @@ from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
 from estimation.estimator import Estimator
-from quadlab.flight_log import FlightLog
-from quadlab.simulated_guide import REQUESTER, SimulatedGuide
-from quadlab.stage_clock import StageClock
+from quadlab.simulated.flight_log import FlightLog
+from quadlab.simulated.guide import REQUESTER, SimulatedGuide
+from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from vehicle.comms.bearing_pose import BearingPose

@@ -18,13 +18,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
+from quadlab.commands.processes import (
+    OPEN_BROWSER,
+    SIGN_IN_TOKEN,
+    THE_VEHICLE,
+    Folder,
+    Settings,
+    check_name,
+)
 from quadlab.data_folder import open_data_folder, owned
-from quadlab.landing import land_before_stopping
-from quadlab.page_options import PageOptions
-from quadlab.processes import OPEN_BROWSER, SIGN_IN_TOKEN, THE_VEHICLE, Folder, Settings, check_name
 from quadlab.settings import parse_settings
-from quadlab.simulated_fleet import SimulatedFleet
-from quadlab.supervise import Child
+from quadlab.simulated.fleet import SimulatedFleet
+from quadlab.up.landing import land_before_stopping
+from quadlab.up.page_options import PageOptions
+from quadlab.up.supervise import Child
 from quadrotor.errors import UsageError
 from vehicle_link import clock
 from vehicle_link.lockstep import Page
