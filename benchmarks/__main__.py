@@ -23,34 +23,32 @@ from typing import Any
 from benchmarks.harness import Report
 from benchmarks.line_plot import draw_lines
 
-NAMES = (
-    "onboard",
-    "closed_loop",
-    "pose",
-    "filters",
-    "start",
-    "bearing_flights",
-    "comparison",
-    "replay",
-    "sticks",
-    "parameter_page",
-    "run_list",
-    "loop_rate",
-    "faults",
-    "loop",
-    "fleet",
-    "serial_line",
-    "failures",
-    "identification",
-    "link",
-    "page_notice",
-    "onboard_log",
-    "killed_logs",
-    "logs",
-    "disturbances",
-    "starved",
-    "fuzz_logs",
-)
+FOLDERS = {
+    "onboard": (
+        "onboard",
+        "closed_loop",
+        "start",
+        "loop_rate",
+        "loop",
+        "serial_line",
+        "onboard_log",
+    ),
+    "estimation": ("pose", "filters", "comparison"),
+    "flights": (
+        "bearing_flights",
+        "faults",
+        "fleet",
+        "failures",
+        "identification",
+        "disturbances",
+        "starved",
+    ),
+    "page": ("replay", "sticks", "parameter_page", "run_list", "page_notice"),
+    "link": ("link",),
+    "logs": ("killed_logs", "logs", "fuzz_logs"),
+}
+NAMES = {name: f"benchmarks.{folder}.{name}" for folder, names in FOLDERS.items() for name in names}
+"""The module of each benchmark, by its name."""
 
 
 def main() -> int:
@@ -74,7 +72,7 @@ def main() -> int:
     for name in asked:
         print(f"{name} …", file=sys.stderr, flush=True)
         began = time.perf_counter()
-        made = importlib.import_module(f"benchmarks.{name}").run(quick=options.quick, **more)
+        made = importlib.import_module(NAMES[name]).run(quick=options.quick, **more)
         for report in [made] if isinstance(made, Report) else made:  # a long one tells its parts
             print(f"{report.name}: {time.perf_counter() - began:.0f} s", file=sys.stderr)
             print(report.as_markdown(), flush=True)

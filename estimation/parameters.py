@@ -172,7 +172,7 @@ PRESETS: dict[str, dict[str, float]] = {
         "gyroscope_bias_bandwidth": 0.08,
     },
     # For bearings given to the filter itself, which solves the position anew at its own attitude:
-    # found by search on flights of benchmarks/filter_flights.py, of other seeds than reported.
+    # found by search on flights of benchmarks/estimation/flights.py, of other seeds than reported.
     "resolved": {
         "position_bandwidth": 1.8,
         "attitude_bandwidth": 0.2,

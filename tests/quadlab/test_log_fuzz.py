@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.fuzz_logs import MOST_MB, Worker
+from benchmarks.logs.fuzz_logs import MOST_MB, Worker
 from quadlab.__main__ import main
 from tests.crafted_logs import mutated, sound
 

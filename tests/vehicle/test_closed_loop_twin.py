@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from benchmarks.onboard import PERIOD, recorded, started
+from benchmarks.onboard.onboard import PERIOD, recorded, started
 from benchmarks.peers.cpp_twin import CppTwin
 from control.parameters import ControlParameters
 from control.trajectories.figure_eight import FigureEight

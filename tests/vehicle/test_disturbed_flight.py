@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.watched_flight import WatchedFlight
+from benchmarks.flights.watched_flight import WatchedFlight
 from quadrotor.records import Record
 
 FORCE, TORQUE = "control.disturbance.force", "control.disturbance.torque"

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.failing_flights import FailingFlight, watch_failure
-from benchmarks.touch_down import Outcome
+from benchmarks.flights.failing_flights import FailingFlight, watch_failure
+from benchmarks.flights.touch_down import Outcome
 from quadrotor.errors import LinkError
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.simulator.parameters import SimulatorParameters

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.recorded_run import STEP_NS, MadeRun, position_at, write_run
+from benchmarks.logs.recorded_run import STEP_NS, MadeRun, position_at, write_run
 from quadrotor.errors import LogFormatError, OutOfBoundsError
 from vehicle_link.log import LogWriter, read_log
 from vehicle_link.log.message_times import common_stamps, gaps

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from benchmarks.recorded_run import MadeRun, write_run
+from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
 from web.replay.store import Building, ReplayStore

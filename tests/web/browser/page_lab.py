@@ -14,7 +14,7 @@ from typing import Any
 
 from bearing_sim.emulator import BearingParameters
 from bearing_sim.tracker import TrackerParameters
-from benchmarks.recorded_run import MadeRun, write_run
+from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.notes import write_notes
 from console.catalogue.tags import change_tags

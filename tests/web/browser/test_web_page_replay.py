@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.recorded_run import MadeRun, write_run
+from benchmarks.logs.recorded_run import MadeRun, write_run
 from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
 

@@ -1,0 +1,204 @@
+"""Flights in simulated time of which something above the microcontroller fails.
+
+One flight a seed goes from hover at 1, 2 and 3 m over the figure 8 to the lap from rest to rest
+that leans furthest. At a moment of its own in each it forks once for each failure: the copy flies
+that failure to its end, the flight itself goes on.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import sys
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from benchmarks.flights.touch_down import Outcome, TouchDown
+from benchmarks.flights.watched_flight import WatchedFlight
+from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.parameters import ParameterValue
+from vehicle_link.serial.ids import MotorState
+
+STARTS = ("hover 1 m", "hover 2 m", "hover 3 m", "figure 8", "lap")
+SILENT = "flight killed or frozen"
+CORRUPTED = "5 % of the bytes"
+FAILURES = ("station", "comms", SILENT, "port 0", "port 1", "both ports", CORRUPTED)
+SETTINGS: dict[str, ParameterValue] = {
+    "behavior.trajectory_acceleration_max": 8.0,
+    "behavior.trajectory_tilt_max": 45.0,
+    "behavior.volume_z_max": 3.5,
+}
+"""Of the vehicle, so that the lap may be flown in 7 s, which leans by 35 degrees, and 3 m be
+reached from a ground that is not quite at 0."""
+CORRUPTED_FOR = 15.0
+"""s flown on with corrupted bytes before the landing, through which they go on."""
+LONGEST = 45.0
+"""s from the failure until it must be over."""
+
+
+def conditions(seed: int) -> dict[str, ParameterValue]:
+    """The truth of a seed: wind, gusts, motors, battery, drift of the gyroscope."""
+    chance = np.random.default_rng((seed, 11))
+    speed, heading = chance.uniform(0.0, 1.0), chance.uniform(-math.pi, math.pi)
+    drift = chance.normal(0.0, 1.0, 3)
+    return {
+        "drag": 0.25,
+        "wind_x": round(speed * math.cos(heading), 2),
+        "wind_y": round(speed * math.sin(heading), 2),
+        "gust": 0.5,
+        "thrust_efficiency": round(chance.uniform(0.95, 1.05), 3),
+        "battery_charge": round(chance.uniform(0.5, 1.0), 2),
+        "gyroscope_bias_x": round(drift[0], 2),
+        "gyroscope_bias_y": round(drift[1], 2),
+        "gyroscope_bias_z": round(drift[2], 2),
+    }
+
+
+class FailingFlight(WatchedFlight):
+    """A flight whose station can be silent and whose flight process can be gone.
+
+    Attributes:
+        heard: whether the station's heartbeat and poses come.
+    """
+
+    heard = True
+
+    def _station(self, now_ns: int) -> None:
+        if self.heard:
+            super()._station(now_ns)
+
+    def advance(self) -> None:
+        try:
+            super().advance()
+        except LinkError:  # the last port is gone: the flight process ends
+            self.frozen = True
+
+
+def fly_seed(seed: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
+    """All failures from all starts under the conditions of one seed."""
+    settings = {f"simulator.{name}": value for name, value in conditions(seed).items()} | SETTINGS
+    flight = FailingFlight(seed, settings)
+    chance = np.random.default_rng((seed, 13))
+    outcomes: list[Outcome] = []
+    for start in STARTS[: 1 + max(STARTS.index(start) for start in starts)]:
+        _bring_to(flight, start)
+        flight.wait(float(chance.uniform(0.0, 8.0 if start == "figure 8" else 2.0)))
+        if start == "lap":
+            flight.start(
+                "follow_trajectory", trajectory="figure_eight_lap", period=7.0, yaw_amplitude=0.2
+            )
+            flight.wait(float(chance.uniform(1.0, 6.0)))
+        moments = chance.uniform(0.0, 0.5, len(failures))
+        if start in starts:
+            for failure, moment in zip(failures, moments, strict=True):
+                outcomes.append(_forked(flight, failure, start, seed, float(moment)))
+    return outcomes
+
+
+def _bring_to(flight: FailingFlight, start: str) -> None:
+    if start == "hover 1 m":
+        flight.hover(1.0)
+        return
+    if start.startswith("hover"):
+        flight.start("fly_to", x=0.0, y=0.0, z=float(start.split()[1]), yaw=0.0)
+    elif start == "figure 8":
+        flight.start("fly_to", x=0.0, y=0.0, z=1.0, yaw=0.0)
+        flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=30)
+        flight.start("follow_trajectory", trajectory="figure_eight", laps=3)
+        flight.wait(4.0)
+        return
+    flight.wait_until(lambda v: v.behavior == "hover", what="hover", timeout=60)
+    flight.wait(1.0)
+
+
+def _forked(flight: FailingFlight, failure: str, start: str, seed: int, moment: float) -> Outcome:
+    """Of a copy of the flight, `moment` (s) from now; the flight stays as it is."""
+    fork = multiprocessing.get_context("fork")
+    here, there = fork.Pipe(duplex=False)
+    copy = fork.Process(target=_fail, args=(flight, failure, start, seed, moment, there))
+    copy.start()
+    there.close()
+    try:
+        found: Outcome = here.recv()
+    except EOFError:
+        found = Outcome(failure, start, seed, False, why="no outcome")
+    copy.join()
+    return found
+
+
+def _fail(
+    flight: FailingFlight, failure: str, start: str, seed: int, moment: float, told: Connection
+) -> None:
+    outcome = Outcome(failure, start, seed, real=False)
+    try:
+        flight.wait(moment)
+        outcome.broken = True
+        chance = np.random.default_rng((seed, 17, FAILURES.index(failure)))
+        watch_failure(flight, failure, outcome, outage=float(chance.uniform(0.3, 4.0)))
+    except QuadlabError as error:
+        outcome.why = str(error)
+    told.send(outcome)
+
+
+def watch_failure(
+    flight: FailingFlight, failure: str, outcome: Outcome, outage: float = 1.0
+) -> None:
+    """Let it fail now, and fly on until the motors are off.
+
+    Args:
+        outage: s until comms is back, which then is told to land.
+    """
+    robot = flight.robot
+    land_at = {"comms": outage + 1.0, CORRUPTED: CORRUPTED_FOR}.get(failure, math.inf)
+    begun = robot.stamp_ns * 1e-9
+    watch = TouchDown(outcome, begun, robot.truth["position_w"][0].tolist())
+    break_it(flight, failure)
+    while (now := robot.stamp_ns * 1e-9 - begun) < LONGEST:
+        flight.advance()
+        truth = robot.truth[0]
+        watch.note(
+            begun + now,
+            truth["position_w"].tolist(),
+            float(truth["velocity_w"][2]),
+            truth["quaternion_wb"].tolist(),
+        )
+        if failure == "comms" and not flight.heard and now > outage:
+            flight.heard = True
+        if now > land_at and flight.view().behavior in ("hover", "brake", "follow_trajectory"):
+            flight.start("land")
+        if (
+            math.isnan(outcome.off)
+            and robot.firmware.motor_state is not MotorState.ON
+            and (robot.firmware.motor_state is not MotorState.EMERGENCY)
+        ):
+            outcome.off = now
+        if now > outcome.off + 0.5:
+            return
+
+
+def break_it(flight: FailingFlight, failure: str) -> None:
+    """The failure itself."""
+    if failure in ("station", "comms"):
+        flight.heard = False
+    elif failure == SILENT:
+        flight.frozen = True
+    elif failure == CORRUPTED:
+        flight.disturb(corrupted_bytes=0.05)
+    else:
+        unplugged = {"port 0": "first", "port 1": "second", "both ports": "both"}[failure]
+        flight.disturb(unplugged_port=unplugged)
+
+
+def fly_all(seeds: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
+    """Seeds 1 to `seeds`, on all cores."""
+    fork = multiprocessing.get_context("fork")
+    with ProcessPoolExecutor(mp_context=fork) as pool:
+        found = [pool.submit(fly_seed, seed, failures, starts) for seed in range(1, seeds + 1)]
+        for number, one in enumerate(as_completed(found), start=1):
+            flights = one.result()
+            landed = sum(outcome.verdict == "landed" for outcome in flights)
+            line = f"{number} of {seeds} seeds: {landed} of {len(flights)} flights landed"
+            print(line, file=sys.stderr, flush=True)
+        return [outcome for one in found for outcome in one.result()]

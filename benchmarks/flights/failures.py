@@ -1,0 +1,166 @@
+"""What becomes of a flight when something above the microcontroller fails.
+
+    python -m benchmarks failures [--quick]
+    python -m benchmarks.flights.failures [--seeds 20] [--real 2] [--only web,station] [--json FILE]
+
+Seeds differ in the truth's noise, wind, motors and battery, and in the moment of the failure. In
+simulated time the firmware, the plant and the flight stack run in one process, the bytes between
+them real ones; a killed and a frozen flight process are the same there: silence. Real flights are
+processes of their own, killed, frozen and pulled out in real time, some 25 s each.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import signal
+import statistics
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from benchmarks.flights import failing_flights
+from benchmarks.flights.touch_down import IMPACT_MAX, UPRIGHT, Outcome
+from benchmarks.harness import Report, Row, Target
+
+SEEDS, REAL_SEEDS = 20, 2
+REAL_FAILURES = (
+    "web",
+    "station",
+    "comms",
+    "flight",
+    "frozen",
+    "port 0",
+    "port 1",
+    "both ports",
+    failing_flights.CORRUPTED,
+)
+
+
+def run(quick: bool = False) -> Report:
+    """For `python -m benchmarks`."""
+    outcomes = fly(*((2, 0) if quick else (SEEDS, REAL_SEEDS)), REAL_FAILURES)
+    return report(outcomes)
+
+
+def fly(seeds: int, real_seeds: int, only: Sequence[str]) -> list[Outcome]:
+    """Simulated time first; then the real processes, one flight after the other."""
+    names = dict.fromkeys(
+        failing_flights.SILENT if name in ("flight", "frozen") else name
+        for name in only
+        if name != "web"  # the flight has no part of it in simulated time
+    )
+    outcomes = []
+    if names and seeds:
+        outcomes += failing_flights.fly_all(seeds, tuple(names), failing_flights.STARTS)
+    if real_seeds:
+        from benchmarks.flights.failing_processes import STARTS, fly_real
+
+        for failure in only:
+            for start in STARTS:
+                for seed in range(1, real_seeds + 1):
+                    outcome = fly_real(failure, start, seed)
+                    print(line(outcome), file=sys.stderr, flush=True)
+                    outcomes.append(outcome)
+    return outcomes
+
+
+def line(outcome: Outcome) -> str:
+    """One flight in a line."""
+    o = outcome
+    return (
+        f"{'real' if o.real else 'simulated'} {o.failure}, {o.start}, seed {o.seed}: {o.verdict}; "
+        f"{o.impact:.2f} m/s, {math.degrees(o.tilt):.1f} deg, {o.drift:.2f} m off, "
+        f"down {o.down:.1f} s, motors off {o.off:.1f} s"
+    )
+
+
+def report(outcomes: Sequence[Outcome]) -> Report:
+    """One row a failure and start: median and worst."""
+    seeds = [{o.seed for o in outcomes if o.real is real} for real in (False, True)]
+    found = Report(
+        "failures",
+        "Failures above the microcontroller",
+        [
+            f"simulated time: {len(seeds[0])} seeds; real processes in real time: {len(seeds[1])}",
+            "each seed: wind up to 1 m/s, gusts of 0.5 m/s, thrust ±5 %, battery 50–100 %, "
+            "gyroscope drift of 1 deg/s, moment of the failure",
+            "median / worst; drift: from the place of the failure to the touch-down, in that wind",
+            "lap: rest to rest, leaning by 35 deg; flight killed and frozen are one in simulated "
+            "time",
+            "motors off: since the failure; of real flights that nobody hears, when it was seen",
+        ],
+    )
+    groups: dict[tuple[bool, str, str], list[Outcome]] = {}
+    for outcome in outcomes:
+        groups.setdefault((outcome.real, outcome.failure, outcome.start), []).append(outcome)
+    for (real, failure, start), flights in groups.items():
+        landed = sum(o.verdict == "landed" for o in flights)
+        found.rows.append(
+            Row(
+                f"{failure}, {start}",
+                {
+                    "flown in": "real time" if real else "simulated time",
+                    "landed": f"{landed} of {len(flights)}",
+                    "impact, m/s": _both(flights, lambda o: o.impact, 2),
+                    "tilt then, deg": _both(flights, lambda o: math.degrees(o.tilt), 1),
+                    "tilt on the way": _both(flights, lambda o: math.degrees(o.tilt_max), 0),
+                    "drift, m": _both(flights, lambda o: o.drift, 2),
+                    "down after, s": _both(flights, lambda o: o.down, 1),
+                    "motors off, s": _both(flights, lambda o: o.off, 1),
+                },
+            )
+        )
+    found.notes += [line(o) for o in outcomes if o.verdict != "landed"]
+    if outcomes:
+        lost = sum(o.verdict != "landed" for o in outcomes)
+        hardest = max(_number(o.impact) for o in outcomes)
+        tilted = max(math.degrees(_number(o.tilt)) for o in outcomes)
+        found.targets += [
+            Target(f"flights of {len(outcomes)} that did not land", lost, 0),
+            Target("hardest touch-down, m/s", hardest, IMPACT_MAX),
+            Target("largest tilt at touch-down, deg", tilted, math.degrees(UPRIGHT)),
+        ]
+    return found
+
+
+def _both(flights: Sequence[Outcome], of: Callable[[Outcome], float], digits: int) -> str:
+    values = [_number(of(one)) for one in flights]
+    return f"{statistics.median(values):.{digits}f} / {max(values):.{digits}f}"
+
+
+def _number(value: float) -> float:
+    """What never came counts as infinitely bad."""
+    return math.inf if math.isnan(value) else value
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.flights.failures",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="in simulated time")
+    parser.add_argument("--real", type=int, default=REAL_SEEDS, help="seeds of real processes")
+    parser.add_argument("--only", default=",".join(REAL_FAILURES), help="failures, by commas")
+    parser.add_argument("--json", type=Path, help="write every flight there")
+    options = parser.parse_args()
+    only = [name.strip() for name in options.only.split(",")]
+    unknown = [name for name in only if name not in REAL_FAILURES]
+    if unknown:
+        parser.error(f"no failure is called {unknown[0]!r}: there are {', '.join(REAL_FAILURES)}")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # no process of a flight stays
+    outcomes = fly(options.seeds, options.real, only)
+    found = report(outcomes)
+    print(found.as_markdown())
+    if options.json:
+        flights = [{**asdict(o), "verdict": o.verdict} for o in outcomes]
+        document = {**found.as_json(), "flights": flights}
+        options.json.write_text(json.dumps(document, indent=1) + "\n")  # NaN: it never came
+    return 0 if all(target.met for target in found.targets) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,344 @@
+"""Figure 8s flown under `quadlab up` on a machine with too much to do.
+
+    python -m benchmarks starved
+    python -m benchmarks.flights.starved --flights 20 [--real-time]     # as it is without lockstep
+
+Two busy loops a core, and the page in a headless Chromium that draws its 3D view in software. The
+laboratory has no more rights than an ordinary user's (no SCHED_FIFO, no better niceness). Flights
+are judged by their runs: each from arming to motors off, by the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+
+from benchmarks.harness import CHROMIUM, Report, Row, Target
+from quadrotor.checkout import ROOT
+from quadrotor.errors import QuadlabError
+from vehicle_link.log import is_closed, read_log
+from vehicle_link.messages import decode
+from vehicle_link.topics import decode_odometry, decode_reference
+
+PORT, LINK_PORT = 28083, 28452
+FLIGHTS, QUICK_FLIGHTS, UNLOADED = 20, 3, 4
+LAPS = 1
+BUSY_A_CORE = 2
+CHARGE = 20
+"""A h, of a battery that outlasts all flights."""
+PATIENCE = 300.0  # s
+LOOK = 0.3  # s
+WARN = 30
+DRAWN_IN_SOFTWARE = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+TOLD = ("degraded", "lost", "stale", "silent", "age", "link", "tracker")
+"""In words of flags and alarms that are about link, tracker or poses."""
+
+
+@dataclass
+class Flight:
+    """One, as its run has it."""
+
+    is_whole: bool = False
+    error: float = math.nan  # m, rms
+    largest: float = math.nan  # m
+    false_events: list[str] = field(default_factory=list)
+    factor: float = math.nan  # simulated over real time
+
+
+class Laboratory:
+    """`quadlab up` and who commands it."""
+
+    def __init__(self, data: Path, *words: str) -> None:
+        self._data = data
+        self._up = subprocess.Popen(
+            [
+                *_ordinary(),
+                sys.executable,
+                "-m",
+                "quadlab",
+                "up",
+                "--no-browser",
+                "--data",
+                str(data),
+                "--port",
+                str(PORT),
+                "--link-port",
+                str(LINK_PORT),
+                "--set",
+                f"simulator.battery_capacity={CHARGE}",
+                *words,
+            ],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=ROOT,
+        )
+        self.lines: list[str] = []
+        assert self._up.stdout is not None
+        lines = iter(self._up.stdout.readline, "")
+        threading.Thread(target=lambda: self.lines.extend(lines), daemon=True).start()
+        self.link = self.until(lambda: re.findall(r"http://\S+token=\S+", "".join(self.lines)))[-1]
+        base = self.link.split("/?")[0]
+        self._browser = httpx.Client(base_url=base, headers={"origin": base}, timeout=30)
+        self._browser.get(self.link, follow_redirects=True).raise_for_status()
+        self.until(lambda: self.status().get("mode") == "ready")
+
+    def until(self, look: Any) -> Any:
+        """Raises QuadlabError."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end and self._up.poll() is None:
+            if found := look():
+                return found
+            time.sleep(LOOK)
+        raise QuadlabError(f"waited {PATIENCE:.0f} s in vain\n" + "".join(self.lines[-20:]))
+
+    def summary(self) -> dict[str, Any]:
+        try:
+            found: dict[str, Any] = self._browser.get("/api/summary").json()
+        except (httpx.HTTPError, ValueError):
+            return {}
+        return found
+
+    def status(self) -> dict[str, Any]:
+        return self.summary().get("status") or {}
+
+    def new_link(self) -> str:
+        """To sign another page in: a link is good once."""
+        return self.until(lambda: self._links()[1:])[-1]
+
+    def _links(self) -> list[str]:
+        return re.findall(r"http://\S+token=\S+", "".join(self.lines))
+
+    def fly(self) -> Flight:
+        """One figure 8 from the ground to the ground."""
+        flight, known = Flight(), {path.name for path in self._runs()}
+        self.until(lambda: (self.summary().get("preflight") or {}).get("ready"))
+        # By the status too: an answer may take longer than its caller waits.
+        self.until(lambda: self._is_done("arm") or self.status().get("armed"))
+        self.until(lambda: self.status().get("armed"))
+        self.until(lambda: self._goes("take_off") or self.status().get("airborne"))
+        self.until(lambda: self.status().get("behavior") == "hover" or self._is_down())
+        eight = {"trajectory": "figure_eight", "laps": LAPS}
+        self.until(
+            lambda: (
+                self.status().get("behavior") != "hover" or self._goes("follow_trajectory", **eight)
+            )
+        )
+        self.until(lambda: self.status().get("behavior") != "hover")
+        factors: list[float] = []
+
+        def flown() -> bool:
+            summary = self.summary()
+            factors.append((summary.get("station") or {}).get("real_time_factor") or 1.0)
+            status = summary.get("status") or {}
+            return bool(status) and status["behavior"] != "follow_trajectory"
+
+        self.until(flown)
+        self.until(
+            lambda: self._goes("land") or self.status().get("behavior") == "land" or self._is_down()
+        )
+        self.until(self._is_down)
+        path = self.until(lambda: [p for p in self._runs() if p.name not in known and is_closed(p)])
+        judge(flight, path[0])
+        flight.factor = float(np.mean(factors))
+        return flight
+
+    def close(self) -> None:
+        self._up.send_signal(signal.SIGINT)
+        self._up.wait(120)
+
+    def _runs(self) -> list[Path]:
+        return list((self._data / "runs").glob("*.mcap"))
+
+    def _is_down(self) -> bool:
+        status = self.status()
+        return bool(status) and not status["armed"]
+
+    def _goes(self, name: str, **arguments: Any) -> bool:
+        return self._is_done("start_behavior", name=name, arguments=arguments)
+
+    def _is_done(self, command: str, /, **body: Any) -> bool:
+        try:
+            answer = self._browser.post(f"/api/commands/{command}", json=body)
+        except httpx.HTTPError:
+            return False
+        return answer.status_code == 200
+
+
+def judge(flight: Flight, run: Path) -> None:
+    """By its run's file: flown to the end, error against the reference, what was told wrongly."""
+    rows: dict[str, list[Any]] = {"truth": [], "reference": []}
+    behaviors: list[tuple[int, str]] = []
+    wanted = ("truth", "reference", "status", "events", "link_status", "station_status")
+    for message in read_log(run, {f"/quad1/{name}" for name in wanted}):
+        name = message.topic.rsplit("/", 1)[1]
+        if name == "truth":
+            stamp_ns, state = decode_odometry(message.payload)
+            rows["truth"].append((stamp_ns, *state["position_w"][0]))
+            continue
+        if name == "reference":
+            stamp_ns, reference = decode_reference(message.payload)
+            rows["reference"].append((stamp_ns, *reference["position_w"][0]))
+            continue
+        told = decode(message.payload, message.type_name)
+        if name == "status":
+            behaviors.append((message.publish_ns, str(told.behavior)))
+            flight.false_events += [f for f in told.flags if any(word in f for word in TOLD)]
+        elif name == "events" and told.level >= WARN:
+            flight.false_events.append(str(told.msg))
+        elif name == "link_status" and str(told.state) != "good":
+            flight.false_events.append(f"link {told.state}")
+        elif name == "station_status":
+            flight.false_events += [a for a in told.alarms if any(word in a for word in TOLD)]
+    flown = [stamp for stamp, behavior in behaviors if behavior == "follow_trajectory"]
+    after = [behavior for stamp, behavior in behaviors if flown and stamp > flown[-1]]
+    truth, reference = (np.array(rows[name], float) for name in ("truth", "reference"))
+    if not flown or not len(truth) or not len(reference):
+        return
+    times, wanted_ns = truth[:, 0], reference[:, 0]
+    inside = (times >= flown[0]) & (times <= flown[-1])
+    apart = np.column_stack(
+        [truth[inside, k] - np.interp(times[inside], wanted_ns, reference[:, k]) for k in (1, 2, 3)]
+    )
+    distances = np.linalg.norm(apart, axis=1)
+    flight.error, flight.largest = float(np.sqrt(np.mean(distances**2))), float(distances.max())
+    flight.is_whole = after[:1] == ["hover"] and not any(
+        one in after for one in ("brake", "descend", "emergency")
+    )
+
+
+def _ordinary() -> list[str]:
+    """Words before a command that take the rights away which a laptop's user lacks."""
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        return []
+    return ["setpriv", "--bounding-set", "-sys_nice", "--inh-caps", "-sys_nice", "--"]
+
+
+@contextmanager
+def busy() -> Iterator[None]:
+    """Two loops a core."""
+    count = BUSY_A_CORE * (os.cpu_count() or 1)
+    loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.kill()
+            loop.wait()
+
+
+@contextmanager
+def page(address: str) -> Iterator[None]:
+    """Open, and drawn in software."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(DRAWN_IN_SOFTWARE))
+        opened = browser.new_page(viewport={"width": 1440, "height": 900})
+        opened.set_default_timeout(1e3 * PATIENCE)
+        opened.goto(address)
+        opened.wait_for_selector("#behaviors button")
+        yield
+        browser.close()
+
+
+def flights(count: int, words: tuple[str, ...], *, starved: bool) -> list[Flight]:
+    """Raises QuadlabError."""
+    found = []
+    with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
+        laboratory = Laboratory(Path(data), *words)
+        try:
+            if not starved:
+                return [_shown(laboratory.fly()) for _ in range(count)]
+            with page(laboratory.new_link()), busy():
+                for _ in range(count):
+                    found.append(_shown(laboratory.fly()))
+            return found
+        finally:
+            laboratory.close()
+
+
+def _shown(flight: Flight) -> Flight:
+    print(flight, file=sys.stderr, flush=True)
+    return flight
+
+
+def run(quick: bool = False) -> Report:
+    return measure(QUICK_FLIGHTS if quick else FLIGHTS, ())
+
+
+def measure(count: int, words: tuple[str, ...]) -> Report:
+    """Raises QuadlabError when a laboratory or the page does not come up."""
+    report = Report(
+        "starved",
+        "Figure 8s on a machine with too much to do",
+        [
+            f"`quadlab up {' '.join(words)}`, figure_eight, {LAPS} lap, each from the ground to "
+            "the ground; rights of an ordinary user",
+            f"starved: {BUSY_A_CORE} busy loops a core and the page drawn in software beside it",
+        ],
+    )
+    alone = flights(min(UNLOADED, count), words, starved=False)
+    starved = flights(count, words, starved=True)
+    for name, group in (("alone", alone), ("starved", starved)):
+        errors = [one.error for one in group if one.is_whole]
+        report.rows.append(
+            Row(
+                name,
+                {
+                    "flown to the end": f"{len(errors)} of {len(group)}",
+                    "error rms, mm": 1e3 * float(np.median(errors)) if errors else math.nan,
+                    "worst flight's, mm": 1e3 * max(errors, default=math.nan),
+                    "false events": float(sum(len(one.false_events) for one in group)),
+                    "real-time factor": float(np.median([one.factor for one in group])),
+                },
+            )
+        )
+    ratio = float(np.median([f.error for f in starved]) / np.median([f.error for f in alone]))
+    whole = sum(one.is_whole for one in starved)
+    report.targets = [
+        Target("flown to the end, starved", whole, len(starved), at_most=False),
+        Target("error, starved over alone", ratio, 1.1),
+        Target("false events, starved", sum(len(one.false_events) for one in starved), 0),
+    ]
+    told = sorted({event for one in starved for event in one.false_events})
+    report.notes += [f"told: {event}" for event in told[:20]]
+    return report
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.flights.starved", description=__doc__
+    )
+    parser.add_argument("--flights", type=int, default=FLIGHTS, metavar="N")
+    parser.add_argument("--real-time", action="store_true", help="without lockstep")
+    options = parser.parse_args()
+    report = measure(options.flights, ("--real-time",) if options.real_time else ())
+    print(report.as_markdown())
+    return 0 if all(target.met for target in report.targets) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+"""How late the flight loop wakes beside two busy processes, and cyclictest beside it.
+
+    python -m benchmarks loop
+
+The real flight process, its simulated vehicle in memory, flies the figure 8 in real time while two
+processes keep both cores busy. Lateness is measured from the absolute deadline of a sample to when
+the loop wakes for it. cyclictest (Debian: rt-tests) measures what the
+kernel alone takes, in the same seconds, at the same interval and priority. Run it as root, or with
+the real-time rights of docs/setup.md, on an idle machine.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.harness import Report, Row, Target
+from benchmarks.onboard.flight_under_test import FlightUnderTest, Notes
+from vehicle.flight.realtime import PRIORITY
+
+RATES = (500, 1000)
+SECONDS, QUICK_SECONDS = 60, 8
+HOGS = 2
+LONGEST_US = 20_000
+P99_US = {500: 150.0, 1000: 100.0}
+RATIO = 2.0
+
+
+def run(quick: bool = False) -> Report:
+    """Both rates. Ends with a line when cyclictest is missing."""
+    if shutil.which("cyclictest") is None:
+        raise SystemExit("cyclictest is not installed: sudo apt-get install rt-tests")
+    seconds = QUICK_SECONDS if quick else SECONDS
+    report = Report(
+        "loop",
+        "The flight loop beside two busy processes",
+        [
+            f"figure 8 in real time, {seconds} s, simulated vehicle inside the flight process",
+            f"{HOGS} busy processes of ordinary priority",
+            f"cyclictest in the same seconds, interval of the loop, SCHED_FIFO {PRIORITY} as it",
+            "lateness: from the absolute deadline to the first line the loop runs",
+            "tick: from there to the command sent and the record in the ring",
+        ],
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for rate in RATES:
+            _measure(report, Path(folder), rate, seconds)
+    return report
+
+
+def _measure(report: Report, folder: Path, rate: int, seconds: int) -> None:
+    with FlightUnderTest(folder, rate) as flight:
+        flight.take_off()
+        rights = flight.rights
+        with _hogs(), _cyclictest(1_000_000 // rate, seconds) as peer:
+            began_ns = time.monotonic_ns()
+            flight.fly(seconds)
+            ended_ns = time.monotonic_ns()
+            said, _ = peer.communicate(timeout=30.0)
+        notes = flight.stop()
+    _add(report, rate, _within(notes, began_ns, ended_ns), rights, histogram(said))
+    overruns, missed, _ = notes["counts"].tolist()
+    report.notes.append(
+        f"{rate} Hz: {rights}; from the start on {overruns} overruns, {missed} missed frames"
+    )
+
+
+def _add(
+    report: Report,
+    rate: int,
+    ticks: npt.NDArray[np.int64],
+    rights: str,
+    peer: npt.NDArray[np.int64],
+) -> None:
+    late = 1e-3 * (ticks[:, 2] - ticks[:, 1])
+    took = 1e-3 * (ticks[:, 3] - ticks[:, 2])
+    p99, kernel = float(np.percentile(late, 99)), float(np.percentile(peer, 99))
+    report.rows += [
+        Row(
+            f"flight loop, {rate} Hz",
+            _figures(late)
+            | {
+                "tick p50": float(np.median(took)),
+                "tick p99": float(np.percentile(took, 99)),
+                "ticks": str(len(ticks)),
+            },
+        ),
+        Row(f"cyclictest, {rate} Hz", _figures(peer) | {"ticks": str(len(peer))}),
+    ]
+    report.targets.append(Target(f"lateness at {rate} Hz, p99, µs", p99, P99_US[rate]))
+    if rate == RATES[0]:
+        report.targets.append(Target(f"… over cyclictest's p99 ({rights})", p99 / kernel, RATIO))
+    else:
+        report.notes.append(f"{rate} Hz: p99 is {p99 / kernel:.2f} times that of cyclictest")
+
+
+def _within(notes: Notes, began_ns: int, ended_ns: int) -> npt.NDArray[np.int64]:
+    ticks = notes["ticks"]
+    return ticks[(ticks[:, 1] >= began_ns) & (ticks[:, 1] < ended_ns)]
+
+
+def _figures(late_us: npt.NDArray[np.float64] | npt.NDArray[np.int64]) -> dict[str, float | str]:
+    return {
+        "p50, µs": float(np.median(late_us)),
+        "p99, µs": float(np.percentile(late_us, 99)),
+        "99.9 %, µs": float(np.percentile(late_us, 99.9)),
+        "longest, µs": float(late_us.max()),
+    }
+
+
+@contextmanager
+def _hogs() -> Iterator[None]:
+    program = "import os; os.setpriority(os.PRIO_PROCESS, 0, 0)\nwhile True: pass"
+    hogs = [subprocess.Popen([sys.executable, "-c", program]) for _ in range(HOGS)]
+    try:
+        yield
+    finally:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+
+
+@contextmanager
+def _cyclictest(interval_us: int, seconds: int) -> Iterator[subprocess.Popen[str]]:
+    words: Sequence[object] = (
+        "cyclictest",
+        "--mlockall",
+        "--quiet",
+        "--threads=1",
+        f"--priority={PRIORITY}",
+        f"--interval={interval_us}",
+        f"--duration={seconds}",
+        f"--histogram={LONGEST_US}",
+    )
+    with subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+
+
+def histogram(said: str) -> npt.NDArray[np.int64]:
+    """Latencies (µs) of what `cyclictest --histogram` printed, one for each of its cycles."""
+    rows = re.findall(r"^(\d+)\s+(\d+)$", said, re.MULTILINE)
+    latencies = [np.repeat(np.int64(us), int(count)) for us, count in rows]
+    over = re.search(r"^# Histogram Overflows: 0*(\d+)$", said, re.MULTILINE)
+    longest = re.search(r"^# Max Latencies: 0*(\d+)$", said, re.MULTILINE)
+    if over and longest:
+        latencies.append(np.repeat(np.int64(longest[1]), int(over[1])))
+    return np.concatenate(latencies)

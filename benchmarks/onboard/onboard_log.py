@@ -1,0 +1,197 @@
+"""What the onboard log costs at 5000 messages a second, and whether the flight loop notices.
+
+    python -m benchmarks onboard_log
+
+A real flight process flies the figure 8; this process is its comms. In turns it logs and does not:
+four topics of every tick through `OnboardLog.ticks`, six more of 200 bytes through `message`, in a
+file on the disk of the temporary folder; or all of them into nothing.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.harness import Report, Row, Target
+from benchmarks.onboard.flight_under_test import FlightUnderTest
+from quadrotor.errors import QuadlabError
+from quadrotor.records import Record
+from vehicle.onboard_log.onboard_log import OnboardLog
+from vehicle_link.log import summarize
+from vehicle_link.topics import TOPICS
+
+RATE = 500
+SECONDS, QUICK_SECONDS = 60, 6
+TURNS = 3  # with the log, and as many without
+PAYLOAD_BYTES = 200
+OTHERS = ("estimator", "battery", "pressure", "bearing_pose", "tracker_pose", "joy")
+PAYLOADS = 500  # different ones of each: more than what compression looks back on
+TICK_TOPICS = 4
+MESSAGES = TICK_TOPICS + len(OTHERS)  # a tick
+SHARE = 6.0
+"""% of a core"""
+RATIO = 1.25
+"""Of lateness with the log to that without: what two equal runs differ by on a machine at work."""
+
+
+@dataclass
+class Turn:
+    """Of one stretch of the flight."""
+
+    began_ns: int
+    ended_ns: int = 0
+    busy: float = 0.0  # s of processor time of this process
+
+
+class NoLog:
+    """Takes what a log takes, and keeps nothing: what making and handing over costs by itself."""
+
+    def ticks(self, ticks: Record, log_ns: int) -> None:
+        pass
+
+    def message(
+        self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
+    ) -> None:
+        pass
+
+
+@dataclass
+class Logged:
+    """What went into a log, and what came of it."""
+
+    log: OnboardLog | NoLog
+    said: list[str]
+    payloads: list[list[bytes]]  # one row a tick, in turn
+    handed: int = 0  # ticks, each with its messages
+    kept: int = 0  # messages
+    bytes: int = 0
+    handing_s: list[float] = field(default_factory=list)
+    slowest_sync: float = 0.0
+
+    def heard(self, ticks: Record) -> None:
+        """As the comms process passes on what it reads."""
+        if not ticks["status"]["armed"].all():
+            raise QuadlabError("the vehicle has landed; is the machine too busy to fly?")
+        began = time.perf_counter()
+        now_ns = int(ticks["imu"]["stamp_ns"][-1]) + 1_000_000
+        self.log.ticks(ticks, now_ns)
+        for number, stamp_ns in enumerate(ticks["imu"]["stamp_ns"].tolist(), self.handed):
+            row = self.payloads[number % PAYLOADS]
+            for topic, payload in zip(OTHERS, row, strict=True):
+                self.log.message(topic, TOPICS[topic].type_name, payload, stamp_ns, now_ns)
+        self.handing_s.append(time.perf_counter() - began)
+        self.handed += len(ticks)
+
+    def close(self) -> None:
+        assert isinstance(self.log, OnboardLog)
+        file = self.log._file
+        self.slowest_sync = 0.0 if file is None else file._sync.slowest
+        self.log.close()
+        for written in self.log.files():
+            summary = summarize(written.path)
+            self.kept += summary.message_count
+            self.bytes += summary.bytes
+            written.path.unlink()
+
+
+def run(quick: bool = False) -> Report:
+    """Turns of `SECONDS` in all with the log, and as long without."""
+    seconds = QUICK_SECONDS if quick else SECONDS
+    report = Report(
+        "onboard_log",
+        "Onboard log at 5000 messages a second",
+        [
+            f"{seconds} s with the log and as long without, in {TURNS} turns each of one flight: "
+            f"figure 8, {RATE} Hz, simulated vehicle inside the flight process",
+            f"{TICK_TOPICS} topics of every tick and {len(OTHERS)} of {PAYLOAD_BYTES} B (random: "
+            "nothing to compress) at the same rate",
+            "% of a core: processor time of the process that reads the ring and logs; without, it "
+            "hands the same messages to a log that keeps nothing",
+            "lateness: of the flight loop, from the absolute deadline to the first line it runs",
+        ],
+    )
+    random = np.random.default_rng(1)
+    payloads = [[random.bytes(PAYLOAD_BYTES) for _ in OTHERS] for _ in range(PAYLOADS)]
+    turns: dict[bool, list[Turn]] = {False: [], True: []}
+    logs: list[Logged] = []
+    with tempfile.TemporaryDirectory() as folder, FlightUnderTest(Path(folder), RATE) as flight:
+        flight.take_off()
+        first = _logged(folder, payloads)  # what is made on first use
+        _fly(flight, 1.0, first.heard)
+        first.close()
+        for _ in range(TURNS):
+            unlogged = Logged(NoLog(), [], payloads)
+            turns[False].append(_fly(flight, seconds / TURNS, unlogged.heard))
+            logs.append(_logged(folder, payloads))
+            turns[True].append(_fly(flight, seconds / TURNS, logs[-1].heard))
+            logs[-1].close()
+        rights = flight.rights
+        ticks = flight.stop()["ticks"]
+    _add(report, turns, logs, ticks)
+    report.notes.append(f"flight process: {rights}")
+    return report
+
+
+def _logged(folder: str, payloads: list[list[bytes]]) -> Logged:
+    said: list[str] = []
+    log = OnboardLog(Path(folder), "quad1", {}, lambda level, text: said.append(text))
+    log.start()
+    return Logged(log, said, payloads)
+
+
+def _fly(flight: FlightUnderTest, seconds: float, heard: Callable[[Record], None]) -> Turn:
+    turn, busy = Turn(time.monotonic_ns()), time.process_time()
+    flight.heard = heard
+    flight.fly(seconds)
+    flight.heard = lambda ticks: None
+    turn.ended_ns, turn.busy = time.monotonic_ns(), time.process_time() - busy
+    return turn
+
+
+def _add(
+    report: Report, turns: dict[bool, list[Turn]], logs: list[Logged], ticks: npt.NDArray[np.int64]
+) -> None:
+    share, late = {}, {}
+    for with_log, its in turns.items():
+        seconds = 1e-9 * sum(turn.ended_ns - turn.began_ns for turn in its)
+        share[with_log] = 100.0 * sum(turn.busy for turn in its) / seconds
+        flown = np.concatenate(
+            [ticks[(ticks[:, 1] >= t.began_ns) & (ticks[:, 1] < t.ended_ns)] for t in its]
+        )
+        late[with_log] = 1e-3 * (flown[:, 2] - flown[:, 1])
+        report.rows.append(
+            Row(
+                "with the log" if with_log else "without",
+                {
+                    "% of a core": share[with_log],
+                    "lateness p50, µs": float(np.median(late[with_log])),
+                    "p99": float(np.percentile(late[with_log], 99)),
+                    "99.9 %": float(np.percentile(late[with_log], 99.9)),
+                    "messages/s": MESSAGES * sum(log.handed for log in logs) / seconds
+                    if with_log
+                    else 0.0,
+                    "MB/s": 1e-6 * sum(log.bytes for log in logs) / seconds if with_log else 0.0,
+                },
+            )
+        )
+    lost = sum(log.handed * MESSAGES - log.kept for log in logs)
+    ratio = float(np.percentile(late[True], 99) / np.percentile(late[False], 99))
+    report.targets += [
+        Target("messages dropped", float(lost), 0.0),
+        Target("% of a core for the log (with less without)", share[True] - share[False], SHARE),
+        Target("lateness p99 with the log over without", ratio, RATIO),
+    ]
+    handing = 1e6 * np.concatenate([log.handing_s for log in logs])
+    slowest = 1e3 * max(log.slowest_sync for log in logs)
+    report.notes += [
+        f"handing over a batch of ticks with its other messages: {np.median(handing):.0f} µs, "
+        f"p99 {np.percentile(handing, 99):.0f} µs",
+        f"fdatasync once a second, on a thread of its own: the slowest {slowest:.1f} ms",
+        *(line for log in logs for line in log.said if "lost" in line or "stopped" in line),
+    ]
