@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.vehicle.test_simulator_process import BOUND, open_ports
+from tests.vehicle.simulator.test_process import BOUND, open_ports
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters

@@ -19,7 +19,7 @@ from console.parameters.presets import ParameterPresets
 from console.tuning.kept_runs import KeptRuns
 from quadrotor.checkout import ROOT
 from quadrotor.errors import StorageError
-from tests.console.test_console_catalogue import entry
+from tests.console.catalogue.test_catalogue import entry
 
 REMEDY = "mount its disk or put it back, or start quadlab anew: it begins with what is there"
 CHANGE = ParameterChange("control.k_p", 1.0, 2.0, "ada", 1, 1, "", 1)
