@@ -1,0 +1,1 @@
+"""The base station: records, checks, commands and judges, for one or several vehicles."""

@@ -65,7 +65,7 @@ class BaseStation:
     """Everything of this process, wired to one Zenoh session.
 
     Args:
-        session: of vehicle_link.session.hub_session.
+        session: of vehicle_link.transport.session.hub_session.
         vehicle: name, the namespace of the topics.
         operator: written into runs nobody asked for by name.
         settings: `station.*` parameters to start with.
@@ -73,7 +73,7 @@ class BaseStation:
         vehicles: of this process. For a single one estimators are compared without anybody
             looking, so that each run has it, and lines for the terminal need no name.
         host: of the vehicle, for datagrams beside the link; empty for none.
-        instance: of this process, a number of its own (vehicle_link.instance).
+        instance: of this process, a number of its own (vehicle_link.process_instance).
     """
 
     def __init__(

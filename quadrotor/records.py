@@ -106,12 +106,12 @@ ESTIMATE = np.dtype(
 
 STATUS = np.dtype(
     [
-        ("mode", "u1"),  # vehicle.modes.Mode
+        ("mode", "u1"),  # vehicle.flight.modes.Mode
         ("behavior", "u1"),  # index into control.behaviors.table.BehaviorName
         ("armed", "u1"),
         ("airborne", "u1"),
-        ("control_mode", "u1"),  # vehicle.modes.ControlMode
-        ("flags", "u4"),  # bit set of vehicle.modes.Flag
+        ("control_mode", "u1"),  # vehicle.flight.modes.ControlMode
+        ("flags", "u4"),  # bit set of vehicle.flight.modes.Flag
         ("parameter_revision", "u4"),
         ("tick_rate", "f8"),  # Hz
         ("lateness_p50", "f8"),  # s, over the last second
@@ -121,7 +121,7 @@ STATUS = np.dtype(
         ("battery_voltage", "f8"),  # V
         ("pressure", "f8"),  # Pa
         # Since the start of the flight process:
-        ("lateness_histogram", "u4", 8),  # ticks; bounds in vehicle.lateness.BOUNDS_NS
+        ("lateness_histogram", "u4", 8),  # ticks; bounds in vehicle.flight.lateness.BOUNDS_NS
         ("overruns", "u4"),  # ticks that took longer than a period
         ("missed_frames", "u4"),  # periods without a sample
         ("damaged_frames", "u4"),  # pieces of bytes that were no frames

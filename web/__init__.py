@@ -1,0 +1,1 @@
+"""The web process: the page, its API and the 3D view behind one port."""

@@ -27,8 +27,8 @@ from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.app_parts import Parts
 from web.beacons.routes import add_beacons
-from web.commands.bodies import bodies as commands
-from web.commands.bodies import sticks
+from web.commands import bodies as commands
+from web.commands import sticks
 from web.commands.control import add_control
 from web.commands.plain_emergency import add_plain_emergency
 from web.experiments.calibrations import add_calibration
@@ -36,7 +36,7 @@ from web.experiments.experiments import add_experiments
 from web.experiments.reports import add_reports
 from web.fleet.fleet import Fleet
 from web.fleet.routes import add_fleet
-from web.live.latest import events
+from web.live import events
 from web.live.summary import Summary
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay

@@ -1,0 +1,1 @@
+"""Poses and filters beside peers and bounds."""

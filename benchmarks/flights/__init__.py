@@ -1,0 +1,1 @@
+"""Whole flights: disturbed, failing, starved, several at once."""

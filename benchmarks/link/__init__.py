@@ -1,0 +1,1 @@
+"""The link beside plain UDP, impaired and broken."""

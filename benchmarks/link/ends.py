@@ -2,8 +2,8 @@
 
     python -m benchmarks.link.ends vehicle|station FOLDER PLAN
 
-Telemetry leaves as it does on board (vehicle.comms_radio, vehicle.comms_lane) and comes as it does
-at the station (hub, radio, console.lane_in, console.link_monitor); beside it the same bytes by
+Telemetry leaves as it does on board (vehicle.comms.publishers, vehicle.comms.lane) and
+comes as it does at the station (hub, radio, console.link.lane, console.link.monitor); beside it the same bytes by
 plain UDP, half a period later: at one moment, the second would always meet the larger of two
 delays. Poses go the other way. Each program runs until it is told to end, and then writes what it
 noted as FOLDER/<program>.npz.
@@ -165,7 +165,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
         return time.monotonic() - heard[0]
 
     def send(k: int) -> None:
-        # A station that is not heard is sent a probe only (vehicle.comms_publish).
+        # A station that is not heard is sent a probe only (vehicle.comms.publish).
         if silence() < STATION_LOST_S or k % round(PROBE_NS * 1e-9 * RATE) == 0:
             radio.put("telemetry", stamped(next(numbers), _TELEMETRY), time.time_ns())
 
@@ -247,7 +247,7 @@ def station(folder: Path, plan: Plan) -> None:
     def ask() -> None:
         began = time.monotonic_ns()
         request = new(f"{COMMAND}_Request", request_id=str(began), requester="benchmark")
-        for k in range(CALL_TRIES):  # as console.commands does
+        for k in range(CALL_TRIES):  # as console.commands.gateway does
             with suppress(LinkError):
                 command.call(request, timeout=CALL_TIMEOUT)
                 calls.add(began, time.monotonic_ns() - began)

@@ -1,0 +1,1 @@
+"""Logs: written under kill -9, fuzzed, read, exported."""

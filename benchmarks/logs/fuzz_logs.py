@@ -2,8 +2,8 @@
 
     python -m benchmarks fuzz_logs [--count N] [--seed N]
 
-The commands run one after the other in a worker (benchmarks/logs/fuzz_worker.py), which is started anew
-when it has grown, so that one command's memory is not told as another's.
+The commands run one after the other in a worker (benchmarks/logs/fuzz_worker.py), which is
+started again when it has grown, so that one command's memory is not told as another's.
 """
 
 from __future__ import annotations

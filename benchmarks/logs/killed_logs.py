@@ -6,8 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 
 from benchmarks.harness import Report
+from benchmarks.logs import killed_onboard, killed_recorder
 from benchmarks.logs.killed_file import Kill, summary
-from benchmarks.logs.logs import killed_onboard, killed_recorder
 
 KILLS = 50
 WRITERS: dict[str, Callable[[int], Iterator[Kill]]] = {

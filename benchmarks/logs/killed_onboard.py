@@ -2,8 +2,8 @@
 
     python -m benchmarks killed_logs [--quick]
 
-The real `vehicle.comms.process`, with its link, started again after each kill as its parent does; this
-process is the flight process, 500 ticks a second through the shared ring. Lost is a tick that
+The real `vehicle.comms.process`, with its link, started again after each kill as its parent does;
+this process is the flight process, 500 ticks a second through the shared ring. Lost is a tick that
 neither the dead process's file nor that of the next one has.
 """
 

@@ -1,0 +1,1 @@
+"""The flight loop and what runs in it."""

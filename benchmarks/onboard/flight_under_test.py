@@ -28,7 +28,7 @@ NICENESS = -10
 HEARTBEAT_NS = 50_000_000
 ANSWER_S = 3.0
 Notes = dict[str, npt.NDArray[np.int64]]
-"""What benchmarks.recorded_flight wrote, by name."""
+"""What benchmarks.onboard.recorded_flight wrote, by name."""
 
 
 class FlightUnderTest:

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from vehicle.flight import process as flight
 from vehicle.flight.loop import FlightLoop
-from vehicle.flight.process import process as flight
 from vehicle.microcontroller.microcontroller import RawSample
 
 CAPACITY = 400_000
@@ -72,7 +72,7 @@ class RecordedLoop(FlightLoop):
 
 
 def main() -> int:
-    """Exit status as of vehicle.flight."""
+    """Exit status as of vehicle.flight.process."""
     RecordedLoop.out = Path(sys.argv[2])
     flight.FlightLoop = RecordedLoop  # type: ignore[misc]
     return flight.main(sys.argv[1])

@@ -1,6 +1,6 @@
 """`quadlab up` from start to a flown 8 with one page open: times, load, memory, bytes a second.
 
-Run: .venv/bin/python benchmarks/page/laboratory.py [--cold]     (--cold forgets compiled code first)
+Run: .venv/bin/python -m benchmarks.page.laboratory [--cold]     (--cold: without compiled code)
 
 The page is stood in for by a client that opens the same three websockets as the browser's page;
 so the figures are of quadlab's processes alone, not of a browser's rendering.

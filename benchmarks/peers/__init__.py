@@ -1,0 +1,1 @@
+"""Peers of other makes, flown or solved beside ours."""

@@ -81,7 +81,7 @@ class TrashRow(Base):
 
 
 class CompletenessRow(Base):
-    """How a run compares with what the vehicle itself logged (console.catalogue_completeness)."""
+    """How a run compares with what the vehicle itself logged (console.catalogue.completeness)."""
 
     __tablename__ = "run_completeness"
 

@@ -1,0 +1,1 @@
+"""Commands at the station: the gateway to the vehicle, the control lease, the sticks."""

@@ -2,7 +2,7 @@
 
 The requester's name travels along, so that vehicle, log and catalogue know who asked, and so does
 the request id, so that a repeated request has one effect. Each service has a thread of its own
-(vehicle_link.node): an emergency never waits behind another command.
+(vehicle_link.transport.node): an emergency never waits behind another command.
 """
 
 from __future__ import annotations

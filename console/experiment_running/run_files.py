@@ -29,7 +29,7 @@ class Settings(Protocol):
 
 
 def settings_of(parameters: Any) -> Settings:
-    """Of console.parameters.StationParameters."""
+    """Of console.parameters.station.StationParameters."""
     return lambda: (float(parameters.sticks.timeout), float(parameters.recorder.after_disarm))
 
 

@@ -1,0 +1,1 @@
+"""The link to one vehicle: what is received, what is sent, how good it is, who may command."""

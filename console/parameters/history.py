@@ -1,7 +1,7 @@
 """Every change of every parameter, kept in the data folder's database: who, when, old, new, flight.
 
-The station writes (`console.parameters.history_writer`), the page reads. Values are kept as Python writes
-them, so that a text and a number are told apart.
+The station writes (`console.parameters.history_writer`), the page reads. Values are kept
+as Python writes them, so that a text and a number are told apart.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Recorded runs: recording, files, marks, trash, and the room on the disk."""

@@ -1,0 +1,1 @@
+"""Adaptive estimation of mass and inertia (Sec. 5.4)."""

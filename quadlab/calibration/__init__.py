@@ -1,0 +1,1 @@
+"""A guided calibration at a terminal."""

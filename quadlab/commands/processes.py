@@ -11,9 +11,9 @@ from typing import Annotated
 
 import tyro
 
-from quadlab.commands.up import serial_ports
 from quadlab.data_folder import open_data_folder
 from quadlab.settings import parse_settings
+from quadlab.up import serial_ports
 from quadlab.up.page_options import PageOptions, say_authority
 from quadrotor.errors import UsageError
 from vehicle_link.serial.identity import THE_ONE, Identity

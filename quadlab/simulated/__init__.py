@@ -1,0 +1,1 @@
+"""Flights in simulated time: the whole stack in one process."""

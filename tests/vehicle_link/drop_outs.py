@@ -52,7 +52,7 @@ class Flight:
         return stamps
 
     def log_onboard(self, path: Path, close: bool = True) -> None:
-        """As vehicle.onboard_log does: batches of ticks, topic by topic, read 10 ms later."""
+        """Write batches of ticks as the onboard log does: topic by topic, read 10 ms later."""
         writer = LogWriter(path, {"vehicle": VEHICLE, "recorder": "onboard"}, {"a.json": b"{}"})
         others = sorted(self.others, key=lambda one: one[2])
         for begin in range(0, len(self.ticks), 10):

@@ -1,8 +1,8 @@
 """The comms process: Zenoh and the onboard log, beside the flight process and unable to delay it.
 
 One thread drains what flight sends, about every 10 ms; Zenoh's threads bring what the station
-sends. Run as `python -m vehicle.comms.process CONFIG` by vehicle.process, which starts it again when it
-dies.
+sends. Run as `python -m vehicle.comms.process CONFIG` by vehicle.processes.parent,
+which starts it again when it dies.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class AgreementWatch:
         say: takes a line for the log and its level.
 
     Attributes:
-        flags: bits of vehicle.modes.Flag.
+        flags: bits of vehicle.flight.modes.Flag.
     """
 
     def __init__(self, say: Callable[[str, int], None]) -> None:

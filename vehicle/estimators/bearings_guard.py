@@ -2,7 +2,8 @@
 
 Below the height and outside the envelope of the parameters `beacons.*` bearings are too weak to
 fly on, so they are neither handed over to there nor flown to. Back to the tracker the vehicle
-goes by itself when `vehicle.estimators.bearings_watch` says so and for landing; to bearings only on request.
+goes by itself when `vehicle.estimators.bearings_watch` says so and for landing;
+to bearings only on request.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class BearingsGuard:
 
     Attributes:
         on: bearings are used, alone or beside poses; then `step` is due each tick.
-        flags: bits of vehicle.modes.Flag.
+        flags: bits of vehicle.flight.modes.Flag.
     """
 
     def __init__(self, stack: Guarded) -> None:

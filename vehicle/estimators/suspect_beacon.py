@@ -20,7 +20,7 @@ class SuspectBeacon:
         say: takes a line for the log and its level.
 
     Attributes:
-        flags: bits of vehicle.modes.Flag.
+        flags: bits of vehicle.flight.modes.Flag.
         status: id (UNTOLD when not known which), mean offset (rad), whether it is left out.
     """
 

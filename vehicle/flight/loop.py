@@ -34,7 +34,7 @@ COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must no
 
 
 class Stack(Ordering, Protocol):
-    """What the loop needs of vehicle.stack.FlightStack."""
+    """What the loop needs of vehicle.flight.stack.FlightStack."""
 
     record: Record
     store: ParameterStore
@@ -51,7 +51,7 @@ class Stack(Ordering, Protocol):
 
 
 class Mcu(Ordered, Protocol):
-    """What the loop needs of vehicle.microcontroller.Microcontroller."""
+    """What the loop needs of vehicle.microcontroller.microcontroller.Microcontroller."""
 
     failures: list[str]
     newest_ms: list[int]

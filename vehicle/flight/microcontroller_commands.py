@@ -9,7 +9,7 @@ from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
 class Ordering(Protocol):
-    """What is read of vehicle.stack.FlightStack."""
+    """What is read of vehicle.flight.stack.FlightStack."""
 
     motor_state_wanted: MotorState
     lost_ports: int
@@ -23,7 +23,7 @@ class Ordering(Protocol):
 
 
 class Ordered(Protocol):
-    """What is called of vehicle.microcontroller.Microcontroller."""
+    """What is called of vehicle.microcontroller.microcontroller.Microcontroller."""
 
     lost_ports: int
 

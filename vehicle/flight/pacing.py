@@ -74,7 +74,7 @@ class Pacer(Protocol):
 
 
 class Ports(Protocol):
-    """What is read of vehicle.microcontroller.Microcontroller."""
+    """What is read of vehicle.microcontroller.microcontroller.Microcontroller."""
 
     lost_ports: int
 

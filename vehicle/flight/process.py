@@ -1,7 +1,7 @@
 """The flight process: one real-time thread between the microcontroller and the rings.
 
-Run as `python -m vehicle.flight.process CONFIG` by vehicle.process. What it does all the time is
-vehicle.flight_loop.
+Run as `python -m vehicle.flight.process CONFIG` by vehicle.processes.parent. What it does
+all the time is vehicle.flight.loop.
 """
 
 from __future__ import annotations

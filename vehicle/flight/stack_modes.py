@@ -34,7 +34,7 @@ class StackModes(StackParts):
         return round(1000 * self.parameters.safety.command_timeout)
 
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
-        """Change the mode by the table of vehicle.modes and say so. Raises RefusedError."""
+        """Change the mode by the table of vehicle.flight.modes and say so. Raises RefusedError."""
         check_move(self.mode, mode)
         self.mode = mode
         if mode in (Mode.ARMED, Mode.BENCH):

@@ -66,7 +66,7 @@ class Microcontroller:
     Args:
         ports: one or two; requests go to the first, references to all in turn.
         epoch_ns: time of the first sample; None takes the host's epoch time (see
-            vehicle.microcontroller_clock).
+            vehicle.microcontroller.clock).
         rate: IMU samples a second to ask for; motors do not start before it is confirmed.
         identity: what it must be before motors may start.
 

@@ -2,7 +2,7 @@
 
 By a process of the lowest priority, which is ended when the vehicle is armed: reading a long flight
 takes minutes of processor. What a killed vehicle left is mended at its next start as well
-(vehicle.onboard_recovery); here is tried again what failed there, for lack of room as a rule.
+(vehicle.onboard_log.recovery); here is tried again what failed there, for lack of room as a rule.
 """
 
 from __future__ import annotations

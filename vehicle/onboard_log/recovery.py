@@ -1,6 +1,6 @@
 """Onboard logs that were not closed: found and mended, at the next start or on the ground.
 
-As a program, `python -m vehicle.onboard_log.recovery PARENT_PID FILE…`: see vehicle.onboard_mending.
+Run as `python -m vehicle.onboard_log.recovery PARENT_PID FILE…`: see `mending`.
 """
 
 from __future__ import annotations

@@ -59,7 +59,7 @@ class CalibrateGyroscope(msgspec.Struct, frozen=True, tag="calibrate_gyroscope")
 
 
 class Bench(msgspec.Struct, frozen=True, tag="bench"):
-    """One motor alone; see vehicle.bench."""
+    """One motor alone; see vehicle.flight.motor_bench."""
 
     request_id: str
     requester: str

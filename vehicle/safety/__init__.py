@@ -1,0 +1,1 @@
+"""What the vehicle does by itself when something fails, and whether it stands or flies."""

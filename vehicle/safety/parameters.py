@@ -5,7 +5,7 @@ from __future__ import annotations
 from quadrotor.parameters import Parameters, parameter
 
 REACTIONS = ("none", "brake", "land", "descend", "emergency", "cut")
-"""Names of vehicle.supervisor.Reaction, in lower case."""
+"""Names of vehicle.safety.supervisor.Reaction, in lower case."""
 
 
 def _reaction(default: str, description: str) -> str:

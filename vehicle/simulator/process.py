@@ -4,7 +4,7 @@ Time. Sample k is taken at start + k / rate on the monotonic clock and takes 3 m
 real time that is the computer's clock, in lockstep (`vehicle.simulator.lockstep`) the simulation's,
 which waits for those who answer.
 Truth is stamped with the host's epoch time at the start plus k / rate; the vehicle stamps the same
-sample with its own estimate of the same constant (vehicle.microcontroller_clock), so the two agree
+sample with its own estimate of the same constant (vehicle.microcontroller.clock), so the two agree
 to the least delay of a sample on its way, well below 2 ms, while both hosts are one.
 """
 

@@ -1,0 +1,1 @@
+"""Parameters on the wire: messages, services, and which process keeps which."""

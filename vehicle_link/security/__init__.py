@@ -1,0 +1,1 @@
+"""Certificates, who may command, and who is at the other end."""

@@ -164,7 +164,7 @@ def issue(
 
     Args:
         folder: made when missing, mode 0700; what was issued into it before is replaced.
-        subject: its common name, what access goes by (vehicle_link.access); the role's if empty.
+        subject: its common name, what access goes by (see `access`); the role's if empty.
         owner: whose it is, for people who look at it.
 
     Raises:

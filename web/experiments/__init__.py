@@ -1,0 +1,1 @@
+"""Experiments, calibrations and their reports for the page."""

@@ -1,6 +1,7 @@
 """Experiments of the station: what there is, start, finish, stop, what they ask and propose.
 
-The station flies and judges them; the page may close meanwhile. Reports are in `web/experiments/reports.py`.
+The station flies and judges them; the page may close meanwhile. Reports are in
+`web/experiments/reports.py`.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""Parameters for the page: values, changes, presets, files."""

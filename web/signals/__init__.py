@@ -1,8 +1,8 @@
 """Numbers a chart or the state table can show: name, label, unit, and where each comes from.
 
 First the named ones, in the units people think in; then every other number of the topics that are
-kept (`web.live.latest.STALE`), made from their message types. A value is NaN when its topic is stale or
-absent: the charts draw a gap, the table greys the cell.
+kept (`web.live.latest.STALE`), made from their message types. A value is NaN when its topic
+is stale or absent: the charts draw a gap, the table greys the cell.
 """
 
 from __future__ import annotations

@@ -131,7 +131,7 @@ def test_damage_is_told() -> None:
 
 
 class FakeNode:
-    """Serves and calls in one process, as vehicle_link.node.Node."""
+    """Serves and calls in one process, as vehicle_link.transport.node.Node."""
 
     def __init__(self) -> None:
         self.asked: list[Any] = []

@@ -78,7 +78,7 @@ class VehicleProcesses:
         self.vehicle = self._start(VEHICLE, serial, str(self.data), str(self.link_port))
 
     def child(self, module: str) -> int:
-        """Process id of `vehicle.flight.process` or `vehicle.comms.process`; 0 when there is none."""
+        """Return the process id of the flight or comms process, 0 when there is none."""
         path = Path(f"/proc/{self.vehicle.pid}/task/{self.vehicle.pid}/children")
         for pid in path.read_text().split():
             with suppress(OSError):  # it may end while it is looked at
@@ -401,7 +401,7 @@ def test_a_link_port_in_use_is_one_line_and_the_end(tmp_path: Path) -> None:
 @pytest.mark.parametrize("package", ["zenoh", "rosbags", "mcap"])
 def test_the_flight_process_loads_neither_network_nor_log(package: str) -> None:
     program = (
-        "import sys, vehicle.flight, vehicle.flight_warm_up; "
+        "import sys, vehicle.flight.process, vehicle.flight.warm_up; "
         f"sys.exit(any(m.split('.')[0] == {package!r} for m in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0

@@ -1,6 +1,6 @@
 """Flying on bearings alone: from where, within which walls, and back to the tracker by itself.
 
-What vehicle.bearings_guard decides, seen from outside: commands in, mode and events out.
+What vehicle.estimators.bearings_guard decides, seen from outside: commands in, mode and events out.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from quadrotor.checkout import ROOT
+from vehicle.flight import kernels
 from vehicle.flight.kernels import HELPED, LATER, PARTS
-from vehicle.flight.process import kernels
 
 PREPARE = """
 from vehicle.flight.kernels import prepare

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from vehicle.flight.realtime import RealTime
-from vehicle.microcontroller.microcontroller import serial_check
+from vehicle.microcontroller import serial_check
 from vehicle.microcontroller.serial_check import check_connection
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run

@@ -14,9 +14,10 @@ import pytest
 
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
+from vehicle.onboard_log import disk_sync as onboard_sync
+from vehicle.onboard_log import onboard_log
 from vehicle.onboard_log.file import Batch
-from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts, onboard_log
-from vehicle.onboard_log.onboard_log import disk_sync as onboard_sync
+from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import recover_logs, torn_logs
 from vehicle_link import topics

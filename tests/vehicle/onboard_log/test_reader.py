@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from quadrotor.records import TICK, Record
+from vehicle.onboard_log import reader as onboard_reader
 from vehicle.onboard_log.file import Batch
 from vehicle.onboard_log.onboard_log import OnboardLog
-from vehicle.onboard_log.onboard_log import reader as onboard_reader
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.reader import VALUES_MAX, OnboardReader
 from vehicle_link.log.file_index import read_index

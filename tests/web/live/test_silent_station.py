@@ -18,7 +18,7 @@ from console.catalogue.catalogue import Catalogue
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics.table import SERVICES
 from vehicle_link.transport.session import loopback_session, station_session
-from web.live.latest import station as web_station
+from web.live import station as web_station
 from web.live.sockets import listen
 from web.live.station import Station
 

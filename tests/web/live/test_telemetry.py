@@ -13,7 +13,8 @@ import pytest
 import websockets.exceptions
 
 from vehicle_link.messages import decode, encode, new
-from web.live.latest import STALE, Live, events
+from web.live import events
+from web.live.latest import STALE, Live
 from web.live.telemetry import MOST_SIGNALS, NEVER, RATE, Ping, frame, parse, topics_of
 from web.signals import INDEX, SIGNALS, describe, snapshot
 

@@ -20,7 +20,7 @@ WORLD = ParameterStore(SimulatorTree())
 
 
 class Nodes:
-    """Stands for web.station.Station: which nodes answer."""
+    """Stands for web.live.station.Station: which nodes answer."""
 
     def __init__(self) -> None:
         self.is_there = True
