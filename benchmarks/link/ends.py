@@ -2,9 +2,9 @@
 
     python -m benchmarks.link.ends vehicle|station FOLDER PLAN
 
-Telemetry leaves as it does on board (vehicle.comms.publishers, vehicle.comms.lane) and
-comes as it does at the station (hub, radio, console.link.lane, console.link.monitor); beside it the same bytes by
-plain UDP, half a period later: at one moment, the second would always meet the larger of two
+Telemetry leaves as it does on board (vehicle.comms.publishers, vehicle.comms.lane) and comes as it
+does at the station (hub, radio, console.link.lane, console.link.monitor); beside it the same bytes
+by plain UDP, half a period later: at one moment, the second would always meet the larger of two
 delays. Poses go the other way. Each program runs until it is told to end, and then writes what it
 noted as FOLDER/<program>.npz.
 """

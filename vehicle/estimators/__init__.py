@@ -1,1 +1,1 @@
-"""The estimators on board: what each is fed with, which one is flown on, and how they are watched."""
+"""The estimators on board: what feeds them, which one is flown on, how they are watched."""

@@ -1,9 +1,9 @@
 """Zenoh sessions of the vehicle, the station and everything on the station's loopback.
 
-One QUIC link with mutual TLS between vehicle and station: reliable streams, and datagrams for
-best effort (`mixed_rel=1`). The station has one session on its loopback (`hub_session`) with its
-nodes, and one more a vehicle (vehicle_link.transport.radio) that dials it and routes between
-the two. The numbers are those measured on an emulated lossy link: short leases and time-outs bring data back
+One QUIC link with mutual TLS between vehicle and station: reliable streams, and datagrams for best
+effort (`mixed_rel=1`). The station has one session on its loopback (`hub_session`) with its nodes,
+and one more a vehicle (vehicle_link.transport.radio) that dials it and routes between the two. The
+numbers are those measured on an emulated lossy link: short leases and time-outs bring data back
 0.35 s after an outage instead of seconds, short queues keep old samples from arriving in a burst.
 """
 
