@@ -23,8 +23,8 @@ import numpy as np
 from benchmarks.failing_flights import CORRUPTED, CORRUPTED_FOR, SETTINGS, conditions
 from benchmarks.failing_ground import NAME, Ground, NotFlownError, free_port, until
 from benchmarks.touch_down import TOUCHING, Outcome, TouchDown
+from flight_log import is_closed
 from quadrotor.errors import LinkError
-from vehicle_link.log import is_closed
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import MIRROR, Id, MotorState

@@ -27,10 +27,10 @@ from benchmarks.impairment.link import ROOT, A, B, ImpairedLink
 from benchmarks.link_outages import BETWEEN, COUNT, LONGEST, QUICK_COUNT, SHORTEST, Outage
 from console.catalogue import Catalogue
 from console.catalogue_completeness import Completeness, completeness_of
+from flight_log import read_log
 from quadlab.station_client import StationClient, station
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.authority import ensure_certificates
-from vehicle_link.log import read_log
 
 PORT = 7447
 TICKS = "/quad1/state"

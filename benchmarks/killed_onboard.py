@@ -27,6 +27,8 @@ import numpy as np
 
 from benchmarks.flight_under_test import NICENESS
 from benchmarks.killed_file import Kill, problems_of
+from flight_log import is_closed, read_log
+from flight_log.tick_columns import TICK_TOPICS
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import TICK
 from vehicle import mailbox
@@ -35,8 +37,6 @@ from vehicle.parameters import new_parameters
 from vehicle.process_config import CommsConfig, RingDescriptors, Rings, create_rings, open_rings
 from vehicle.rings import READ
 from vehicle_link.authority import ensure_certificates
-from vehicle_link.log import is_closed, read_log
-from vehicle_link.log.tick_columns import TICK_TOPICS
 
 ROOT = Path(__file__).resolve().parent.parent
 RATE = 500

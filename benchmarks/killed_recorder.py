@@ -25,8 +25,8 @@ from console.catalogue import SUFFIX, Catalogue, RunEntry, run_name
 from console.recorder import Recorder
 from console.run import Run, RunEnd
 from console.run_files import tidy_runs
+from flight_log import read_log
 from vehicle_link import messages
-from vehicle_link.log import read_log
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKET_S = 0.01

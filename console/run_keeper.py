@@ -17,9 +17,9 @@ from console.recorder import Recorder
 from console.recording import Decision, RecordingPolicy
 from console.run import Run, RunEnd
 from console.vehicle_parameters import VehicleParameters
+from flight_log.provenance import provenance
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic, time_ns
-from vehicle_link.log.provenance import provenance
 
 ASKED_KEEP = 5.0
 """s within which a request to arm names the operator of the run that begins."""

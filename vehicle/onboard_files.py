@@ -19,14 +19,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from flight_log import is_closed
+from flight_log.file_index import FileIndex, begins_as_log, read_index
 from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
 from vehicle.file_identity import identity_of
 from vehicle.onboard_checksums import Checksums, Key
 from vehicle.onboard_file import Written
 from vehicle.onboard_mending import LATER
 from vehicle.onboard_ring import Fetched, free_bytes
-from vehicle_link.log import is_closed
-from vehicle_link.log.file_index import FileIndex, begins_as_log, read_index
 from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.node import Node
 from vehicle_link.topics import SERVICES

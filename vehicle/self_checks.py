@@ -11,12 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+from flight_log.provenance import provenance
 from vehicle.onboard_parameters import OnboardLogParameters
 from vehicle.onboard_recovery import FOLDER
 from vehicle.realtime import PRIORITY
 from vehicle_link.certificate_checks import certificate_check
 from vehicle_link.checks import Check, Place, to_messages
-from vehicle_link.log.provenance import provenance
 from vehicle_link.machine_checks import (
     clock_check,
     disk_check,

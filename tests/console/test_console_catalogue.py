@@ -10,8 +10,8 @@ import pytest
 from console.catalogue import Catalogue, RunEntry, run_name
 from console.catalogue_notes import write_notes
 from console.run_files import tidy_runs
+from flight_log import LogWriter, is_closed, read_log
 from quadrotor.errors import StorageError
-from vehicle_link.log import LogWriter, is_closed, read_log
 
 
 def entry(name: str, **fields: object) -> RunEntry:

@@ -23,10 +23,10 @@ from console.experiments.user_file import load
 from console.parameter_store import StationStore
 from console.run_keeper import RunKeeper
 from console.run_reports import read_result
+from flight_log import read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, StorageError
 from vehicle_link.heartbeat import LinkState
-from vehicle_link.log import read_attachments
 from vehicle_link.messages import header, new
 from vehicle_link.parameter_messages import from_parameters, to_parameters, to_value
 from vehicle_link.topics import SERVICES

@@ -19,13 +19,13 @@ import pytest
 
 from console.base_station import BaseStation
 from console.catalogue import Catalogue
+from flight_log import read_log
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK
 from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.checks import Check, from_messages, to_messages
-from vehicle_link.log import read_log
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.node import Node
 from vehicle_link.parameter_messages import to_parameters

@@ -18,9 +18,9 @@ from console.parameters import RecorderParameters
 from console.run import AGAIN_SPARE
 from console.run_housekeeping import Housekeeping
 from console.run_keeper import RunKeeper
+from flight_log import is_closed
 from quadrotor.errors import StorageError
 from tests.waiting import until, wait_for
-from vehicle_link.log import is_closed
 
 KEPT = 10_000_000
 Usage = namedtuple("Usage", "total used free")

@@ -21,8 +21,8 @@ from console.run_housekeeping import DAY, Housekeeping
 from console.run_reports import report_folder
 from console.run_storage import storage
 from console.run_trash import TRASH, delete_run, deleted_runs, purge, restore_run
+from flight_log import LogWriter
 from quadrotor.errors import RefusedError, StorageError
-from vehicle_link.log import LogWriter
 
 MB = 1_000_000
 

@@ -20,7 +20,7 @@ from console.run_replays import REPLAYS, replay_bytes
 from console.run_reports import report_folder
 from console.run_storage import storage
 from console.run_trash import TRASH, delete_run, deleted_runs, purge, restore_run
-from vehicle_link.log import LogWriter
+from flight_log import LogWriter
 
 LIMIT = 10.0
 

@@ -16,10 +16,10 @@ from console.experiments.accelerometer_log import Held, InForce, identify
 from console.experiments.motor_bench import MotorBench
 from console.experiments.motor_bench_log import Battery, from_log
 from estimation.calibration.motor_bench import BenchSchedule
+from flight_log import read_log
 from quadlab.__main__ import main
 from quadrotor.errors import DegenerateGeometryError, LogFormatError, MeasurementError
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle_link.log import read_log
 
 TRUTH = {
     "accelerometer_xx": 1.03,

@@ -19,13 +19,13 @@ from console.experiments.inertia import InertiaExperiment
 from console.experiments.inertia_log import RATES, THRUSTS, WANTED, estimate_inertia, read_inertia
 from console.experiments.log_columns import read_columns, read_parameters
 from console.experiments.mass_log import read_mass
+from flight_log import LogWriter
 from quadlab.flight_log import FlightLog
 from quadlab.fly import with_experiment
 from quadlab.simulated_flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import LogFormatError, MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.log import LogWriter
 
 INERTIA = np.array([0.0154, 0.0154, 0.0250])
 

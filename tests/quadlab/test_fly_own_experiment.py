@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from console.experiments.catalogue import EXPERIMENTS
+from flight_log import read_log
 from quadlab.__main__ import main
-from vehicle_link.log import read_log
 from vehicle_link.messages import decode
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples/experiments/side_step.py"

@@ -16,11 +16,11 @@ from console.catalogue import Catalogue
 from console.catalogue_completeness import Completeness, keep_completeness
 from console.parameters import RecorderParameters
 from console.transfers.service import Transfers
+from flight_log.writer import FILLED_METADATA, LogWriter
 from quadlab.__main__ import main
-from tests.vehicle_link.drop_outs import Flight, flown
+from tests.flight_log.drop_outs import Flight, flown
 from vehicle.onboard_files import OnboardFiles
 from vehicle_link.heartbeat import LinkState
-from vehicle_link.log.writer import FILLED_METADATA, LogWriter
 from vehicle_link.node import Node
 from vehicle_link.session import hub_session, loopback_session
 

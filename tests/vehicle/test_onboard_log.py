@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flight_log import is_closed, read_attachments, read_log, read_metadata
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
 from vehicle import onboard_log, onboard_sync
@@ -20,7 +21,6 @@ from vehicle.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_parameters import OnboardLogParameters
 from vehicle.onboard_recovery import recover_logs, torn_logs
 from vehicle_link import topics
-from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
 from vehicle_link.serial.identity import Identity
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes

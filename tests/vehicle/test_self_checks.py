@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from flight_log.provenance import provenance
 from vehicle.self_checks import HEARD, SelfChecks, self_checks
 from vehicle_link.authority import ensure_certificates
 from vehicle_link.checks import Check, from_messages
-from vehicle_link.log.provenance import provenance
 from vehicle_link.messages import new
 
 REQUEST: Any = new("quadlab_msgs/srv/Checks_Request")

@@ -17,8 +17,8 @@ from console.catalogue import Catalogue
 from console.run_files import tidy_runs
 from console.run_replays import REPLAYS
 from console.run_trash import delete_run, restore_run
+from flight_log.file import LogFile
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
-from vehicle_link.log.file import LogFile
 from web.replay import store as store_module
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.run_replays import REPLAYS, folder_bytes, replay_name
+from flight_log.file import is_being_written
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
-from vehicle_link.log.file import is_being_written
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay
 
