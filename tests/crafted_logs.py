@@ -15,7 +15,7 @@ import lz4.frame
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 
-from vehicle_link.log import LogWriter
+from flight_log import LogWriter
 from vehicle_link.messages import encode, header, new
 
 START = 1_769_851_842_000_000_000

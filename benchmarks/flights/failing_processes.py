@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.flights.failing_flights import CORRUPTED, CORRUPTED_FOR, SETTINGS, conditions
 from benchmarks.flights.failing_ground import NAME, Ground, NotFlownError, free_port, until
 from benchmarks.flights.touch_down import TOUCHING, Outcome, TouchDown
+from flight_log import is_closed
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError
-from vehicle_link.log import is_closed
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 from vehicle_link.serial.ids import MIRROR, Id, MotorState

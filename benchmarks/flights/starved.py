@@ -31,9 +31,9 @@ import httpx
 import numpy as np
 
 from benchmarks.harness import CHROMIUM, Report, Row, Target
+from flight_log import is_closed, read_log
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
-from vehicle_link.log import is_closed, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry, decode_reference
 

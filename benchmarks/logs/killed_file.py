@@ -18,9 +18,9 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from benchmarks.harness import Row, Target
-from vehicle_link.log import is_closed, read_log, read_metadata
-from vehicle_link.log.check import check_log
-from vehicle_link.log.recovery import RECOVERED_METADATA
+from flight_log import is_closed, read_log, read_metadata
+from flight_log.check import check_log
+from flight_log.recovery import RECOVERED_METADATA
 
 MOST_LOST_MS = 50.0
 _FIELDS = struct.Struct("<qq")

@@ -27,6 +27,8 @@ import numpy as np
 
 from benchmarks.logs.killed_file import Kill, problems_of
 from benchmarks.onboard.flight_under_test import NICENESS
+from flight_log import is_closed, read_log
+from flight_log.tick_columns import TICK_TOPICS
 from quadrotor.checkout import ROOT
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import TICK
@@ -35,8 +37,6 @@ from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
 from vehicle.processes.config import CommsConfig, RingDescriptors, Rings, create_rings, open_rings
 from vehicle.processes.rings import READ
-from vehicle_link.log import is_closed, read_log
-from vehicle_link.log.tick_columns import TICK_TOPICS
 from vehicle_link.security.authority import ensure_certificates
 
 RATE = 500

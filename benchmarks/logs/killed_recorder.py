@@ -25,9 +25,9 @@ from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, run_name
 from console.runs.adoption import tidy_runs
 from console.runs.recorder import Recorder
 from console.runs.run import Run, RunEnd
+from flight_log import read_log
 from quadrotor.checkout import ROOT
 from vehicle_link import messages
-from vehicle_link.log import read_log
 
 PACKET_S = 0.01
 MATERIAL_S = 8.0

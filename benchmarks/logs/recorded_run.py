@@ -17,9 +17,9 @@ import numpy as np
 
 from bearing_sim.bearing_parameters import BearingParameters
 from control.behaviors.parameters import BehaviorParameters
+from flight_log import LogWriter
+from flight_log.writer import Batch
 from quadrotor.records import TICK
-from vehicle_link.log import LogWriter
-from vehicle_link.log.writer import Batch
 from vehicle_link.messages import encode, header, new
 from vehicle_link.topics import ticks as topic_ticks
 

@@ -20,10 +20,10 @@ import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Target
 from benchmarks.onboard.flight_under_test import FlightUnderTest
+from flight_log import summarize
 from quadrotor.errors import QuadlabError
 from quadrotor.records import Record
 from vehicle.onboard_log.onboard_log import OnboardLog
-from vehicle_link.log import summarize
 from vehicle_link.topics import TOPICS
 
 RATE = 500

@@ -19,9 +19,9 @@ from typing import Any
 from console.checks import station_items
 from console.checks.gather import Gatherer
 from console.parameters.station import StationParameters
+from flight_log.provenance import provenance
 from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link.checks import Check, from_messages, to_messages
-from vehicle_link.log.provenance import provenance
 from vehicle_link.machine_checks import ClockWatch, clock_check, disk_check, governor_check
 from vehicle_link.messages import new
 from vehicle_link.security.certificate_checks import certificate_check

@@ -16,10 +16,10 @@ from console.evaluation.alignment import between
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
+from flight_log.attached import literal_value
+from flight_log.column_spool import ColumnSpool, read_spools
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.log.attached import literal_value
-from vehicle_link.log.column_spool import ColumnSpool, read_spools
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_bearings
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from flight_log.attached import json_value
+from flight_log.reader import read_attachments
+from flight_log.topic_columns import ColumnReader
 from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.log.attached import json_value
-from vehicle_link.log.reader import read_attachments
-from vehicle_link.log.topic_columns import ColumnReader
 
 Array = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from console.evaluation.alignment import at_stamps
+from flight_log.reader import read_log
 from quadrotor.errors import LogFormatError
-from vehicle_link.log.reader import read_log
 from vehicle_link.topics import decode_odometry, decode_pose, decode_reference
 
 Array = npt.NDArray[np.float64]

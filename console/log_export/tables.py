@@ -18,9 +18,9 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
+from flight_log.summary import summarize
+from flight_log.topic_columns import ColumnReader, Columns
 from quadrotor.errors import UsageError
-from vehicle_link.log.summary import summarize
-from vehicle_link.log.topic_columns import ColumnReader, Columns
 from vehicle_link.messages.units import unit_of_path
 
 Array = npt.NDArray[Any]

@@ -9,7 +9,7 @@ from console.reports.defaults import Defaults
 from console.reports.judgement import Judgement
 from console.reports.run_log import ON_CHANGE, RunLog, parameters_of
 from console.reports.tables import NOT_RECORDED, shown
-from vehicle_link.log.attached import json_value
+from flight_log.attached import json_value
 
 MOST_GAPS = 60
 

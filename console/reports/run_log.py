@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flight_log.attached import json_value, literal_value
+from flight_log.column_spool import ColumnSpool, gather
+from flight_log.message_times import common_stamps, gaps, seconds_since
+from flight_log.topic_columns import ColumnReader, text_fields
 from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
-from vehicle_link.log.attached import json_value, literal_value
-from vehicle_link.log.column_spool import ColumnSpool, gather
-from vehicle_link.log.message_times import common_stamps, gaps, seconds_since
-from vehicle_link.log.topic_columns import ColumnReader, text_fields
 
 Array = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32]

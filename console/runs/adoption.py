@@ -9,9 +9,9 @@ from pathlib import Path
 from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry
 from console.runs.log_marks import keep_marks_of_log
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
+from flight_log import is_closed, recover, summarize
+from flight_log.file import is_being_written
 from quadrotor.errors import LogFormatError, StorageError
-from vehicle_link.log import is_closed, recover, summarize
-from vehicle_link.log.file import is_being_written
 
 
 def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:

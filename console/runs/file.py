@@ -6,9 +6,9 @@ import time
 from pathlib import Path
 
 from console.runs.run import AGAIN_SPARE, Run, RunEnd
+from flight_log import LogWriter
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic
-from vehicle_link.log import LogWriter
 
 CHUNK_AGE_NS = 20_000_000
 """A message waits for the recorder's thread (10 ms), then for its chunk to be closed: with both, a

@@ -17,9 +17,9 @@ from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import Recorder
 from console.runs.recording_rules import Decision, RecordingPolicy
 from console.runs.run import Run, RunEnd
+from flight_log.provenance import provenance
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic, time_ns
-from vehicle_link.log.provenance import provenance
 
 ASKED_KEEP = 5.0
 """s within which a request to arm names the operator of the run that begins."""

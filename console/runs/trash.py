@@ -24,8 +24,8 @@ from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
 from console.runs.replay_caches import remove_replay
 from console.runs.report_folders import report_folder
+from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
-from vehicle_link.log.file import is_being_written
 
 TRASH = "trash"
 MADE_AGAIN = (".viser",)

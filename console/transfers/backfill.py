@@ -20,9 +20,9 @@ from console.transfers.process import run_process
 from console.transfers.source import EDGE_NS, Source, together
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
 from console.transfers.verdict import judged
+from flight_log.recovery import is_closed
+from flight_log.tail import channel_counts
 from quadrotor.errors import LogFormatError
-from vehicle_link.log.recovery import is_closed
-from vehicle_link.log.tail import channel_counts
 
 LEAD_NS = 2_000_000_000
 """The vehicle's log may begin so long before the run: arming is heard of a little later."""

@@ -11,8 +11,8 @@ from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import PartFile, unwant
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
+from flight_log.file import sync_folder
 from quadrotor.errors import StorageError
-from vehicle_link.log.file import sync_folder
 
 BLOCK = 1 << 20
 SUM_PAUSE = 0.2

@@ -90,7 +90,7 @@ def run_process(
 
 def look(job: Mapping[str, Any]) -> dict[str, Any]:
     """What a run has. Times in ns of the vehicle's clock."""
-    from vehicle_link.log.run_index import index_run
+    from flight_log.run_index import index_run
 
     index = index_run(Path(job["run"]))
     ticks = index.ticks
@@ -109,10 +109,10 @@ def look(job: Mapping[str, Any]) -> dict[str, Any]:
 
 def fill(job: Mapping[str, Any], progress: Callable[[float], None]) -> dict[str, Any]:
     """Fills what `sources` have; nothing is written when there is nothing to fill."""
-    from vehicle_link.log.fill import filled_before, write_filled
-    from vehicle_link.log.fill_source import FillSource
-    from vehicle_link.log.filling import Filling
-    from vehicle_link.log.run_index import index_run
+    from flight_log.fill import filled_before, write_filled
+    from flight_log.fill_source import FillSource
+    from flight_log.filling import Filling
+    from flight_log.run_index import index_run
 
     run = Path(job["run"])
     index = index_run(run)

@@ -34,7 +34,7 @@ class Collection:
     """Ask what `question` says, give each answer to `add`, until `done`.
 
     Args:
-        columns: names, as vehicle_link.log.tick_columns has them.
+        columns: names, as flight_log.tick_columns has them.
         start_ns, end_ns: of the vehicle's clock.
     """
 

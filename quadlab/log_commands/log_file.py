@@ -16,6 +16,6 @@ def check_log_file(path: Path) -> None:
     """Raises StorageError when there is no such file, or it cannot be read."""
     if not path.exists():
         raise StorageError(f"{path} is no file; give the path of an .mcap file")
-    from vehicle_link.log.file import open_log
+    from flight_log.file import open_log
 
     open_log(path).close()

@@ -12,7 +12,7 @@ from quadlab.log_commands.log_file import LogFile, check_log_file
 from quadlab.log_commands.progress import progress_of
 
 if TYPE_CHECKING:
-    from vehicle_link.log import LogSummary
+    from flight_log import LogSummary
 
 
 @dataclass
@@ -25,7 +25,7 @@ class Info:
     """print it as one line of JSON"""
 
     def run(self) -> int:
-        from vehicle_link.log.summary import summarize
+        from flight_log.summary import summarize
 
         check_log_file(self.file)
         with progress_of(f"reading {self.file.name}") as progress:
@@ -110,7 +110,7 @@ class Check:
     """the MCAP file"""
 
     def run(self) -> int:
-        from vehicle_link.log.check import check_log
+        from flight_log.check import check_log
 
         check_log_file(self.file)
         with progress_of(f"checking {self.file.name}") as progress:

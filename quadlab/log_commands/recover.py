@@ -17,7 +17,7 @@ class Recover:
     """the MCAP file"""
 
     def run(self) -> int:
-        from vehicle_link.log.recovery import recover
+        from flight_log.recovery import recover
 
         check_log_file(self.file)
         found = recover(self.file)
@@ -33,7 +33,7 @@ class Recover:
         return 0
 
     def _left_alone(self) -> int:
-        from vehicle_link.log.damage import damage
+        from flight_log.damage import damage
 
         try:
             lines = damage(self.file)

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from flight_log import LogMessage
 from quadrotor.errors import LogFormatError
 from quadrotor.records import Record
-from vehicle_link.log import LogMessage
 
 AT_ONCE = 4096
 """Messages decoded together."""

@@ -10,6 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flight_log import LogMessage, read_attachments, read_log
+from flight_log.attached import json_value, literal_value
+from flight_log.records import ReadState
 from quadlab.replay.errors import rotated
 from quadlab.replay.gathered import Gathered
 from quadlab.simulated.flight import FlightParameters
@@ -17,9 +20,6 @@ from quadrotor.errors import LinkError, LogFormatError, MeasurementError, Parame
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.records import IMU_SAMPLE, STATE, Record
 from vehicle.processes import mailbox
-from vehicle_link.log import LogMessage, read_attachments, read_log
-from vehicle_link.log.attached import json_value, literal_value
-from vehicle_link.log.records import ReadState
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import decode_bearings, decode_odometry, decode_pose
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, body_frame, layout

@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.emulator import BearingMeasurement
+from flight_log import LogWriter
+from flight_log.provenance import provenance
+from flight_log.writer import Batch
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import POSE_SAMPLE, STATE, TICK, Record
 from vehicle.comms.publish import FLOWN_ON, Publisher
 from vehicle.processes import mailbox
 from vehicle_link import topics
-from vehicle_link.log import LogWriter
-from vehicle_link.log.provenance import provenance
-from vehicle_link.log.writer import Batch
 from vehicle_link.messages.cdr_layout import Records
 
 Array = npt.NDArray[np.float64]

@@ -17,10 +17,10 @@ from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.comparison import feed
 from console.comparison.parameters import ComparisonParameters
+from flight_log import is_closed, summarize
 from quadrotor.records import TICK
 from tests.waiting import free_port, until
 from vehicle_link import topics
-from vehicle_link.log import is_closed, summarize
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.process_instance import new_instance
 from vehicle_link.security.authority import TlsFiles, ensure_certificates

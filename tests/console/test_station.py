@@ -21,12 +21,12 @@ from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.commands import gateway
 from console.commands.gateway import CALL_TIMEOUT
+from flight_log import LogWriter, is_closed, read_attachments, read_log, read_metadata
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record
 from tests.waiting import free_port, until
 from vehicle_link import topics
-from vehicle_link.log import LogWriter, is_closed, read_attachments, read_log, read_metadata
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.parameters.service import ParameterClient, serve_parameters

@@ -13,9 +13,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
+from flight_log import LogWriter
+from flight_log.attached import literal_value
 from quadlab.__main__ import main
-from vehicle_link.log import LogWriter
-from vehicle_link.log.attached import literal_value
 from vehicle_link.messages import encode, header, new
 
 START = 1_769_851_842_000_000_000

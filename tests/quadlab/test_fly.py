@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from rosbags.highlevel import AnyReader
 
+from flight_log import read_log
 from quadlab.__main__ import main
-from vehicle_link.log import read_log
 
 
 def fly(capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> dict[str, Any]:

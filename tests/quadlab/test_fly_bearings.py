@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from console.evaluation.bearings import read_flight
+from flight_log import read_log
+from flight_log.reader import read_attachments
 from quadlab.__main__ import main
 from quadrotor.errors import LogFormatError
-from vehicle_link.log import read_log
-from vehicle_link.log.reader import read_attachments
 from vehicle_link.messages import decode
 
 HOVERED = ("--set", "experiment.duration=5", "--seed", "7")

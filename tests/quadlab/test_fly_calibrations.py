@@ -16,10 +16,10 @@ from console.evaluation.accelerometer import Held, InForce, identify
 from console.evaluation.motor_bench import Battery, from_log
 from console.experiments.motor_bench import MotorBench
 from estimation.calibration.motor_bench import BenchSchedule
+from flight_log import read_log
 from quadlab.__main__ import main
 from quadrotor.errors import DegenerateGeometryError, LogFormatError, MeasurementError
 from vehicle.simulator.parameters import SimulatorParameters
-from vehicle_link.log import read_log
 
 TRUTH = {
     "accelerometer_xx": 1.03,

@@ -19,13 +19,13 @@ from console.experiments.catalogue import find
 from console.experiments.client import ExperimentEndedError, VehicleView
 from console.experiments.figure_eight import FigureEight
 from console.experiments.inertia import InertiaExperiment
+from flight_log import LogWriter
 from quadlab.commands.fly import with_experiment
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterStore
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
-from vehicle_link.log import LogWriter
 
 INERTIA = np.array([0.0154, 0.0154, 0.0250])
 

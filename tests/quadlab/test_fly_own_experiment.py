@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from console.experiments.catalogue import EXPERIMENTS
+from flight_log import read_log
 from quadlab.__main__ import main
 from quadrotor.checkout import ROOT
-from vehicle_link.log import read_log
 from vehicle_link.messages import decode
 
 EXAMPLE = ROOT / "examples/experiments/side_step.py"

@@ -16,10 +16,10 @@ from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, keep_completeness
 from console.parameters.station import RecorderParameters
 from console.transfers.service import Transfers
+from flight_log.writer import FILLED_METADATA, LogWriter
 from quadlab.__main__ import main
-from tests.vehicle_link.drop_outs import Flight, flown
+from tests.flight_log.drop_outs import Flight, flown
 from vehicle.onboard_log.files import OnboardFiles
-from vehicle_link.log.writer import FILLED_METADATA, LogWriter
 from vehicle_link.transport.heartbeat import LinkState
 from vehicle_link.transport.node import Node
 from vehicle_link.transport.session import hub_session, loopback_session

@@ -14,6 +14,7 @@ import pytest
 
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
+from flight_log import LogWriter, read_attachments, read_log
 from quadlab.__main__ import main
 from quadlab.replay import gathered
 from quadlab.replay.errors import Truth, angles, errors, rotated
@@ -30,7 +31,6 @@ from quadrotor.records import STATE
 from vehicle.flight.kernels import prepare
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
-from vehicle_link.log import LogWriter, read_attachments, read_log
 
 ON_BEARINGS = 9.0
 """s"""

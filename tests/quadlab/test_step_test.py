@@ -10,12 +10,12 @@ import pytest
 from console.tuning.collection import Gap, Samples
 from console.tuning.evaluation import COLUMNS, Plan, drawn, evaluate
 from console.tuning.kept_runs import KeptRun, KeptRuns
+from flight_log.tick_columns import layouts_of, parse_column
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.records import TICK, Record
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
-from vehicle_link.log.tick_columns import layouts_of, parse_column
 
 KP = "control.position.kp_xy"
 

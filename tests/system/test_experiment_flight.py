@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from flight_log import read_attachments, read_log
 from quadlab.__main__ import main
-from vehicle_link.log import read_attachments, read_log
 from vehicle_link.messages import decode
 
 pytestmark = pytest.mark.timeout(240)

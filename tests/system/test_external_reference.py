@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from vehicle_link.log import is_closed, read_log
+from flight_log import is_closed, read_log
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.topics import TOPICS, decode_reference
 from vehicle_link.transport.node import Node, Received

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vehicle_link.log import is_closed, read_log
+from flight_log import is_closed, read_log
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_odometry
 

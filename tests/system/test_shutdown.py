@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from vehicle_link.log import is_closed, read_log
+from flight_log import is_closed, read_log
 from vehicle_link.topics import decode_odometry
 
 pytestmark = pytest.mark.timeout(240)

@@ -17,9 +17,9 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from flight_log.file import sync_folder
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import MeasurementError, StorageError
-from vehicle_link.log.file import sync_folder
 
 FOLDER = "calibrations"
 HISTORY, SET_ASIDE = "history.jsonl", "set_aside.jsonl"

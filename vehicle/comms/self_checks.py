@@ -11,11 +11,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
+from flight_log.provenance import provenance
 from vehicle.flight.realtime import PRIORITY
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import FOLDER
 from vehicle_link.checks import Check, Place, to_messages
-from vehicle_link.log.provenance import provenance
 from vehicle_link.machine_checks import (
     clock_check,
     disk_check,

@@ -10,7 +10,7 @@ import threading
 import time
 from pathlib import Path
 
-from vehicle_link.log.file import sync_folder
+from flight_log.file import sync_folder
 
 PERIOD_S = 1.0
 

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from flight_log import LogWriter
+from flight_log.provenance import provenance
+from flight_log.writer import Batch as TopicBatch
+from flight_log.writer import Message as LogMessage
 from quadrotor.errors import StorageError
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log.disk_sync import DiskSync
 from vehicle_link import topics
-from vehicle_link.log import LogWriter
-from vehicle_link.log.provenance import provenance
-from vehicle_link.log.writer import Batch as TopicBatch
-from vehicle_link.log.writer import Message as LogMessage
 from vehicle_link.messages import definition, type_hash
 
 PIECE = 50

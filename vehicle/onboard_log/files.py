@@ -19,14 +19,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from flight_log import is_closed
+from flight_log.file_index import FileIndex, begins_as_log, read_index
 from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
 from vehicle.onboard_log.checksums import Checksums, Key
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.file_identity import identity_of
 from vehicle.onboard_log.mending import LATER
 from vehicle.onboard_log.ring import Fetched, free_bytes
-from vehicle_link.log import is_closed
-from vehicle_link.log.file_index import FileIndex, begins_as_log, read_index
 from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.node import Node

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
+from flight_log.provenance import provenance
 from quadrotor.errors import QuadlabError, StorageError
 from quadrotor.records import Record
 from vehicle.onboard_log.file import Batch, Message, OnboardFile, Written, prepare, runs
@@ -21,7 +22,6 @@ from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import FOLDER
 from vehicle.onboard_log.ring import Fetched, Ring, free_bytes
 from vehicle.processes.mailbox import ERROR, INFO, WARN
-from vehicle_link.log.provenance import provenance
 from vehicle_link.serial.identity import Identity
 
 BUFFER_BYTES = 32_000_000

@@ -9,10 +9,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from flight_log.tick_columns import Columns, read_columns
 from quadrotor.errors import QuadlabError, RefusedError
 from vehicle.onboard_log.file import Written
 from vehicle.onboard_log.onboard_log import OnboardLog
-from vehicle_link.log.tick_columns import Columns, read_columns
 from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.topics import SERVICES
 

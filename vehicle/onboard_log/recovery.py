@@ -11,11 +11,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from flight_log import is_closed, recover
+from flight_log.file import is_being_written
+from flight_log.file_index import holds_nothing
 from quadrotor.errors import QuadlabError
 from vehicle.flight.realtime import die_with_parent
-from vehicle_link.log import is_closed, recover
-from vehicle_link.log.file import is_being_written
-from vehicle_link.log.file_index import holds_nothing
 
 FOLDER = "onboard"
 """Inside the data folder."""

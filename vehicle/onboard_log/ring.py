@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from flight_log import is_closed
 from quadrotor.errors import StorageError
 from vehicle.onboard_log.parameters import OnboardLogParameters
-from vehicle_link.log import is_closed
 from vehicle_link.machine_checks import kernel_clock
 
 FETCHED_S = 300.0

@@ -16,8 +16,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from flight_log.topic_columns import ColumnReader
 from quadrotor.errors import LogFormatError, QuadlabError
-from vehicle_link.log.topic_columns import ColumnReader
 from web.replay import timeline
 from web.replay.cache_writer import COLUMNS, INDEX, Arrays, CacheWriter
 from web.replay.spool import TopicSpool

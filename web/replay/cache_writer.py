@@ -13,8 +13,8 @@ from typing import IO, Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle_link.log.message_times import common_stamps, gaps, seconds_since
-from vehicle_link.log.topic_columns import ColumnReader
+from flight_log.message_times import common_stamps, gaps, seconds_since
+from flight_log.topic_columns import ColumnReader
 from web.replay import derived, timeline
 from web.replay.pyramid import FACTOR, edges, pyramid
 from web.replay.signals import as_json, signals_of

@@ -14,8 +14,8 @@ from fastapi import FastAPI, Query
 from fastapi.responses import FileResponse, HTMLResponse, Response
 
 from console.catalogue.catalogue import SUFFIX, Catalogue
+from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
-from vehicle_link.log.file import is_being_written
 from web.replay.store import Building, ReplayStore
 from web.static_files import FILES
 

@@ -70,7 +70,7 @@ class TopicSpool:
         self._folder = folder
 
     def extend(self, columns: Any, room: int) -> int:
-        """One block's `vehicle_link.log.topic_columns.Columns`; at most `room` new columns.
+        """One block's `flight_log.topic_columns.Columns`; at most `room` new columns.
 
         Returns how many columns are new.
         """

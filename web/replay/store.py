@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.runs.replay_caches import REPLAYS, folder_bytes, replay_name
+from flight_log.file import is_being_written
 from quadrotor.checkout import ROOT
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
-from vehicle_link.log.file import is_being_written
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay
 

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
+from flight_log.attached import json_value, literal_value
+from flight_log.topic_columns import text_fields
 from quadrotor.errors import QuadlabError
-from vehicle_link.log.attached import json_value, literal_value
-from vehicle_link.log.topic_columns import text_fields
 from web.replay.spool import TopicSpool
 
 WHOLE = ("/events", "/marks", "/parameter_changes")

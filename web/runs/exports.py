@@ -9,8 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
-from vehicle_link.log.file import is_being_written
 from web.runs.job_queue import Work, Workshop
 
 MODULE = "web.runs.viser_recording"

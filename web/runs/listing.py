@@ -14,8 +14,8 @@ from console.catalogue.marks import mark_counts
 from console.catalogue.notes import Note, newest_notes
 from console.catalogue.tags import tags_of
 from console.runs.report_folders import RESULT, read_result, report_folder
+from flight_log.file import is_being_written
 from quadrotor.errors import StorageError
-from vehicle_link.log.file import is_being_written
 
 
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from console.runs.report_folders import FILE_NAME, report_folder
+from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
-from vehicle_link.log.file import is_being_written
 from web.runs.job_queue import Work, Workshop
 
 MODULE = "console.reports"

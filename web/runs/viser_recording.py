@@ -18,9 +18,9 @@ from typing import Any
 from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
+from flight_log import read_attachments, read_log, summarize
+from flight_log.attached import json_value
 from quadrotor.errors import QuadlabError, StorageError
-from vehicle_link.log import read_attachments, read_log, summarize
-from vehicle_link.log.attached import json_value
 from vehicle_link.messages import decode
 from web.live.latest import Live
 from web.parameters.follower import BEARINGS, flight_volume

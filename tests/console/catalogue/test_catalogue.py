@@ -10,8 +10,8 @@ import pytest
 from console.catalogue.catalogue import Catalogue, RunEntry, run_name
 from console.catalogue.notes import write_notes
 from console.runs.adoption import tidy_runs
+from flight_log import LogWriter, is_closed, read_log
 from quadrotor.errors import StorageError
-from vehicle_link.log import LogWriter, is_closed, read_log
 
 
 def entry(name: str, **fields: object) -> RunEntry:

@@ -19,12 +19,12 @@ import pytest
 
 from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
+from flight_log import read_log
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK
 from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.checks import Check, from_messages, to_messages
-from vehicle_link.log import read_log
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.parameters.service import serve_parameters

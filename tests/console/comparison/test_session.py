@@ -18,10 +18,10 @@ from console.comparison.parameters import ComparisonParameters, parse_estimators
 from console.comparison.process import Worker
 from console.parameters.store import StationStore
 from estimation import registry
+from flight_log import read_log
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.records import TICK
 from tests.waiting import until
-from vehicle_link.log import read_log
 from vehicle_link.messages import decode
 from vehicle_link.telemetry import pack
 from vehicle_link.topics import TOPICS

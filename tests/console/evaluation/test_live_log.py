@@ -12,9 +12,9 @@ import pytest
 from console.evaluation.bearings import read_flight
 from console.evaluation.tracking import tracking_errors
 from console.experiments.bearings import BearingsExperiment
+from flight_log import LogWriter
 from quadrotor.records import POSE_SAMPLE, STATE, TICK
 from vehicle_link import topics
-from vehicle_link.log import LogWriter
 from vehicle_link.messages import encode, header, new
 from vehicle_link.topics import TOPICS
 

@@ -23,9 +23,9 @@ from console.experiments.user_file import load
 from console.parameters.store import StationStore
 from console.runs.report_folders import read_result
 from console.runs.runs import RunKeeper
+from flight_log import read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
 from quadrotor.errors import LinkError, MeasurementError, RefusedError, StorageError
-from vehicle_link.log import read_attachments
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
 from vehicle_link.topics import SERVICES

@@ -16,9 +16,9 @@ from scipy.io import loadmat
 
 from console.log_export import formats
 from console.log_export.export import export
+from flight_log import LogWriter
 from quadlab.__main__ import main
 from quadrotor.errors import StorageError, UsageError
-from vehicle_link.log import LogWriter
 from vehicle_link.messages import encode, header, new
 
 START = 1_769_851_842_123_456_789

@@ -12,7 +12,7 @@ from console.reports.experiment_figures import rotation_between
 from console.reports.plots import POINTS, broken, thinned
 from console.reports.run_log import read_run
 from console.reports.tables import figure, number
-from vehicle_link.log import LogWriter
+from flight_log import LogWriter
 from vehicle_link.messages import encode, new
 
 

@@ -18,12 +18,12 @@ from console.reports.judgement import Judgement, judge
 from console.reports.report import assemble, write_report
 from console.reports.run_log import parameters_of, read_run
 from console.runs.report_folders import report_folder, write_result
+from flight_log import LogWriter
+from flight_log.reader import read_log
 from quadlab.__main__ import main
 from quadlab.log_commands.report import new_defaults
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import LogFormatError, StorageError, UsageError
-from vehicle_link.log import LogWriter
-from vehicle_link.log.reader import read_log
 from vehicle_link.messages import encode, new
 from vehicle_link.topics import decode_odometry, decode_reference
 

@@ -14,9 +14,9 @@ import pytest
 from console.runs import disk
 from console.runs.recorder import Recorder
 from console.runs.run import Run, RunEnd
+from flight_log import is_closed, read_attachments, read_log, read_metadata
 from quadrotor.errors import StorageError
 from tests.waiting import LIMIT, until
-from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
 
 STRING = "std_msgs/String"
 

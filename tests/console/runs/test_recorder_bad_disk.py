@@ -13,9 +13,9 @@ import pytest
 
 from console.runs.recorder import Recorder
 from console.runs.run import Run, RunEnd
+from flight_log import is_closed, read_log, recover
 from quadrotor.errors import StorageError
 from tests.waiting import wait_for
-from vehicle_link.log import is_closed, read_log, recover
 
 STRING = "std_msgs/String"
 LIMIT = 10.0

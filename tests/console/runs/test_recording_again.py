@@ -18,9 +18,9 @@ from console.parameters.store import StationStore
 from console.runs.housekeeping import Housekeeping
 from console.runs.run import AGAIN_SPARE
 from console.runs.runs import RunKeeper
+from flight_log import is_closed
 from quadrotor.errors import StorageError
 from tests.waiting import until, wait_for
-from vehicle_link.log import is_closed
 
 KEPT = 10_000_000
 Usage = namedtuple("Usage", "total used free")

@@ -27,15 +27,15 @@ from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
 from console.transfers.service import Transfers
 from console.transfers.vehicle_files import LinkedFiles
+from flight_log import read_log, read_metadata, recover
+from flight_log.run_index import index_run
+from flight_log.tick_columns import TICK_TOPICS
+from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import LinkError, RefusedError, StorageError
 from quadrotor.records import TICK
-from tests.vehicle_link.drop_outs import START_NS, Flight, flown, with_holes
+from tests.flight_log.drop_outs import START_NS, Flight, flown, with_holes
 from tests.waiting import until
 from vehicle.onboard_log.files import OnboardFiles
-from vehicle_link.log import read_log, read_metadata, recover
-from vehicle_link.log.run_index import index_run
-from vehicle_link.log.tick_columns import TICK_TOPICS
-from vehicle_link.log.writer import FILLED_METADATA
 from vehicle_link.messages import decode, new
 from vehicle_link.topics import SERVICES, TOPICS, encode_estimators, encode_status
 from vehicle_link.transport.heartbeat import LinkState

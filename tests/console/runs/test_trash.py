@@ -21,8 +21,8 @@ from console.runs.report_folders import report_folder
 from console.runs.run import RecorderStatus
 from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
+from flight_log import LogWriter
 from quadrotor.errors import RefusedError, StorageError
-from vehicle_link.log import LogWriter
 
 MB = 1_000_000
 

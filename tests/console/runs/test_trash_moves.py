@@ -20,7 +20,7 @@ from console.runs.report_folders import report_folder
 from console.runs.run import RecorderStatus
 from console.runs.storage import storage
 from console.runs.trash import TRASH, delete_run, deleted_runs, purge, restore_run
-from vehicle_link.log import LogWriter
+from flight_log import LogWriter
 
 LIMIT = 10.0
 

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flight_log import read_attachments, read_log, read_metadata
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import ROOT
 from quadrotor.records import POSE_SAMPLE, Record
@@ -27,7 +28,6 @@ from tests.waiting import free_port
 from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.recovery import torn_logs
 from vehicle_link import messages, telemetry, topics
-from vehicle_link.log import read_attachments, read_log, read_metadata
 from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.parameters.service import ParameterClient

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from flight_log.provenance import provenance
 from vehicle.comms.self_checks import HEARD, SelfChecks, self_checks
 from vehicle_link.checks import Check, from_messages
-from vehicle_link.log.provenance import provenance
 from vehicle_link.messages import new
 from vehicle_link.security.authority import ensure_certificates
 

@@ -15,14 +15,14 @@ import lz4.frame
 import numpy as np
 import pytest
 
+from flight_log import read_log
+from flight_log.records import RawMessage, _split
 from quadrotor.errors import StorageError
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log.file import Batch, Message
 from vehicle.onboard_log.files import PART_BYTES, OnboardFiles, _Answering
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.recovery import recover_logs, torn_logs
-from vehicle_link.log import read_log
-from vehicle_link.log.records import RawMessage, _split
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import SERVICES
 

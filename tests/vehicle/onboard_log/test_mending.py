@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from flight_log import LogWriter, is_closed, read_log, read_metadata
 from vehicle.onboard_log.mending import (
     FIRST_S,
     LATER,
@@ -22,7 +23,6 @@ from vehicle.onboard_log.mending import (
     start_mending,
 )
 from vehicle.processes.mailbox import INFO, WARN
-from vehicle_link.log import LogWriter, is_closed, read_log, read_metadata
 
 BOUND = 30.0
 """s, after which a test that waits has failed."""

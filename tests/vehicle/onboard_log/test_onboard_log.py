@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from flight_log import is_closed, read_attachments, read_log, read_metadata
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log import disk_sync as onboard_sync
@@ -21,7 +22,6 @@ from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.recovery import recover_logs, torn_logs
 from vehicle_link import topics
-from vehicle_link.log import is_closed, read_attachments, read_log, read_metadata
 from vehicle_link.serial.identity import Identity
 
 FREE_BYTES_MIN = OnboardLogParameters().stop_bytes

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from flight_log.file_index import read_index
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log import reader as onboard_reader
 from vehicle.onboard_log.file import Batch
 from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.onboard_log.parameters import OnboardLogParameters
 from vehicle.onboard_log.reader import VALUES_MAX, OnboardReader
-from vehicle_link.log.file_index import read_index
 from vehicle_link.messages import decode, encode, new
 from vehicle_link.topics import SERVICES
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from benchmarks.logs.recorded_run import STEP_NS, MadeRun, position_at, write_run
+from flight_log import LogWriter, read_log
+from flight_log.message_times import common_stamps, gaps
 from quadrotor.errors import LogFormatError, OutOfBoundsError
-from vehicle_link.log import LogWriter, read_log
-from vehicle_link.log.message_times import common_stamps, gaps
 from vehicle_link.messages import decode, encode, header, new
 from web.replay.build import build
 from web.replay.derived import of_odometry

@@ -17,8 +17,8 @@ from console.catalogue.catalogue import Catalogue
 from console.runs.adoption import tidy_runs
 from console.runs.replay_caches import REPLAYS
 from console.runs.trash import delete_run, restore_run
+from flight_log.file import LogFile
 from quadrotor.errors import LogFormatError, RefusedError, StorageError
-from vehicle_link.log.file import LogFile
 from web.replay import store as store_module
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import zstandard
 
+from flight_log import LogWriter
 from quadrotor.errors import RefusedError
-from vehicle_link.log import LogWriter
 from vehicle_link.messages import encode, header, new
 from web.runs.exports import ViserExports
 from web.runs.viser_recording import RATE, record

@@ -1,0 +1,265 @@
+"""A log in large blocks, so that numpy works on thousands of messages at once.
+
+Chunks are opened one after the other and their message indexes say where each channel's messages
+stand. A chunk whose index is missing (the last one of a torn file, another writer's) is walked
+record by record. Nothing is held beyond one block, or one chunk where that is larger: it is given
+in several blocks, for its messages as columns may take many times its bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+
+from flight_log.index_check import index_names
+from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
+from flight_log.records import records
+from flight_log.walk import RECORD, UNREADABLE, WalkState, attachment_of, opened, stream_of, walk
+
+BLOCK_BYTES = 4_000_000
+HEAD_BYTES = 31
+"""Of a message record before its payload: opcode, length, channel, sequence, two times."""
+_INDEX = struct.Struct("<HI")
+_CHANNEL = struct.Struct("<H")
+_SIZE, _SIZE_AT = struct.Struct("<Q"), 16
+
+Bytes = npt.NDArray[np.uint8]
+Places = npt.NDArray[np.int64]
+
+
+class Block(NamedTuple):
+    """Some chunks, opened, or a part of a large one."""
+
+    data: Bytes
+    places: dict[int, Places]  # channel id → where its message records begin in `data`, in order
+    share: float  # of the file read so far, 0 to 1
+
+
+class BlockReader:
+    """Iterate once; `channels`, `schemas`, `attachments` and `metadata` grow on the way.
+
+    After the last block `tear` says why reading stopped early (empty: at the log's end),
+    `damaged_chunks` and `damaged_records` how many were passed over.
+
+    Raises:
+        LogFormatError: this is no MCAP file, or it is compressed in a way not read here.
+        StorageError: the file cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, Channel] = {}
+        self.attachments: dict[str, bytes] = {}
+        self.attachment_bytes: dict[str, int] = {}  # of all, also of those too large to be kept
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.tear = ""
+        self.damaged_chunks = 0
+        self.damaged_records = 0
+        self._parts: list[bytes] = []
+        self._filled = 0
+        self._places: dict[int, list[Places]] = defaultdict(list)
+        self._described: set[int] = set()
+        self._chunk = b""  # whose indexes are being read
+        self._entries: dict[int, bytes] | None = {}
+        self._loose: list[bytes] = []  # messages outside of chunks
+        self._loose_bytes = 0
+        self._is_searched = False
+        self._kept = Kept(path.name)
+
+    def __iter__(self) -> Iterator[Block]:
+        state = WalkState()
+        for opcode, data in walk(self.path, state):
+            if opcode == Opcode.DATA_END:
+                break
+            if opcode == Opcode.CHUNK and _claimed(data) > BLOCK_BYTES:
+                self._close_chunk(is_indexed=True)
+                yield from self._blocks(state.share)  # so that the large one is not copied
+            self._take(opcode, data)
+            del data
+            if self._filled >= BLOCK_BYTES:
+                yield from self._blocks(state.share)
+        self.tear = state.tear
+        self._close_chunk(is_indexed=not self.tear)
+        yield from self._blocks(1.0)
+
+    def _take(self, opcode: int, data: bytes) -> None:
+        try:
+            if opcode == Opcode.MESSAGE_INDEX:
+                self._take_index(data)
+                return
+            if opcode == Opcode.MESSAGE:
+                self._loose.append(RECORD.pack(opcode, len(data)) + data)
+                self._loose_bytes += RECORD.size + len(data)
+                if self._loose_bytes >= BLOCK_BYTES:
+                    self._close_chunk(is_indexed=True)
+                return
+            self._close_chunk(is_indexed=True)
+            if opcode == Opcode.CHUNK:
+                self._chunk = opened(self.path.name, data)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._learn(opcode, data)
+            elif opcode == Opcode.ATTACHMENT:
+                attachment = attachment_of(data)
+                self.attachment_bytes[attachment.name] = len(attachment.data)
+                if self._kept.has_room(len(attachment.data)):
+                    self._kept.add((opcode, attachment.name), len(attachment.data))
+                    self.attachments[attachment.name] = attachment.data
+            elif opcode == Opcode.METADATA:
+                self._learn(opcode, data)
+        except UNREADABLE:  # the next one may be whole again
+            self.damaged_chunks += opcode == Opcode.CHUNK
+            self.damaged_records += opcode != Opcode.CHUNK
+
+    def _take_index(self, data: bytes) -> None:
+        """Read the index of the chunk before it; none if the chunk has no room for so many."""
+        channel, length = _INDEX.unpack_from(data)
+        if length and self._entries is not None:
+            self._entries[channel] = data[_INDEX.size : _INDEX.size + length]
+            if sum(map(len, self._entries.values())) > len(self._chunk):
+                self._entries = None
+
+    def _close_chunk(self, *, is_indexed: bool) -> None:
+        """The chunk read last joins the block, or the messages behind it that are in none.
+
+        Args:
+            is_indexed: all of the chunk's indexes were read.
+        """
+        chunk, entries = self._chunk, self._entries
+        self._chunk, self._entries = b"", {}
+        if chunk:
+            self._add(chunk, entries if is_indexed and entries else None)
+        loose, self._loose, self._loose_bytes = self._loose, [], 0
+        if loose:
+            self._add(b"".join(loose), None)
+
+    def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
+        """`entries`: pairs of log time and place, by channel; None when not known."""
+        base = self._filled
+        if entries is None or not entries.keys() <= self.channels.keys():
+            found = self._walk(data)
+        else:
+            found = {
+                channel: np.frombuffer(pairs[: len(pairs) & ~15], "<i8")[1::2]
+                for channel, pairs in entries.items()
+            }
+        if not found.keys() <= self._described:
+            self._describe(found.keys())
+        for channel, places in found.items():
+            inside = places[(places >= 0) & (places <= len(data) - HEAD_BYTES)]
+            self._places[channel].append(np.sort(inside) + base)
+        self._parts.append(data)
+        self._filled += len(data)
+
+    def _describe(self, channels: Collection[int]) -> None:
+        """Look for the descriptions of these where they may be: in a chunk without messages of
+        theirs, which was not walked, or in a damaged one."""
+        if not all(map(self._is_described, channels)):
+            for name in index_names(self.path):
+                self._learn(*name)
+        if not self._is_searched and not all(map(self._is_described, channels)):
+            self._is_searched = True  # whatever is described anywhere is known then
+            for record in records(self.path):
+                if isinstance(record, Schema):
+                    self.schemas.setdefault(record.id, record)
+                elif isinstance(record, Channel):
+                    self.channels.setdefault(record.id, record)
+        self._described.update(channels)  # as far as it can be; not looked for again
+
+    def _is_described(self, channel_id: int) -> bool:
+        channel = self.channels.get(channel_id)
+        return channel is not None and channel.schema_id in (0, *self.schemas)
+
+    def _walk(self, data: bytes) -> dict[int, Places]:
+        """Every record of a chunk, as far as it is whole; new schemas and channels are kept."""
+        found: dict[int, array[int]] = defaultdict(lambda: array("q"))
+        position = 0
+        while position + RECORD.size <= len(data):
+            opcode, length = RECORD.unpack_from(data, position)
+            begin, end = position + RECORD.size, position + RECORD.size + length
+            if end > len(data):
+                self.damaged_chunks += 1
+                break
+            if opcode == Opcode.MESSAGE and length >= HEAD_BYTES - RECORD.size:
+                found[_CHANNEL.unpack_from(data, begin)[0]].append(position)
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._learn(opcode, data[begin:end])
+            position = end
+        return {channel: np.frombuffer(places, np.int64) for channel, places in found.items()}
+
+    def _learn(self, opcode: int, data: bytes) -> None:
+        if len(data) > MOST_DESCRIPTION:
+            raise ValueError("too large")
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream_of(data))
+            self._kept.add((opcode, schema.id), len(data))
+            self.schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            channel = Channel.read(stream_of(data))
+            self._kept.add((opcode, channel.id), len(data) + map_bytes(channel.metadata))
+            self.channels[channel.id] = channel
+        else:
+            record = Metadata.read(stream_of(data))
+            self._kept.add((opcode, record.name), map_bytes(record.metadata))
+            self.metadata[record.name] = dict(record.metadata)
+
+    def _blocks(self, share: float) -> Iterator[Block]:
+        """Return what was filled, in pieces of some BLOCK_BYTES."""
+        if not self._filled:
+            return
+        data = np.frombuffer(b"".join(self._parts), np.uint8)
+        places = {channel: np.concatenate(parts) for channel, parts in self._places.items()}
+        self._parts, self._filled = [], 0
+        self._places = defaultdict(list)
+        if not _are_messages(data, places):
+            places = self._walk(data.tobytes())  # an index that was damaged
+        if len(data) < 2 * BLOCK_BYTES:
+            yield Block(data, places, share)
+            return
+        for begin in range(0, len(data), BLOCK_BYTES):
+            inside = {}
+            for channel, its in places.items():
+                first, last = np.searchsorted(its, (begin, begin + BLOCK_BYTES))
+                if last > first:
+                    inside[channel] = its[first:last]
+            if inside:
+                yield Block(data, inside, share)
+
+
+def _claimed(chunk: bytes) -> int:
+    """Bytes that a chunk says it has when it is opened; 0 for none."""
+    return int(_SIZE.unpack_from(chunk, _SIZE_AT)[0]) if len(chunk) >= _SIZE_AT + 8 else 0
+
+
+def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:
+    """Return whether a message of its channel begins at each place, and none lies in another."""
+    for channel, its in places.items():
+        of_channel = field_at(data, its, RECORD.size, "<u2") == channel
+        if not (of_channel & (data[its] == Opcode.MESSAGE)).all():
+            return False
+    every = np.sort(np.concatenate([*places.values(), np.zeros(0, np.int64)]))
+    lengths = field_at(data, every, 1, "<u8")
+    if (lengths > len(data)).any():
+        return False
+    ends = every + RECORD.size + lengths.astype(np.int64)
+    return bool((ends[:-1] <= every[1:]).all())
+
+
+def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArray[Any]:
+    """A number that stands `offset` bytes behind each place, shape (N,)."""
+    kind = np.dtype(dtype)
+    if len(places) == 0:
+        return np.zeros(0, kind)
+    stands: npt.NDArray[Any] = np.ndarray(
+        (len(data) - kind.itemsize + 1,), kind, data.data, strides=(1,)
+    )
+    return stands[places + offset]

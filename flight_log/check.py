@@ -1,0 +1,204 @@
+"""Whether a log is sound: whole, countable, readable, and with nothing missing in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.index_check import index_problem
+from flight_log.summary import LogSummary, summarize
+from flight_log.topic_columns import ColumnReader, Columns
+from quadrotor.errors import LogFormatError
+from vehicle_link.topics.table import SHARED, TOPICS
+
+GAP = 5.0
+"""Periods of a topic without a message that are a gap."""
+SHORTEST_GAP_S = 0.1
+"""A shorter one is told only of faster topics than this would be five periods of."""
+OVERTAKEN = frozenset(
+    {
+        "tracker_pose",
+        "bearings",
+        "joy",
+        "external_reference",
+        *(row.name for row in TOPICS.values() if row.sender == "vehicle" and not row.qos.reliable),
+    }
+)
+"""What crosses the radio each for itself may be overtaken; the receiver records it as it comes."""
+RATE_MIN = 1.0
+"""Hz: what comes more seldom comes on change."""
+
+Stamps = npt.NDArray[np.int64]
+
+
+@dataclass
+class TopicCheck:
+    """What one topic came to; times in s, stamps of the source."""
+
+    type_name: str
+    count: int = 0
+    duration: float = 0.0
+    gaps: list[tuple[float, float]] = field(default_factory=list)  # begin since the start, length
+    backwards: int = 0  # stamps not after the one before
+    out_of_order: int = 0  # receptions before the one before
+    first_ns: int = 0
+    last_ns: int = 0
+    last_log_ns: int = 0
+
+    @property
+    def rate(self) -> float:
+        """Hz."""
+        return (self.count - 1) / self.duration if self.duration > 0.0 else 0.0
+
+    @property
+    def missing(self) -> float:
+        """s in gaps."""
+        return sum(length for _, length in self.gaps)
+
+
+@dataclass
+class LogCheck:
+    """What was found.
+
+    Attributes:
+        problems: what makes the log unsound, a line each; empty for a sound one.
+        notes: what a reader should know.
+    """
+
+    path: Path
+    topics: dict[str, TopicCheck] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        return sum(topic.count for topic in self.topics.values())
+
+
+def check_log(path: Path, progress: Callable[[float], None] = lambda share: None) -> LogCheck:
+    """Read the whole file.
+
+    Args:
+        progress: told the share read, 0…1.
+
+    Raises LogFormatError or StorageError when it is no log or cannot be read.
+    """
+    found = LogCheck(path)
+    index = index_problem(path)
+    reader = ColumnReader(path)
+    for batch in reader:
+        for columns in batch.columns:
+            topic = found.topics.setdefault(columns.topic, TopicCheck(columns.type_name))
+            _look(topic, columns)
+        progress(batch.share)
+    if reader.log.tear or index:
+        why = f"is torn: it {reader.log.tear}" if reader.log.tear else index
+        found.problems.append(f"it {why}; mend it: quadlab log recover {path}")
+    if reader.log.damaged_chunks:
+        found.problems.append(
+            f"{reader.log.damaged_chunks} damaged chunks, whose messages are lost"
+        )
+    if reader.log.damaged_records:
+        found.problems.append(
+            f"{reader.log.damaged_records} damaged records: attachments, metadata or descriptions"
+        )
+    found.notes += [
+        f"{name} has other fields here than in this version of quadlab: another one recorded it"
+        for name in sorted(reader.foreign)
+    ]
+    found.problems += [f"{topic}: {line}" for topic, line in reader.problems.items()]
+    if not found.problems:
+        _compare_with_index(found)
+    _judge(found)
+    return found
+
+
+def _look(topic: TopicCheck, columns: Columns) -> None:
+    """Take a block of one topic."""
+    stamps, received = columns.publish_ns, columns.log_ns
+    if not len(stamps):
+        return
+    began = topic.count == 0
+    if began:
+        topic.first_ns = int(stamps[0])
+    steps = np.diff(stamps) if began else np.diff(stamps, prepend=topic.last_ns)
+    receptions = np.diff(received) if began else np.diff(received, prepend=topic.last_log_ns)
+    topic.backwards += int((steps < 0).sum())
+    topic.out_of_order += int((receptions < 0).sum())
+    period = _period(columns.topic, steps)
+    if period:
+        longest = max(GAP * period, SHORTEST_GAP_S * 1e9)
+        begins = stamps if began else np.concatenate([[topic.last_ns], stamps])
+        for k in np.flatnonzero(steps > longest).tolist():
+            begin = (int(begins[k]) - topic.first_ns) * 1e-9
+            topic.gaps.append((begin, float(steps[k]) * 1e-9))
+    topic.count += len(stamps)
+    topic.last_ns, topic.last_log_ns = int(stamps[-1]), int(received[-1])
+    topic.duration = (topic.last_ns - topic.first_ns) * 1e-9
+
+
+def _period(name: str, steps: Stamps) -> float:
+    """ns between two messages, as its table says or as it mostly is; 0 for what has no rate."""
+    row = TOPICS.get(name.rsplit("/", 1)[-1])
+    if row is not None and row.rate == 0:
+        return 0.0
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    if row is not None:
+        return max(1e9 / row.rate, 0.0)
+    return usual if 0.0 < usual < 1e9 / RATE_MIN else 0.0
+
+
+def _unusual(topic: TopicCheck) -> list[tuple[float, float]]:
+    """Of the gaps, those of a topic that mostly comes more seldom than its table says: one of
+    several vehicles' sent less often, a status while nothing happens."""
+    if 2 * len(topic.gaps) <= topic.count - 1:
+        return topic.gaps
+    usual = float(np.median([length for _, length in topic.gaps]))
+    return [gap for gap in topic.gaps if gap[1] > GAP * usual]
+
+
+def _compare_with_index(found: LogCheck) -> None:
+    try:
+        index: LogSummary = summarize(found.path)
+    except LogFormatError as error:
+        found.problems.append(str(error))
+        return
+    for topic, told in index.topics.items():
+        counted = found.topics[topic].count if topic in found.topics else 0
+        if counted != told.count:
+            found.problems.append(
+                f"{topic}: the index tells {told.count} messages, {counted} are there"
+            )
+    if index.recovered:
+        found.notes.append("it was torn once, and mended")
+
+
+def _why_backwards(name: str) -> str:
+    """Why the stamps of a sound log may go back in this topic; "" where they may not."""
+    topic = name.rsplit("/", 1)[-1]
+    if topic in OVERTAKEN:
+        return "datagrams overtook one another"
+    return "vehicle and station each stamp their own" if topic in SHARED else ""
+
+
+def _judge(found: LogCheck) -> None:
+    for name, topic in sorted(found.topics.items()):
+        topic.gaps = _unusual(topic)
+        if topic.backwards:
+            line, harmless = f"{name}: {topic.backwards} stamps go back", _why_backwards(name)
+            if harmless:
+                found.notes.append(f"{line}: {harmless}")
+            else:
+                found.problems.append(line)
+        if topic.out_of_order:
+            found.problems.append(f"{name}: {topic.out_of_order} receptions go back")
+        if topic.gaps:
+            begin, longest = max(topic.gaps, key=lambda gap: gap[1])
+            found.notes.append(
+                f"{name}: {len(topic.gaps)} gaps, {topic.missing:.2f} s in all, the longest "
+                f"{longest:.2f} s at {begin:.2f} s"
+            )

@@ -1,0 +1,151 @@
+"""Give the log of a killed writer its index, so that every tool opens it again."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.writer import MCAP0_MAGIC
+
+from flight_log.file import LogFile, is_being_written, open_log, sync_folder
+from flight_log.index_check import index_problem
+from flight_log.records import RawMessage, ReadState, records
+from flight_log.writer import new_mcap_writer
+from quadrotor.errors import LogFormatError, StorageError
+
+RECOVERED_METADATA = "quadlab.recovered"
+PIECE = 1 << 20
+"""Bytes; what a killed writer leaves behind the tear is smaller."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recovery:
+    """What `recover` found."""
+
+    path: Path
+    torn: bool  # False: the file was closed properly and was left alone
+    messages: int = 0  # kept
+    lost_bytes: int = 0  # after the last whole record
+    damaged_chunks: int = 0  # left out
+    reason: str = ""
+    kept: Path | None = None  # the file as it was, where more was behind the tear than zeros
+
+
+def is_closed(path: Path) -> bool:
+    """True when the file has its end mark. Raises StorageError."""
+    with open_log(path) as stream:
+        try:
+            size = stream.seek(0, os.SEEK_END)
+            if size < 2 * len(MCAP0_MAGIC):
+                return False
+            stream.seek(size - len(MCAP0_MAGIC))
+            return stream.read() == MCAP0_MAGIC
+        except OSError as error:
+            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+
+
+def recover(path: Path) -> Recovery:
+    """Rewrite a torn file in place, atomically; one with a sound index is left alone.
+
+    The new file carries the metadata record `quadlab.recovered`. A file that is damaged in its
+    middle is kept beside it as `.torn`.
+
+    Raises:
+        LogFormatError: this is no MCAP file, or of a kind not read here.
+        StorageError: it is being written or mended now, or there is no room for the copy.
+            The torn file stays as it was.
+    """
+    if not index_problem(path):
+        return Recovery(path, torn=False)
+    try:
+        path = path.resolve(strict=True)  # what a link leads to, not the link itself
+        if is_being_written(path):
+            raise StorageError(f"{path} is being written now; stop the recording first")
+        target = LogFile(path.with_suffix(".recovering"), replace=True)
+        try:
+            # Another process may have mended it before this one had the copy for itself.
+            problem = index_problem(path)
+            return _mend(path, target, problem) if problem else Recovery(path, torn=False)
+        finally:
+            target.path.unlink(missing_ok=True)
+            target.close()
+    except OSError as error:
+        raise StorageError(f"cannot mend {path}: {error.strerror}") from error
+
+
+def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
+    """`problem` of its index."""
+    state = ReadState()
+    writer = new_mcap_writer(target)
+    count = _copy(path, writer, state)
+    reason = state.tear or problem
+    lost = path.stat().st_size - state.whole_bytes if state.tear else 0
+    writer.add_metadata(
+        RECOVERED_METADATA,
+        {
+            "reason": reason,
+            "messages": str(count),
+            "lost_bytes": str(lost),
+            "damaged_chunks": str(state.damaged_chunks),
+        },
+    )
+    writer.finish()
+    target.sync()
+    kept = path.with_suffix(".torn") if _holds_more(path, state.whole_bytes) else None
+    if kept is not None:
+        os.replace(path, kept)
+    os.replace(target.path, path)
+    sync_folder(path.parent)
+    return Recovery(path, True, count, lost, state.damaged_chunks, reason, kept)
+
+
+def _holds_more(path: Path, whole_bytes: int) -> bool:
+    """Whether more is behind the tear than the piece a killed writer leaves, and than zeros."""
+    with open_log(path) as stream:
+        stream.seek(whole_bytes + PIECE)
+        return any(stream.read(PIECE))
+
+
+def _copy(path: Path, writer: Any, state: ReadState) -> int:
+    """All whole records; returns the number of messages."""
+    schemas: dict[int, int] = {0: 0}  # 0: a channel without one
+    channels: dict[int, int] = {}
+    count, started = 0, False
+    for record in records(path, state):
+        if not started:
+            profile = record.profile if isinstance(record, Header) else "ros2"
+            writer.start(profile=profile, library="quadlab")
+            started = True
+        match record:
+            case RawMessage():
+                channel = channels.get(record.channel_id)
+                if channel is not None:
+                    count += 1
+                    writer.add_message(
+                        channel, record.log_ns, record.payload, record.publish_ns, record.sequence
+                    )
+            case Schema() if record.id not in schemas:
+                schemas[record.id] = writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+            case Channel() if record.id not in channels and record.schema_id in schemas:
+                channels[record.id] = writer.register_channel(
+                    record.topic,
+                    record.message_encoding,
+                    schemas[record.schema_id],
+                    record.metadata,
+                )
+            case Attachment():
+                writer.add_attachment(
+                    record.create_time, record.log_time, record.name, record.media_type, record.data
+                )
+            case Metadata():
+                writer.add_metadata(record.name, record.metadata)
+            case _:
+                pass
+    if not started:
+        raise LogFormatError(f"{path.name} has no record that can be read; nothing to recover")
+    return count

@@ -1,0 +1,178 @@
+"""What a log holds, without reading its messages where the index tells."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mcap.opcode import Opcode
+from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema, Statistics
+
+from flight_log.blocks import BlockReader, field_at
+from flight_log.file import open_log
+from flight_log.index_check import DAMAGED, NO_END, index_problem
+from flight_log.index_records import index_records
+from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
+from flight_log.recovery import RECOVERED_METADATA
+from flight_log.walk import RECORD, UNREADABLE, stream_of
+from flight_log.writer import FILLED_METADATA, RUN_METADATA
+from quadrotor.errors import LogFormatError, StorageError
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSummary:
+    """One topic of a log."""
+
+    type_name: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class LogSummary:
+    """Contents of a log."""
+
+    path: Path
+    bytes: int
+    closed: bool  # has its index
+    recovered: bool
+    tear: str  # why it ends early, empty when closed
+    start_ns: int  # reception of the first message
+    duration: float  # s
+    topics: dict[str, TopicSummary] = field(default_factory=dict)
+    attachments: dict[str, int] = field(default_factory=dict)  # name → bytes
+    run: dict[str, str] = field(default_factory=dict)  # `quadlab.run`
+    filled: dict[str, str] = field(default_factory=dict)  # `quadlab.filled`
+
+    @property
+    def message_count(self) -> int:
+        return sum(topic.count for topic in self.topics.values())
+
+
+def summarize(path: Path, progress: Callable[[float], None] = lambda share: None) -> LogSummary:
+    """Summarise a closed file by its index, one without by reading it, up to its tear if any.
+
+    Args:
+        progress: told the share read, 0…1, of a file that must be.
+
+    Raises LogFormatError or StorageError.
+    """
+    problem = index_problem(path)
+    if problem == NO_END:
+        return _by_reading(path, problem, progress)
+    try:
+        if problem:
+            raise ValueError(problem)
+        with open_log(path) as stream:
+            found = _by_index(path, stream.fileno())
+    except OSError as error:
+        raise StorageError(f"cannot read {path}: {error.strerror}") from error
+    except (*UNREADABLE, KeyError) as error:
+        why = problem or f"{DAMAGED} ({error!r:.80})"
+        raise LogFormatError(f"{path} {why}; try: quadlab log recover") from error
+    return found or _by_reading(path, problem, progress)
+
+
+_READ: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.STATISTICS: Statistics,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+}
+
+
+def _by_index(path: Path, file: int) -> LogSummary | None:
+    """None when it was closed without an index."""
+    schemas: dict[int, str] = {0: ""}
+    channels: dict[int, Channel] = {}
+    attachments: dict[str, int] = {}
+    metadata: dict[str, dict[str, str]] = {}
+    statistics: Statistics | None = None
+    kept = Kept(path.name)
+    for opcode, data in index_records(file, _READ):
+        match _READ[opcode].read(stream_of(data)):
+            case Schema() as schema:
+                schemas[schema.id] = schema.name
+            case Channel() as channel:
+                kept.add(channel.id, len(data) + map_bytes(channel.metadata))
+                channels[channel.id] = channel
+            case Statistics() as found:
+                statistics = found
+            case AttachmentIndex() as index:
+                kept.add(("attachment", index.name), len(index.name))
+                attachments[index.name] = index.data_size
+            case MetadataIndex() as index:
+                with suppress(*UNREADABLE):  # a damaged one
+                    record = _metadata(file, index)
+                    kept.add(("metadata", index.name), map_bytes(record.metadata))
+                    metadata[record.name] = dict(record.metadata)
+    if statistics is None:
+        return None
+    topics: dict[str, TopicSummary] = {}
+    for channel in channels.values():
+        count = statistics.channel_message_counts.get(channel.id, 0)
+        before = topics[channel.topic].count if channel.topic in topics else 0
+        topics[channel.topic] = TopicSummary(schemas[channel.schema_id], before + count)
+    return LogSummary(
+        path=path,
+        bytes=os.fstat(file).st_size,
+        closed=True,
+        recovered=RECOVERED_METADATA in metadata,
+        tear="",
+        start_ns=statistics.message_start_time,
+        duration=(statistics.message_end_time - statistics.message_start_time) * 1e-9,
+        topics=topics,
+        attachments=attachments,
+        run=metadata.get(RUN_METADATA, {}),
+        filled=metadata.get(FILLED_METADATA, {}),
+    )
+
+
+def _metadata(file: int, index: MetadataIndex) -> Metadata:
+    """Raises one of UNREADABLE."""
+    opcode, length = RECORD.unpack(os.pread(file, RECORD.size, index.offset))
+    if opcode != Opcode.METADATA or length > MOST_DESCRIPTION:
+        raise ValueError("no metadata")
+    found: Metadata = Metadata.read(stream_of(os.pread(file, length, index.offset + RECORD.size)))
+    return found
+
+
+def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> LogSummary:
+    """Block by block, as a chunk may hold millions of messages; `problem` of its index."""
+    reader = BlockReader(path)
+    counts: Counter[int] = Counter()
+    first, last = 2**64 - 1, 0
+    for block in reader:
+        for channel_id, places in block.places.items():
+            received = field_at(block.data, places, 15, "<u8")
+            first = min(first, int(received.min(initial=first)))
+            last = max(last, int(received.max(initial=last)))
+            counts[channel_id] += len(places)
+        progress(block.share)
+    tear = reader.tear or problem
+    topics: dict[str, TopicSummary] = {}
+    for channel_id, count in counts.items():
+        channel = reader.channels.get(channel_id)
+        if channel is not None:
+            schema = reader.schemas.get(channel.schema_id)
+            before = topics[channel.topic].count if channel.topic in topics else 0
+            topics[channel.topic] = TopicSummary(schema.name if schema else "", before + count)
+    first = min(first, last)
+    return LogSummary(
+        path=path,
+        bytes=path.stat().st_size,
+        closed=not tear,
+        recovered=RECOVERED_METADATA in reader.metadata,
+        tear=tear,
+        start_ns=first,
+        duration=(last - first) * 1e-9,
+        topics=topics,
+        attachments=reader.attachment_bytes,
+        run=reader.metadata.get(RUN_METADATA, {}),
+        filled=reader.metadata.get(FILLED_METADATA, {}),
+    )

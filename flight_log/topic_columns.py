@@ -1,0 +1,332 @@
+"""The messages of a log as columns of numbers and texts, block by block.
+
+For every topic: when each message was true and when it was received, a column for each number of
+its type (by path, `pose.pose.position.x`), and for each text the places where it changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from mcap.records import Schema
+
+from flight_log.blocks import HEAD_BYTES, Block, BlockReader, Bytes, Places, field_at
+from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
+from quadrotor.errors import LinkError, LogFormatError
+from vehicle_link.messages import decode
+
+MOST_LAYOUTS = 200
+"""Tried for the payloads of one size in a block; a topic of stranger messages loses the rest."""
+
+MOST_FAILURES = 2000
+"""Messages of a topic that are no such message, before the rest of it is left unread."""
+
+MOST_ROWS = 4096
+"""Most messages of a topic in a piece: at 10 bytes a message a block has 100 000."""
+MOST_VALUES = 4_000_000
+"""In the pieces that are given together."""
+
+NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")
+
+Floats = npt.NDArray[np.floating[Any]]
+Stamps = npt.NDArray[np.int64]
+
+
+@dataclass
+class Columns:
+    """N messages of one topic, in the order they were written."""
+
+    topic: str
+    type_name: str
+    log_ns: Stamps  # (N,) reception at the writer
+    publish_ns: Stamps  # (N,) the source's stamp
+    numbers: dict[str, Floats] = field(default_factory=dict)  # (N,) each, NaN where there is none
+    texts: dict[str, list[tuple[int, str]]] = field(default_factory=dict)  # index, text from there
+    payloads: list[bytes] = field(default_factory=list)  # of topics wanted whole
+    grows: bool = False  # a later block may have numbers more
+
+
+class Batch(NamedTuple):
+    """The columns of one block, or of a part of it where that is many numbers."""
+
+    columns: list[Columns]
+    share: float  # of the file read so far, 0 to 1
+
+
+class ColumnReader:
+    """Iterate once.
+
+    Args:
+        whole: ends of topic names (`/events`) whose payloads are wanted too.
+        wanted: paths of the numbers and texts to be read by last part of the topic's name; of
+            other topics only the times. None for all there are.
+        topics: only these; None for all.
+        dtype: of the numbers; float64 keeps them as they are, whole ones beyond 2^53 apart.
+
+    Attributes:
+        problems: one line for each topic that could not be read.
+        foreign: message types that have other fields here than in this version.
+
+    Raises LogFormatError or StorageError.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        whole: tuple[str, ...] = (),
+        wanted: Mapping[str, Collection[str]] | None = None,
+        topics: Collection[str] | None = None,
+        dtype: npt.DTypeLike = np.float32,
+    ) -> None:
+        self.log = BlockReader(path)
+        self._wanted = wanted
+        self.problems: dict[str, str] = {}
+        self.foreign: set[str] = set()
+        self._whole, self._chosen, self._dtype = whole, topics, np.dtype(dtype)
+        self._topics: dict[int, _TopicReader | None] = {}
+
+    def __iter__(self) -> Iterator[Batch]:
+        for block in self.log:
+            columns: list[Columns] = []
+            for channel, places in block.places.items():
+                reader = self._reader(channel)
+                if reader is None:
+                    continue
+                for begin in range(0, len(places), MOST_ROWS):
+                    columns.append(reader.read(block, places[begin : begin + MOST_ROWS]))
+                    if reader.problem:
+                        self.problems.setdefault(columns[-1].topic, reader.problem)
+                    if sum(map(_values, columns)) > MOST_VALUES:
+                        yield Batch(columns, block.share)
+                        columns = []
+            yield Batch(columns, block.share)
+
+    def _reader(self, channel_id: int) -> _TopicReader | None:
+        if channel_id in self._topics:
+            return self._topics[channel_id]
+        reader: _TopicReader | None = None
+        channel = self.log.channels.get(channel_id)
+        if channel is None:
+            self.problems[f"channel {channel_id}"] = "its description was in a damaged chunk"
+        schema = self.log.schemas.get(channel.schema_id, NO_SCHEMA) if channel else None
+        chosen = channel is not None and (self._chosen is None or channel.topic in self._chosen)
+        if channel is not None and schema is not None and chosen:
+            try:
+                if channel.message_encoding != "cdr":
+                    raise LogFormatError(
+                        f"its messages are in {channel.message_encoding!r:.40}; only 'cdr' (ROS 2) "
+                        "is read"
+                    )
+                if schema is NO_SCHEMA:
+                    raise LogFormatError("the log does not describe its messages")
+                layouts = SchemaLayouts(schema)
+                self.foreign.update(layouts.foreign)
+                paths = None
+                if self._wanted is not None:
+                    paths = frozenset(self._wanted.get(channel.topic.rsplit("/", 1)[-1], ()))
+                reader = _TopicReader(
+                    channel.topic,
+                    schema.name,
+                    layouts,
+                    channel.topic.endswith(self._whole),
+                    paths,
+                    self._dtype,
+                )
+            except LogFormatError as error:
+                self.problems[channel.topic] = str(error)
+        self._topics[channel_id] = reader
+        return reader
+
+
+class _TopicReader:
+    def __init__(
+        self,
+        topic: str,
+        type_name: str,
+        layouts: SchemaLayouts,
+        whole: bool,
+        paths: frozenset[str] | None,
+        dtype: np.dtype[Any],
+    ) -> None:
+        self._dtype = dtype
+        self._topic = topic
+        self._type_name = type_name
+        self._layouts = layouts
+        self._whole = whole
+        self._paths = paths  # of the numbers and texts wanted, None for all
+        self._grows = layouts.grows
+        self._known: dict[int, list[PayloadLayout]] = {}  # by size
+        self._last: dict[str, str] = {}
+        self._seen: set[str] = set()  # paths of numbers and texts
+        self._failures = 0
+        self.problem = ""  # the first message that could not be read
+
+    def read(self, block: Block, places: Places) -> Columns:
+        data = block.data
+        sizes = field_at(data, places, 1, "<u8").astype(np.int64) + 9 - HEAD_BYTES
+        sound = (sizes >= 0) & (places + HEAD_BYTES + sizes <= len(data))
+        places, sizes = places[sound], sizes[sound]
+        out = Columns(
+            self._topic,
+            self._type_name,
+            field_at(data, places, 15, "<i8"),
+            field_at(data, places, 23, "<i8"),
+            grows=self._grows,
+        )
+        texts: dict[str, npt.NDArray[Any]] = {}
+        for size in np.unique(sizes).tolist() if self._paths != frozenset() else ():
+            chosen = np.flatnonzero(sizes == size)
+            rows = _rows(data, places[chosen] + HEAD_BYTES, size)
+            self._read_size(rows, chosen, out, texts)
+        for path, column in texts.items():
+            out.texts[path] = self._changes(path, column)
+        if self._whole:
+            begins = (places + HEAD_BYTES).tolist()
+            out.payloads = [
+                data[begin : begin + size].tobytes()
+                for begin, size in zip(begins, sizes.tolist(), strict=True)
+            ]
+        return out
+
+    def _read_size(
+        self, rows: Bytes, chosen: Places, out: Columns, texts: dict[str, npt.NDArray[Any]]
+    ) -> None:
+        """Payloads (N, size) that stand at the places `chosen` of the columns."""
+        known = self._known.setdefault(rows.shape[1], [])
+        left = np.ones(len(rows), bool)
+        for k in range(MOST_LAYOUTS):
+            if not left.any() or self._failures > MOST_FAILURES:
+                return
+            if k < len(known):
+                layout = known[k]
+            else:
+                try:
+                    layout = self._layouts.of(rows[np.argmax(left)].tobytes())
+                except LogFormatError as error:  # of this message only
+                    self.problem = self.problem or str(error)
+                    left[np.argmax(left)] = False
+                    self._failures += 1
+                    continue
+                known.append(self._bounded(_narrowed(layout, self._paths)))
+                layout = known[-1]
+            here = left & layout.fits(rows)
+            if here.any():
+                whole = bool(here.all())
+                _fill(rows if whole else rows[here], chosen[here], layout, out, texts, self._dtype)
+            left &= ~here
+
+    def _bounded(self, layout: PayloadLayout) -> PayloadLayout:
+        """Without numbers and texts that no message before it had, where these are many."""
+        paths = self._seen | layout.numbers.keys() | layout.texts.keys()
+        if len(paths) <= MOST_NUMBERS:
+            self._seen = paths
+            return layout
+        self.problem = self.problem or f"more than {MOST_NUMBERS} numbers; the others are left out"
+        return _narrowed(layout, frozenset(self._seen))
+
+    def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:
+        """Where a text differs from the one before; None stands for no text."""
+        found = []
+        begins = np.flatnonzero(np.concatenate([[True], column[1:] != column[:-1]]))
+        for index in begins.tolist():
+            text = column[index]
+            if text is not None and self._last.get(path) != text:
+                self._last[path] = text
+                found.append((index, text))
+        return found
+
+
+def _values(columns: Columns) -> int:
+    return (len(columns.numbers) + len(columns.texts) + 2) * len(columns.log_ns)
+
+
+def _narrowed(layout: PayloadLayout, paths: frozenset[str] | None) -> PayloadLayout:
+    """With these numbers and texts alone."""
+    if paths is None:
+        return layout
+    return PayloadLayout(
+        layout.size,
+        layout.lengths,
+        {path: place for path, place in layout.numbers.items() if path in paths},
+        {path: pieces for path, pieces in layout.texts.items() if path in paths},
+    )
+
+
+def _fill(
+    rows: Bytes,
+    chosen: Places,
+    layout: PayloadLayout,
+    out: Columns,
+    texts: dict[str, npt.NDArray[Any]],
+    dtype: np.dtype[Any],
+) -> None:
+    count = len(out.log_ns)
+    if layout.numbers:
+        record = np.dtype(
+            {
+                "names": list(layout.numbers),
+                "formats": [dtype for _, dtype in layout.numbers.values()],
+                "offsets": [offset for offset, _ in layout.numbers.values()],
+                "itemsize": layout.size,
+            }
+        )
+        read = np.ascontiguousarray(rows).view(record)[:, 0]
+        for path in layout.numbers:
+            column = out.numbers.get(path)
+            if column is None:
+                column = out.numbers[path] = np.full(count, np.nan, dtype)
+            with np.errstate(over="ignore", invalid="ignore"):
+                column[chosen] = read[path]
+    for path, pieces in layout.texts.items():
+        column = texts.get(path)
+        if column is None:
+            column = texts[path] = np.full(count, None, object)
+        column[chosen] = _joined(rows, pieces)
+
+
+def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
+    """The text of each row, a sequence's items parted by commas; shape (N,)."""
+    size = sum(length for _, length in pieces)
+    if not size:
+        return np.full(len(rows), "", object)
+    merged = np.concatenate([rows[:, offset : offset + length] for offset, length in pieces], 1)
+    distinct, which = np.unique(merged.view(f"V{size}")[:, 0], return_inverse=True)
+    made = np.empty(len(distinct), object)
+    for k, one in enumerate(distinct):
+        raw, at, words = one.tobytes(), 0, []
+        for _, length in pieces:
+            words.append(raw[at : at + length].decode(errors="replace"))
+            at += length
+        made[k] = ", ".join(words)
+    joined: npt.NDArray[Any] = made[which]
+    return joined
+
+
+def _rows(data: Bytes, places: Places, size: int) -> Bytes:
+    """The bytes behind each place, shape (N, size)."""
+    if size == 0:
+        return np.zeros((len(places), 0), np.uint8)
+    stands: npt.NDArray[Any] = np.ndarray(
+        (len(data) - size + 1,), f"V{size}", data.data, strides=(1,)
+    )
+    rows: Bytes = stands[places].view(np.uint8).reshape(len(places), size)
+    return rows
+
+
+def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
+    """A message's own fields that are texts or numbers, by name; empty when it is unreadable."""
+    try:
+        message = decode(payload, type_name)
+    except (LinkError, KeyError):
+        return {}
+    found = {}
+    for name in message.__dataclass_fields__:
+        value = getattr(message, name)
+        if isinstance(value, str | bool | int | float) and not name.isupper():
+            found[name] = value
+    return found

@@ -1,0 +1,279 @@
+"""One run to one MCAP file: profile ros2, schemas ros2msg, CDR, lz4 chunks of 64 KiB.
+
+Small chunks, closed after 40 ms at the latest, and an unbuffered file: a killed process loses
+at most that. The index at the end is written by `close`; a file without it is `recover`ed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from mcap.writer import CompressionType
+
+from flight_log.file import LogFile
+from flight_log.quick_writer import MessageBatch, OneMessage, QuickWriter
+from quadrotor.errors import StorageError
+from vehicle_link import messages
+
+RUN_METADATA = "quadlab.run"
+FILLED_METADATA = "quadlab.filled"
+CHUNK_BYTES = 65536
+CHUNK_AGE_NS = 40_000_000
+MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": "text/x-python"}
+
+
+class Message(NamedTuple):
+    """As `LogWriter.write` takes them."""
+
+    topic: str
+    type_name: str
+    payload: bytes
+    log_ns: int
+    publish_ns: int
+
+
+class Batch(NamedTuple):
+    """N messages of one topic whose payloads have one size, oldest first."""
+
+    topic: str
+    type_name: str
+    payloads: npt.NDArray[Any]  # (N,), an item's bytes are the payload in CDR
+    log_ns: npt.NDArray[np.int64]  # (N,), ns of reception
+    publish_ns: npt.NDArray[np.int64]  # (N,), ns, the source's stamp
+
+
+class LogWriter:
+    """Not thread-safe: one thread writes.
+
+    Args:
+        path: a new file; missing folders are made.
+        run: the metadata record `quadlab.run` (run id, vehicle, operator, git revision, …).
+        attachments: name → bytes, written before the first message so that a crash keeps them.
+        qos_profiles: topic → rosbag2's YAML text of its profiles, where known.
+        chunk_age_ns: log time after which a chunk is closed, full or not.
+
+    Raises:
+        StorageError: here and in every method, when the disk refuses.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        run: Mapping[str, str],
+        attachments: Mapping[str, bytes],
+        qos_profiles: Mapping[str, str] | None = None,
+        chunk_age_ns: int = CHUNK_AGE_NS,
+    ) -> None:
+        self.path = path
+        self._qos_profiles = dict(qos_profiles or {})
+        self._file = LogFile(path)
+        self._channels: dict[tuple[str, str], int] = {}
+        self._schemas: dict[str, int] = {}
+        self._chunk_age_ns = chunk_age_ns
+        self._chunk_start_ns = -chunk_age_ns
+        self._broken: StorageError | None = None
+        self._closed = False
+        self._whole = False  # closed with its index
+        self.message_count = 0
+        self._writer = new_mcap_writer(self._file)
+        self._add_message = self._writer.add_message
+        self._guarded_start(run, attachments)
+
+    @property
+    def size(self) -> int:
+        """Bytes in the file so far."""
+        return self._file.size
+
+    @property
+    def channels(self) -> dict[int, tuple[str, str]]:
+        """id → topic and type of those that have messages so far; from any thread."""
+        found = self._channels.copy()
+        return {k: (topic, messages.ros_name(kind)) for (topic, kind), k in found.items()}
+
+    def is_in_place(self) -> bool:
+        """False when somebody removed the file or its folder."""
+        return self._file.is_in_place()
+
+    def write(
+        self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int
+    ) -> None:
+        """One message: `payload` in CDR, reception and source stamp in ns.
+
+        A source's stamp before the epoch, which no log can hold, is written as 0.
+        """
+        if self._broken is not None:
+            raise self._broken
+        try:
+            channel = self._channels.get((topic, type_name))
+            if channel is None:
+                channel = self._register(topic, type_name)
+            self.message_count += 1
+            self._add_message(channel, log_ns, payload, max(0, publish_ns), self.message_count)
+            self._close_old_chunk(log_ns)
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def write_many(self, messages: Sequence[Message]) -> None:
+        """Many messages in this order; a chunk may become larger by all of them."""
+        self._guard()
+        if not messages:
+            return
+        try:
+            found = self._channels
+            rows = [
+                OneMessage(
+                    found.get((topic, kind)) or self._register(topic, kind),
+                    payload,
+                    log,
+                    publish if publish > 0 else 0,
+                )
+                for topic, kind, payload, log, publish in messages
+            ]
+            self._writer.add_messages(rows, self.message_count + 1)
+            self.message_count += len(rows)
+            self._close_old_chunk(rows[-1].log_ns)
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def write_batches(self, batches: Sequence[Batch]) -> None:
+        """Many messages in the order of their log time; at one time, in that of `batches`.
+
+        No batch may be empty. Writes whole batches: a chunk may become larger by all of them.
+        """
+        self._guard()
+        try:
+            channels = [
+                self._channels.get(batch[:2]) or self._register(batch.topic, batch.type_name)
+                for batch in batches
+            ]
+            self._writer.add_batches(
+                [MessageBatch(c, *b[2:]) for c, b in zip(channels, batches, strict=True)],
+                self.message_count + 1,
+            )
+            self.message_count += sum(len(batch.log_ns) for batch in batches)
+            self._close_old_chunk(max(int(batch.log_ns[-1]) for batch in batches))
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def close_chunk(self) -> None:
+        """What was written so far is the kernel's: a killed process does not lose it."""
+        self._guard()
+        try:
+            self._writer.flush()
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def flush(self) -> None:
+        """Close the chunk and send everything to the disk itself (fdatasync)."""
+        self.close_chunk()
+        try:
+            self._file.sync()
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def sync(self) -> None:
+        """Send closed chunks to the disk itself (fdatasync); from any thread."""
+        self._file.sync()
+
+    def attach(self, name: str, data: bytes) -> None:
+        """One more attachment, at the present place of the file."""
+        self._guard()
+        try:
+            self._writer.add_attachment(0, 0, name, MEDIA_TYPES.get(Path(name).suffix, ""), data)
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        self._guard()
+        try:
+            self._writer.add_metadata(name, dict(values))
+        except StorageError as error:
+            self._broken = error
+            raise
+
+    def close(self) -> bool:
+        """Write the index and close; the second call does nothing.
+
+        Returns whether the file has its index: not when a write failed before.
+        """
+        if self._closed:
+            return self._whole
+        self._closed = True
+        try:
+            if self._broken is None:
+                self._writer.finish()
+                self._file.sync()
+                self._whole = True
+        finally:
+            self._file.close()
+            self._broken = StorageError(f"{self.path} is closed")
+        return self._whole
+
+    def __enter__(self) -> LogWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _guard(self) -> None:
+        if self._broken is not None:
+            raise self._broken
+
+    def _close_old_chunk(self, log_ns: int) -> None:
+        # A clock that was set back must not keep the chunk open either.
+        if not 0 <= log_ns - self._chunk_start_ns < self._chunk_age_ns:
+            self._chunk_start_ns = log_ns
+            self._writer.flush()
+
+    def _guarded_start(self, run: Mapping[str, str], attachments: Mapping[str, bytes]) -> None:
+        try:
+            self._writer.start(profile="ros2", library="quadlab")
+            self.add_metadata(RUN_METADATA, run)
+            for name, data in attachments.items():
+                self.attach(name, data)
+        except StorageError:
+            with suppress(OSError, StorageError):
+                self.path.unlink(missing_ok=True)  # it holds nothing yet
+                self._file.close()
+            raise
+
+    def _register(self, topic: str, type_name: str) -> int:
+        name = messages.ros_name(type_name)
+        if name not in self._schemas:
+            self._schemas[name] = self._writer.register_schema(
+                name, "ros2msg", messages.definition(type_name).encode()
+            )
+        channel: int = self._writer.register_channel(
+            topic,
+            "cdr",
+            self._schemas[name],
+            {
+                "offered_qos_profiles": self._qos_profiles.get(topic, "[]"),
+                "topic_type_hash": messages.type_hash(type_name),
+            },
+        )
+        self._channels[topic, type_name] = channel
+        return channel
+
+
+def new_mcap_writer(file: LogFile) -> Any:
+    """The mcap library's (untyped) writer with the settings of every quadlab log."""
+    output: Any = file  # it needs write, tell and flush only
+    return QuickWriter(output, file.aside, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)

@@ -1,0 +1,124 @@
+"""No reader holds more than 500 MB, whatever a log claims or holds."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from flight_log import read_attachments, read_log, summarize
+from flight_log.blocks import BLOCK_BYTES, BlockReader
+from flight_log.check import check_log
+from flight_log.column_spool import gather
+from flight_log.limits import MOST_BYTES
+from flight_log.topic import read_topic
+from flight_log.topic_columns import ColumnReader
+from quadrotor.errors import LogFormatError
+from tests.crafted_logs import CRAFTED, TINY, at_the_limit, chunk, many_tiny, message, packed, write
+
+MOST = 500_000_000
+READERS = """
+import resource, sys
+from pathlib import Path
+from quadrotor.errors import QuadlabError
+from flight_log import read_attachments, read_log, summarize
+from flight_log.check import check_log
+from flight_log.damage import damage
+from flight_log.topic import read_topic
+log = Path(sys.argv[1])
+for read in (summarize, lambda p: sum(1 for _ in read_log(p)), check_log, read_attachments,
+             lambda p: sum(1 for _ in read_topic(p, "tiny")), damage):
+    try:
+        read(log)
+    except QuadlabError as error:
+        print(error)
+    except MemoryError:
+        sys.exit(3)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def limited() -> None:
+    """Address space above what a process of Python, numpy and lz4 maps without using it."""
+    resource.setrlimit(resource.RLIMIT_AS, (3 * MOST, 3 * MOST))
+
+
+@pytest.mark.parametrize("kind", sorted(CRAFTED.keys() - {"many_tiny", "at_the_limit"}))
+def test_what_claims_or_holds_too_much_is_read_within_bounds(tmp_path: Path, kind: str) -> None:
+    log = CRAFTED[kind](tmp_path / "a.mcap")
+    run = [sys.executable, "-c", READERS, str(log)]
+    done = subprocess.run(
+        run, preexec_fn=limited, capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout.split()[-1]) * 1024 <= MOST
+
+
+def test_a_chunk_larger_than_is_read_is_refused_in_one_line(tmp_path: Path) -> None:
+    size = MOST_BYTES + 1_000_000
+    log = write(tmp_path / "a.mcap", chunk(packed([bytes(1_000_000)] * (size // 10**6)), size))
+    for read in (check_log, read_attachments, lambda path: list(read_log(path))):
+        with pytest.raises(LogFormatError) as refusal:
+            read(log)
+        told = str(refusal.value)
+        assert f"opens to {size // 10**6} MB" in told
+        assert f"at most {MOST_BYTES // 10**6} MB" in told
+        assert "\n" not in told
+    assert summarize(log).message_count == 1  # as its index says
+
+
+@pytest.mark.parametrize("size", [1_000_000, 4_000_000, 64 * 2**20])
+def test_large_chunks_of_other_writers_are_read_in_several_blocks(
+    tmp_path: Path, size: int
+) -> None:
+    body = b"\0\1\0\0" + bytes(10_000)
+    one = message(1, body)
+    count = size // len(one)
+    log = write(tmp_path / "a.mcap", chunk(packed([one] * count), count * len(one)), count=count)
+    blocks = list(BlockReader(log))
+    assert sum(len(block.places[1]) for block in blocks) == count
+    for block in blocks:
+        assert len(block.places[1]) * len(one) <= 2 * BLOCK_BYTES + len(one)
+    assert sum(len(found.payload) == len(body) for found in read_log(log)) == count
+    assert sum(1 for _ in read_topic(log, "tiny")) == count
+
+
+def test_an_index_that_names_a_message_twice_is_not_believed(tmp_path: Path) -> None:
+    log = CRAFTED["repeated_places"](tmp_path / "a.mcap")
+    assert check_log(log).count == 1
+
+
+def test_what_is_in_a_log_is_told_by_its_index_alone(tmp_path: Path) -> None:
+    log = many_tiny(tmp_path / "a.mcap", 100_000)
+    data = bytearray(log.read_bytes())
+    data[200:4000] = bytes(3800)  # its messages
+    log.write_bytes(data)
+    assert summarize(log).message_count == 100_000
+
+
+def test_a_log_without_an_index_is_counted_block_by_block(tmp_path: Path) -> None:
+    log = CRAFTED["many_loose"](tmp_path / "a.mcap")
+    shares: list[float] = []
+    found = summarize(log, shares.append)
+    assert (found.message_count, found.closed) == (1_000_000, False)
+    assert len(shares) > 5
+    assert shares == sorted(shares)
+
+
+def test_columns_are_gathered_up_to_a_bound(tmp_path: Path) -> None:
+    log = many_tiny(tmp_path / "a.mcap", 50_000)
+    [spool] = gather(ColumnReader(log), most_bytes=50_000 * (8 + 8 + 4)).values()
+    assert (len(spool), spool.size) == (50_000, 50_000 * (8 + 8 + 4))
+    with pytest.raises(LogFormatError, match="more than 1 MB of times and values"):
+        gather(ColumnReader(log), most_bytes=999_999)
+    spool.give_up_stamps()
+    assert spool.size == 50_000 * 4
+
+
+def test_a_block_of_the_smallest_messages_is_given_in_pieces(tmp_path: Path) -> None:
+    log = at_the_limit(tmp_path / "a.mcap", 9_000_000)
+    found = check_log(log)
+    assert found.count == 9_000_000 // len(message(1, TINY)) // 1000 * 1000
