@@ -84,7 +84,7 @@ class Processes:
         vehicle = self._started["vehicle"].pid
         children = Path(f"/proc/{vehicle}/task/{vehicle}/children").read_text().split()
         for pid in children:
-            if f"vehicle.{which}".encode() in Path(f"/proc/{pid}/cmdline").read_bytes():
+            if f"vehicle.{which}.process".encode() in Path(f"/proc/{pid}/cmdline").read_bytes():
                 return int(pid)
         raise NotFlownError(f"the vehicle has no {which} process")
 

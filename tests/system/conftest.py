@@ -214,7 +214,7 @@ class Laboratory:
         for pid, words in self.processes().items():
             if words[1:4] == ["-m", "quadlab", command] or words[1:3] == [
                 "-m",
-                f"vehicle.{command}",
+                f"vehicle.{command}.process",
             ]:
                 return pid
         return None
