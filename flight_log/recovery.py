@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
-from mcap.writer import MCAP0_MAGIC
 
 from flight_log.file import LogFile, is_being_written, open_log, sync_folder
-from flight_log.index_check import index_problem
+from flight_log.index import RECOVERED_METADATA, index_problem
 from flight_log.records import RawMessage, ReadState, records
 from flight_log.writer import new_mcap_writer
 from quadrotor.errors import LogFormatError, StorageError
 
-RECOVERED_METADATA = "quadlab.recovered"
 PIECE = 1 << 20
 """Bytes; what a killed writer leaves behind the tear is smaller."""
 
@@ -32,19 +30,6 @@ class Recovery:
     damaged_chunks: int = 0  # left out
     reason: str = ""
     kept: Path | None = None  # the file as it was, where more was behind the tear than zeros
-
-
-def is_closed(path: Path) -> bool:
-    """True when the file has its end mark. Raises StorageError."""
-    with open_log(path) as stream:
-        try:
-            size = stream.seek(0, os.SEEK_END)
-            if size < 2 * len(MCAP0_MAGIC):
-                return False
-            stream.seek(size - len(MCAP0_MAGIC))
-            return stream.read() == MCAP0_MAGIC
-        except OSError as error:
-            raise StorageError(f"cannot read {path}: {error.strerror}") from error
 
 
 def recover(path: Path) -> Recovery:
