@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from flight_log.file import LogFile, is_being_written, open_log, sync_folder
 from flight_log.index import RECOVERED_METADATA, index_problem
+from flight_log.mcap_writer import McapWriter
 from flight_log.records import RawMessage, ReadState, records
-from flight_log.writer import new_mcap_writer
 from quadrotor.errors import LogFormatError, StorageError
 
 PIECE = 1 << 20
@@ -64,7 +63,7 @@ def recover(path: Path) -> Recovery:
 def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
     """`problem` of its index."""
     state = ReadState()
-    writer = new_mcap_writer(target)
+    writer = McapWriter(target)
     count = _copy(path, writer, state)
     reason = state.tear or problem
     lost = path.stat().st_size - state.whole_bytes if state.tear else 0
@@ -94,7 +93,7 @@ def _holds_more(path: Path, whole_bytes: int) -> bool:
         return any(stream.read(PIECE))
 
 
-def _copy(path: Path, writer: Any, state: ReadState) -> int:
+def _copy(path: Path, writer: McapWriter, state: ReadState) -> int:
     """All whole records; returns the number of messages."""
     schemas: dict[int, int] = {0: 0}  # 0: a channel without one
     channels: dict[int, int] = {}
@@ -124,9 +123,7 @@ def _copy(path: Path, writer: Any, state: ReadState) -> int:
                     record.metadata,
                 )
             case Attachment():
-                writer.add_attachment(
-                    record.create_time, record.log_time, record.name, record.media_type, record.data
-                )
+                writer.add_attachment(record)
             case Metadata():
                 writer.add_metadata(record.name, record.metadata)
             case _:
