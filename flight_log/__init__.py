@@ -1,7 +1,8 @@
 """Flight logs: one crash-safe MCAP file a run, written and read by both ends of the link."""
 
+from flight_log.index import is_closed
 from flight_log.reader import LogMessage, read_attachments, read_log, read_metadata
-from flight_log.recovery import Recovery, is_closed, recover
+from flight_log.recovery import Recovery, recover
 from flight_log.summary import LogSummary, TopicSummary, summarize
 from flight_log.writer import LogWriter
 

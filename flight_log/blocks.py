@@ -8,7 +8,6 @@ in several blocks, for its messages as columns may take many times its bytes.
 
 from __future__ import annotations
 
-import struct
 from array import array
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
@@ -20,17 +19,23 @@ import numpy.typing as npt
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata, Schema
 
-from flight_log.index_check import index_names
-from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
-from flight_log.records import records
-from flight_log.walk import RECORD, UNREADABLE, WalkState, attachment_of, opened, stream_of, walk
+from flight_log.format import (
+    CHANNEL_AT,
+    CHUNK,
+    HEAD_BYTES,
+    INDEX_ENTRY,
+    LENGTH_AT,
+    MESSAGE_INDEX,
+    RECORD,
+    UNREADABLE,
+    opened,
+    parsed,
+)
+from flight_log.index import index_names
+from flight_log.limits import Kept, map_bytes
+from flight_log.records import WalkState, records, walk
 
 BLOCK_BYTES = 4_000_000
-HEAD_BYTES = 31
-"""Of a message record before its payload: opcode, length, channel, sequence, two times."""
-_INDEX = struct.Struct("<HI")
-_CHANNEL = struct.Struct("<H")
-_SIZE, _SIZE_AT = struct.Struct("<Q"), 16
 
 Bytes = npt.NDArray[np.uint8]
 Places = npt.NDArray[np.int64]
@@ -109,7 +114,7 @@ class BlockReader:
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._learn(opcode, data)
             elif opcode == Opcode.ATTACHMENT:
-                attachment = attachment_of(data)
+                attachment = parsed(opcode, data)
                 self.attachment_bytes[attachment.name] = len(attachment.data)
                 if self._kept.has_room(len(attachment.data)):
                     self._kept.add((opcode, attachment.name), len(attachment.data))
@@ -122,9 +127,9 @@ class BlockReader:
 
     def _take_index(self, data: bytes) -> None:
         """Read the index of the chunk before it; none if the chunk has no room for so many."""
-        channel, length = _INDEX.unpack_from(data)
+        channel, length = MESSAGE_INDEX.unpack_from(data)
         if length and self._entries is not None:
-            self._entries[channel] = data[_INDEX.size : _INDEX.size + length]
+            self._entries[channel] = data[MESSAGE_INDEX.size : MESSAGE_INDEX.size + length]
             if sum(map(len, self._entries.values())) > len(self._chunk):
                 self._entries = None
 
@@ -149,7 +154,9 @@ class BlockReader:
             found = self._walk(data)
         else:
             found = {
-                channel: np.frombuffer(pairs[: len(pairs) & ~15], "<i8")[1::2]
+                channel: np.frombuffer(pairs[: -(len(pairs) % INDEX_ENTRY.size) or None], "<i8")[
+                    1::2
+                ]
                 for channel, pairs in entries.items()
             }
         if not found.keys() <= self._described:
@@ -190,27 +197,23 @@ class BlockReader:
                 self.damaged_chunks += 1
                 break
             if opcode == Opcode.MESSAGE and length >= HEAD_BYTES - RECORD.size:
-                found[_CHANNEL.unpack_from(data, begin)[0]].append(position)
+                found[int.from_bytes(data[begin : begin + 2], "little")].append(position)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._learn(opcode, data[begin:end])
             position = end
         return {channel: np.frombuffer(places, np.int64) for channel, places in found.items()}
 
     def _learn(self, opcode: int, data: bytes) -> None:
-        if len(data) > MOST_DESCRIPTION:
-            raise ValueError("too large")
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream_of(data))
-            self._kept.add((opcode, schema.id), len(data))
-            self.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream_of(data))
-            self._kept.add((opcode, channel.id), len(data) + map_bytes(channel.metadata))
-            self.channels[channel.id] = channel
-        else:
-            record = Metadata.read(stream_of(data))
-            self._kept.add((opcode, record.name), map_bytes(record.metadata))
-            self.metadata[record.name] = dict(record.metadata)
+        match parsed(opcode, data):
+            case Schema() as schema:
+                self._kept.add((opcode, schema.id), len(data))
+                self.schemas[schema.id] = schema
+            case Channel() as channel:
+                self._kept.add((opcode, channel.id), len(data) + map_bytes(channel.metadata))
+                self.channels[channel.id] = channel
+            case Metadata() as record:
+                self._kept.add((opcode, record.name), map_bytes(record.metadata))
+                self.metadata[record.name] = dict(record.metadata)
 
     def _blocks(self, share: float) -> Iterator[Block]:
         """Return what was filled, in pieces of some BLOCK_BYTES."""
@@ -237,17 +240,17 @@ class BlockReader:
 
 def _claimed(chunk: bytes) -> int:
     """Bytes that a chunk says it has when it is opened; 0 for none."""
-    return int(_SIZE.unpack_from(chunk, _SIZE_AT)[0]) if len(chunk) >= _SIZE_AT + 8 else 0
+    return int(CHUNK.unpack_from(chunk)[2]) if len(chunk) >= CHUNK.size else 0
 
 
 def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:
     """Return whether a message of its channel begins at each place, and none lies in another."""
     for channel, its in places.items():
-        of_channel = field_at(data, its, RECORD.size, "<u2") == channel
+        of_channel = field_at(data, its, CHANNEL_AT, "<u2") == channel
         if not (of_channel & (data[its] == Opcode.MESSAGE)).all():
             return False
     every = np.sort(np.concatenate([*places.values(), np.zeros(0, np.int64)]))
-    lengths = field_at(data, every, 1, "<u8")
+    lengths = field_at(data, every, LENGTH_AT, "<u8")
     if (lengths > len(data)).any():
         return False
     ends = every + RECORD.size + lengths.astype(np.int64)

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from flight_log.index_check import index_problem
+from flight_log.index import index_problem
+from flight_log.records import ReadState, records
 from flight_log.summary import LogSummary, summarize
 from flight_log.topic_columns import ColumnReader, Columns
 from quadrotor.errors import LogFormatError
@@ -33,6 +34,7 @@ RATE_MIN = 1.0
 """Hz: what comes more seldom comes on change."""
 
 Stamps = npt.NDArray[np.int64]
+_YEAR = 3.2e7  # s; a longer time is a damaged one
 
 
 @dataclass
@@ -202,3 +204,24 @@ def _judge(found: LogCheck) -> None:
                 f"{name}: {len(topic.gaps)} gaps, {topic.missing:.2f} s in all, the longest "
                 f"{longest:.2f} s at {begin:.2f} s"
             )
+
+
+def damage(path: Path) -> list[str]:
+    """A line for each damaged chunk or other record: where it is, and from when.
+
+    Reads the whole file. Raises LogFormatError or StorageError.
+    """
+    state, start_ns = ReadState(), 0
+    for record in records(path, state):
+        start_ns = start_ns or getattr(record, "log_ns", 0)
+    found = []
+    for one in state.damaged:
+        what = "a chunk" if one.is_chunk else "an attachment, metadata or a description"
+        # The times stand before what is compressed, and may be damaged themselves.
+        since, until = ((ns - start_ns) * 1e-9 for ns in one.times_ns)
+        is_sound = one.is_chunk and 0.0 <= since <= until < _YEAR
+        when = f", with the messages from {since:.3f} to {until:.3f} s" if is_sound else ""
+        found.append(f"{what} of {one.size} bytes at byte {one.place}{when}")
+    if left := state.damaged_chunks + state.damaged_records - len(found):
+        found.append(f"{left} more such records")
+    return found

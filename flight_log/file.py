@@ -5,13 +5,17 @@ from __future__ import annotations
 import fcntl
 import os
 import stat
+import tempfile
 import threading
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from flight_log.aside import Aside
 from quadrotor.errors import StorageError
 
+PIECE = 1 << 15
+"""Bytes that are put aside in memory, and read at once from there."""
 READING = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK
 
 
@@ -19,16 +23,14 @@ class LogFile:
     """An unbuffered file with an exclusive lock for as long as it is open.
 
     The lock tells `recover` in another process that this log is still being written.
-
-    Attributes:
-        aside: for what belongs to its end; closed with it.
     """
 
     def __init__(self, path: Path, *, replace: bool = False) -> None:
         """Raises StorageError when the file exists (unless `replace`) or cannot be made."""
         self.path = path
         self.size = 0
-        self.aside = Aside(path.parent)
+        # Without a name: gone with its process, however that ends.
+        self._aside = tempfile.SpooledTemporaryFile(PIECE, "w+b", dir=str(path.parent))  # noqa: SIM115
         self._fd = -1
         self._closing = threading.Lock()  # not while the file is synced
         flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (0 if replace else os.O_EXCL)
@@ -65,11 +67,27 @@ class LogFile:
             ) from error
         return len(data)
 
-    def tell(self) -> int:
-        return self.size
+    def put_aside(self, data: bytes) -> None:
+        """For the end of the file, without holding it in memory. Raises StorageError."""
+        try:
+            self._aside.write(data)
+        except OSError as error:
+            raise self._not_aside(error) from error
 
-    def flush(self) -> None:
-        """Nothing is buffered here."""
+    def aside(self) -> Iterator[bytes]:
+        """All that was put aside, in pieces. Raises StorageError."""
+        try:
+            self._aside.seek(0)
+            while piece := self._aside.read(PIECE):
+                yield piece
+        except OSError as error:
+            raise self._not_aside(error) from error
+
+    def _not_aside(self, error: OSError) -> StorageError:
+        return StorageError(
+            f"cannot put an index aside in {self.path.parent}: {error.strerror or error}; "
+            "what was written before stays readable"
+        )
 
     def sync(self) -> None:
         """To the disk itself (0.4 ms for 64 kB); from any thread. Raises StorageError."""
@@ -89,7 +107,8 @@ class LogFile:
 
     def close(self) -> None:
         """Raises StorageError when the disk tells only now that it could not."""
-        self.aside.close()
+        with suppress(OSError):
+            self._aside.close()
         with self._closing:
             descriptor, self._fd = self._fd, -1
         if descriptor >= 0:

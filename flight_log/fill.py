@@ -13,9 +13,10 @@ from mcap.records import Attachment, Metadata
 
 from flight_log.file import LogFile, is_being_written, sync_folder
 from flight_log.filling import Filling, Placed
+from flight_log.mcap_writer import McapWriter
 from flight_log.records import RawMessage, records
 from flight_log.run_index import RunIndex
-from flight_log.writer import FILLED_METADATA, new_mcap_writer
+from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 
@@ -39,7 +40,7 @@ def write_filled(
     before = run.stat()
     target = LogFile(run.with_name(f"{run.stem}.{os.getpid()}.filling"), replace=True)
     try:
-        writer = new_mcap_writer(target)
+        writer = McapWriter(target)
         added = _copy(run, index, writer, filling, lambda: progress(target.size / before.st_size))
         writer.add_metadata(FILLED_METADATA, dict(told))
         writer.finish()
@@ -72,9 +73,9 @@ def filled_before(index: RunIndex) -> dict[str, Any]:
 
 
 def _copy(
-    run: Path, index: RunIndex, writer: Any, filling: Filling, tell: Callable[[], None]
+    run: Path, index: RunIndex, writer: McapWriter, filling: Filling, tell: Callable[[], None]
 ) -> int:
-    writer.start(profile="ros2", library="quadlab")
+    writer.start()
     schemas = {
         number: writer.register_schema(one.name, one.encoding, one.data)
         for number, one in index.schemas.items()
@@ -117,9 +118,7 @@ def _copy(
                 if count % 10_000 == 0:
                     tell()
         elif isinstance(record, Attachment):
-            writer.add_attachment(
-                record.create_time, record.log_time, record.name, record.media_type, record.data
-            )
+            writer.add_attachment(record)
         elif isinstance(record, Metadata) and record.name != FILLED_METADATA:
             writer.add_metadata(record.name, record.metadata)
     while following is not None:
@@ -129,14 +128,13 @@ def _copy(
     return added
 
 
-def _register(writer: Any, topic: str, type_name: str) -> int:
+def _register(writer: McapWriter, topic: str, type_name: str) -> int:
     """For a topic of which the run had nothing."""
     schema = writer.register_schema(
         messages.ros_name(type_name), "ros2msg", messages.definition(type_name).encode()
     )
     told = {"offered_qos_profiles": "[]", "topic_type_hash": messages.type_hash(type_name)}
-    channel: int = writer.register_channel(topic, "cdr", schema, told)
-    return channel
+    return writer.register_channel(topic, "cdr", schema, told)
 
 
 def _take_place(new: Path, run: Path, before: os.stat_result) -> None:

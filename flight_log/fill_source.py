@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +10,9 @@ from typing import NamedTuple
 
 from mcap.opcode import Opcode
 
+from flight_log.format import MESSAGE, RECORD, TIMES, UNREADABLE, opened
 from flight_log.run_index import FILLED_TOPICS
-from flight_log.walk import UNREADABLE, opened
 from quadrotor.errors import LogFormatError, StorageError
-
-_RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<HIQQ")
-_TIMES = struct.Struct("<QQ")
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ def chunks_of(source: FillSource, damage: Damage) -> Iterator[list[Onboard]]:
                         data = opened(source.name, chunk)
                         found = list(_split(data, wanted))
                     except (*UNREADABLE, LogFormatError):
-                        damage.spans.append(_TIMES.unpack_from(chunk))
+                        damage.spans.append(TIMES.unpack_from(chunk))
                         continue
                     yield found
     except OSError as error:
@@ -76,9 +71,9 @@ def chunks_of(source: FillSource, damage: Damage) -> Iterator[list[Onboard]]:
 
 
 def _chunks(file: int, place: int, end: int) -> Iterator[bytes]:
-    while place + _RECORD.size <= end:
-        opcode, length = _RECORD.unpack(os.pread(file, _RECORD.size, place))
-        place += _RECORD.size
+    while place + RECORD.size <= end:
+        opcode, length = RECORD.unpack(os.pread(file, RECORD.size, place))
+        place += RECORD.size
         if opcode in (0, Opcode.DATA_END) or place + length > end:
             return
         if opcode == Opcode.CHUNK:
@@ -89,13 +84,13 @@ def _chunks(file: int, place: int, end: int) -> Iterator[bytes]:
 def _split(data: bytes, wanted: dict[int, tuple[str, str]]) -> Iterator[Onboard]:
     place = 0
     while place < len(data):
-        opcode, length = _RECORD.unpack_from(data, place)
-        place += _RECORD.size
+        opcode, length = RECORD.unpack_from(data, place)
+        place += RECORD.size
         if place + length > len(data):
             raise ValueError("record longer than its chunk")
         if opcode == Opcode.MESSAGE:
-            channel, _, _, stamp_ns = _MESSAGE.unpack_from(data, place)
+            channel, _, _, stamp_ns = MESSAGE.unpack_from(data, place)
             if channel in wanted:
-                payload = data[place + _MESSAGE.size : place + length]
+                payload = data[place + MESSAGE.size : place + length]
                 yield Onboard(*wanted[channel], stamp_ns, payload)
         place += length

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Collection, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from flight_log.limits import Kept
-from flight_log.records import RawMessage, ReadState, records
+from flight_log.file import open_log
+from flight_log.format import CHUNK_INDEX, INDEX_PLACE, RECORD, UNREADABLE, opened, parsed
+from flight_log.index import index_records, reading
+from flight_log.limits import Kept, check_record
+from flight_log.records import RawMessage, ReadState, records, split_chunk
+from quadrotor.errors import LogFormatError, StorageError
 
 
 class LogMessage(NamedTuple):
@@ -75,3 +82,57 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
     Raises LogFormatError or StorageError.
     """
     return {r.name: dict(r.metadata) for r in records(path) if isinstance(r, Metadata)}
+
+
+def read_topic(path: Path, name: str) -> Iterator[bytes]:
+    """Payloads in CDR of `/<vehicle>/<name>` of any vehicle, in the order they were written.
+
+    Of a closed log only the chunks with them are opened.
+
+    Raises LogFormatError or StorageError; a log without the topic has none.
+    """
+    try:
+        with open_log(path) as stream:
+            file, size = stream.fileno(), os.fstat(stream.fileno()).st_size
+            wanted = {
+                channel.id
+                for _, data in index_records(reading(file), size, {Opcode.CHANNEL})
+                if (channel := parsed(Opcode.CHANNEL, data)).topic.endswith(f"/{name}")
+            }
+            if not wanted:
+                return
+            chunks = index_records(reading(file), size, {Opcode.CHUNK_INDEX})
+            if (first := next(chunks, None)) is None:  # its messages stand outside of chunks
+                yield from (m.payload for m in read_log(path) if m.topic.endswith(f"/{name}"))
+                return
+            for _, data in chain([first], chunks):
+                if (place := _chunk_with(data, wanted)) is not None:
+                    yield from _payloads(path.name, file, place, wanted)
+    except OSError as error:
+        raise StorageError(f"cannot read {path}: {error.strerror}") from error
+    except UNREADABLE as error:
+        raise LogFormatError(
+            f"{path} has a damaged index ({error}); try: quadlab log recover"
+        ) from error
+
+
+def _chunk_with(index: bytes, wanted: Collection[int]) -> int | None:
+    """Its place if the chunk has messages of these channels, or does not tell."""
+    _, _, place, _, length = CHUNK_INDEX.unpack_from(index)
+    channels = {
+        channel
+        for channel, _ in INDEX_PLACE.iter_unpack(
+            index[CHUNK_INDEX.size : CHUNK_INDEX.size + length]
+        )
+    }
+    return int(place) if not channels or channels & set(wanted) else None
+
+
+def _payloads(name: str, file: int, place: int, wanted: Collection[int]) -> Iterator[bytes]:
+    opcode, length = RECORD.unpack(os.pread(file, RECORD.size, place))
+    check_record(name, length, place)
+    if opcode != Opcode.CHUNK:
+        raise ValueError(f"no chunk at byte {place}")
+    for record in split_chunk(opened(name, os.pread(file, length, place + RECORD.size))):
+        if isinstance(record, RawMessage) and record.channel_id in wanted:
+            yield record.payload

@@ -1,26 +1,33 @@
-"""Everything in a log before its index, chunks opened, in the order of the file."""
+"""The records of a log one after the other, as far as it is whole, and what is in its chunks.
+
+A log whose writer was killed ends anywhere. Seeking readers refuse such a file; this walk goes up
+to the tear and says where and why it stopped. It holds one record at a time.
+"""
 
 from __future__ import annotations
 
-import struct
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import IO, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from flight_log.index_check import index_names
-from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
-from flight_log.walk import RECORD, UNREADABLE, WalkState, attachment_of, opened, stream_of, walk
+from flight_log.file import open_log
+from flight_log.format import MAGIC, MESSAGE, RECORD, TIMES, UNREADABLE, opened, parsed
+from flight_log.index import index_names
+from flight_log.limits import Kept, check_record, map_bytes
+from quadrotor.errors import LogFormatError, StorageError
 
-_MESSAGE = struct.Struct("<HIQQ")
-_TIMES = struct.Struct("<QQ")
 AT_ONCE = 1_000_000
 """Bytes of a chunk whose messages are made together."""
 MOST_DAMAGED = 1000
 """Records passed over that are told one by one."""
+
+
+_KEPT = (Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 class RawMessage(NamedTuple):
@@ -43,6 +50,73 @@ class Damaged(NamedTuple):
     place: int  # byte it begins at
     size: int  # bytes
     times_ns: tuple[int, int]  # of a chunk: reception of its first and last message, as it says
+
+
+@dataclass
+class WalkState:
+    """Filled while `walk` runs; final when it ended."""
+
+    closed: bool = False  # the index and the end mark were there, and nothing behind
+    whole_bytes: int = 0  # up to the end of the last whole record
+    share: float = 0.0  # of the file read so far, 0 to 1
+    tear: str = ""  # why reading stopped, empty for a closed file
+
+
+def walk(path: Path, state: WalkState) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of every record up to the footer or the tear.
+
+    Raises:
+        LogFormatError: this is no MCAP file, or a record is larger than any that is read.
+        StorageError: the file cannot be read.
+    """
+    with open_log(path) as stream:
+        try:
+            yield from _walk(path.name, stream, state)
+        except OSError as error:
+            raise StorageError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _walk(name: str, stream: IO[bytes], state: WalkState) -> Iterator[tuple[int, bytes]]:
+    size = os.fstat(stream.fileno()).st_size
+    start = stream.read(len(MAGIC))
+    if not start:
+        raise LogFormatError(f"{name} is empty: nothing was recorded")
+    if not MAGIC.startswith(start):
+        raise LogFormatError(f"{name} is no MCAP log (wrong first bytes)")
+    place = len(MAGIC)
+    while True:
+        head = stream.read(RECORD.size)
+        opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
+        end = place + RECORD.size + length
+        if opcode and end <= size:
+            check_record(name, length, place)
+        data = stream.read(length) if opcode and end <= size else b""
+        if opcode == 0 or len(data) < length or end > size:
+            break
+        place = state.whole_bytes = end
+        state.share = place / size
+        held = [data]
+        del data  # so that it is the reader's alone, and gone before the next one comes
+        yield opcode, held.pop()
+        if opcode == Opcode.FOOTER:
+            behind = stream.read(len(MAGIC))
+            more = size - place - len(behind)
+            if more and stream.read(len(MAGIC)) == MAGIC:
+                raise LogFormatError(
+                    f"{name} is two logs one behind the other: the second begins at byte "
+                    f"{place + len(MAGIC)}; part them there"
+                )
+            if behind != MAGIC:
+                state.tear = "has a wrong end mark"
+            elif more:
+                state.tear = f"has {more} bytes behind its end"
+            else:
+                state.closed = True
+            return
+    if state.whole_bytes == 0:
+        raise LogFormatError(f"{name} ends before its first record; there is nothing to recover")
+    within = "within a record" if place < size else "without its end mark"
+    state.tear = f"ends {within} after byte {place} of {size}"
 
 
 @dataclass
@@ -94,7 +168,7 @@ def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
 def _damaged(opcode: int, data: bytes, end: int) -> Damaged:
     """`end`: of the record, in bytes of the file."""
     is_chunk = opcode == Opcode.CHUNK
-    times = _TIMES.unpack_from(data) if is_chunk and len(data) >= _TIMES.size else (0, 0)
+    times = TIMES.unpack_from(data) if is_chunk and len(data) >= TIMES.size else (0, 0)
     size = RECORD.size + len(data)
     return Damaged(is_chunk, end - size, size, times)
 
@@ -139,24 +213,13 @@ def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
     """A record by itself; nothing for one of the index."""
     if opcode == Opcode.MESSAGE:
         yield _message(data, 0, len(data))
-        return
-    if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA) and len(data) > MOST_DESCRIPTION:
-        raise ValueError("too large")
-    if opcode == Opcode.SCHEMA:
-        yield Schema.read(stream_of(data))
-    elif opcode == Opcode.CHANNEL:
-        yield Channel.read(stream_of(data))
-    elif opcode == Opcode.ATTACHMENT:
-        yield attachment_of(data)
-    elif opcode == Opcode.METADATA:
-        yield Metadata.read(stream_of(data))
-    elif opcode == Opcode.HEADER:
-        yield Header.read(stream_of(data))
+    elif opcode in _KEPT:
+        yield parsed(opcode, data)
 
 
 def _message(data: bytes, begin: int, end: int) -> RawMessage:
     """Raises ValueError when there is no room for its head."""
-    if end - begin < _MESSAGE.size:
+    if end - begin < MESSAGE.size:
         raise ValueError("message shorter than its head")
-    channel, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(data, begin)
-    return RawMessage(channel, sequence, log_ns, publish_ns, data[begin + _MESSAGE.size : end])
+    channel, sequence, log_ns, publish_ns = MESSAGE.unpack_from(data, begin)
+    return RawMessage(channel, sequence, log_ns, publish_ns, data[begin + MESSAGE.size : end])

@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
-from mcap.writer import MCAP0_MAGIC
 
 from flight_log.file import LogFile, is_being_written, open_log, sync_folder
-from flight_log.index_check import index_problem
+from flight_log.index import RECOVERED_METADATA, index_problem
+from flight_log.mcap_writer import McapWriter
 from flight_log.records import RawMessage, ReadState, records
-from flight_log.writer import new_mcap_writer
 from quadrotor.errors import LogFormatError, StorageError
 
-RECOVERED_METADATA = "quadlab.recovered"
 PIECE = 1 << 20
 """Bytes; what a killed writer leaves behind the tear is smaller."""
 
@@ -32,19 +29,6 @@ class Recovery:
     damaged_chunks: int = 0  # left out
     reason: str = ""
     kept: Path | None = None  # the file as it was, where more was behind the tear than zeros
-
-
-def is_closed(path: Path) -> bool:
-    """True when the file has its end mark. Raises StorageError."""
-    with open_log(path) as stream:
-        try:
-            size = stream.seek(0, os.SEEK_END)
-            if size < 2 * len(MCAP0_MAGIC):
-                return False
-            stream.seek(size - len(MCAP0_MAGIC))
-            return stream.read() == MCAP0_MAGIC
-        except OSError as error:
-            raise StorageError(f"cannot read {path}: {error.strerror}") from error
 
 
 def recover(path: Path) -> Recovery:
@@ -79,7 +63,7 @@ def recover(path: Path) -> Recovery:
 def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
     """`problem` of its index."""
     state = ReadState()
-    writer = new_mcap_writer(target)
+    writer = McapWriter(target)
     count = _copy(path, writer, state)
     reason = state.tear or problem
     lost = path.stat().st_size - state.whole_bytes if state.tear else 0
@@ -109,7 +93,7 @@ def _holds_more(path: Path, whole_bytes: int) -> bool:
         return any(stream.read(PIECE))
 
 
-def _copy(path: Path, writer: Any, state: ReadState) -> int:
+def _copy(path: Path, writer: McapWriter, state: ReadState) -> int:
     """All whole records; returns the number of messages."""
     schemas: dict[int, int] = {0: 0}  # 0: a channel without one
     channels: dict[int, int] = {}
@@ -139,9 +123,7 @@ def _copy(path: Path, writer: Any, state: ReadState) -> int:
                     record.metadata,
                 )
             case Attachment():
-                writer.add_attachment(
-                    record.create_time, record.log_time, record.name, record.media_type, record.data
-                )
+                writer.add_attachment(record)
             case Metadata():
                 writer.add_metadata(record.name, record.metadata)
             case _:

@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from mcap.records import Channel, Schema
 
-from flight_log.blocks import HEAD_BYTES, Block, BlockReader, field_at
+from flight_log.blocks import Block, BlockReader, field_at
+from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.tick_columns import TICK_TOPICS
 from flight_log.writer import RUN_METADATA
 from quadrotor.errors import LinkError, LogFormatError
@@ -132,7 +133,7 @@ def index_run(path: Path) -> RunIndex:
     armed: dict[int, bool] = {}
     for block in reader:
         order = np.sort(np.concatenate(list(block.places.values())))
-        received = field_at(block.data, order, 15, "<u8").astype(np.int64)
+        received = field_at(block.data, order, LOG_AT, "<u8").astype(np.int64)
         first = int(received.min()) if not first else min(first, int(received.min()))
         last = max(last, int(received.max()))
         placed = np.maximum(np.maximum.accumulate(received), newest)
@@ -144,7 +145,7 @@ def index_run(path: Path) -> RunIndex:
                 offset_ns = _offset(block, int(places[-1]))
             if name not in FILLED_TOPICS:
                 continue
-            stamps = field_at(block.data, places, 23, "<u8").astype(np.int64)
+            stamps = field_at(block.data, places, PUBLISH_AT, "<u8").astype(np.int64)
             where = np.searchsorted(order, places)
             parts.setdefault(name, []).append((stamps, placed[where], received[where]))
             if name in OTHER_TOPICS:
@@ -211,5 +212,5 @@ def _offset(block: Block, place: int) -> int:
 
 
 def _payload(block: Block, place: int) -> bytes:
-    length = int(field_at(block.data, np.array([place]), 1, "<u8")[0])
+    length = int(field_at(block.data, np.array([place]), LENGTH_AT, "<u8")[0])
     return block.data[place + HEAD_BYTES : place + 9 + length].tobytes()

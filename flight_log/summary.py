@@ -8,18 +8,23 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from mcap.opcode import Opcode
 from mcap.records import AttachmentIndex, Channel, Metadata, MetadataIndex, Schema, Statistics
 
 from flight_log.blocks import BlockReader, field_at
 from flight_log.file import open_log
-from flight_log.index_check import DAMAGED, NO_END, index_problem
-from flight_log.index_records import index_records
+from flight_log.format import LOG_AT, RECORD, UNREADABLE, parsed
+from flight_log.index import (
+    DAMAGED,
+    NO_END,
+    RECOVERED_METADATA,
+    Read,
+    index_problem,
+    index_records,
+    reading,
+)
 from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
-from flight_log.recovery import RECOVERED_METADATA
-from flight_log.walk import RECORD, UNREADABLE, stream_of
 from flight_log.writer import FILLED_METADATA, RUN_METADATA
 from quadrotor.errors import LogFormatError, StorageError
 
@@ -77,13 +82,13 @@ def summarize(path: Path, progress: Callable[[float], None] = lambda share: None
     return found or _by_reading(path, problem, progress)
 
 
-_READ: dict[int, Any] = {
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.STATISTICS: Statistics,
-    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
-    Opcode.METADATA_INDEX: MetadataIndex,
-}
+_WANTED = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
 
 
 def _by_index(path: Path, file: int) -> LogSummary | None:
@@ -93,9 +98,9 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
     attachments: dict[str, int] = {}
     metadata: dict[str, dict[str, str]] = {}
     statistics: Statistics | None = None
-    kept = Kept(path.name)
-    for opcode, data in index_records(file, _READ):
-        match _READ[opcode].read(stream_of(data)):
+    kept, read, size = Kept(path.name), reading(file), os.fstat(file).st_size
+    for opcode, data in index_records(read, size, _WANTED):
+        match parsed(opcode, data):
             case Schema() as schema:
                 schemas[schema.id] = schema.name
             case Channel() as channel:
@@ -108,7 +113,7 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
                 attachments[index.name] = index.data_size
             case MetadataIndex() as index:
                 with suppress(*UNREADABLE):  # a damaged one
-                    record = _metadata(file, index)
+                    record = _metadata(read, index)
                     kept.add(("metadata", index.name), map_bytes(record.metadata))
                     metadata[record.name] = dict(record.metadata)
     if statistics is None:
@@ -120,7 +125,7 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
         topics[channel.topic] = TopicSummary(schemas[channel.schema_id], before + count)
     return LogSummary(
         path=path,
-        bytes=os.fstat(file).st_size,
+        bytes=size,
         closed=True,
         recovered=RECOVERED_METADATA in metadata,
         tear="",
@@ -133,12 +138,12 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
     )
 
 
-def _metadata(file: int, index: MetadataIndex) -> Metadata:
+def _metadata(read: Read, index: MetadataIndex) -> Metadata:
     """Raises one of UNREADABLE."""
-    opcode, length = RECORD.unpack(os.pread(file, RECORD.size, index.offset))
+    opcode, length = RECORD.unpack(read(index.offset, RECORD.size))
     if opcode != Opcode.METADATA or length > MOST_DESCRIPTION:
         raise ValueError("no metadata")
-    found: Metadata = Metadata.read(stream_of(os.pread(file, length, index.offset + RECORD.size)))
+    found: Metadata = parsed(opcode, read(index.offset + RECORD.size, length))
     return found
 
 
@@ -149,7 +154,7 @@ def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> 
     first, last = 2**64 - 1, 0
     for block in reader:
         for channel_id, places in block.places.items():
-            received = field_at(block.data, places, 15, "<u8")
+            received = field_at(block.data, places, LOG_AT, "<u8")
             first = min(first, int(received.min(initial=first)))
             last = max(last, int(received.max(initial=last)))
             counts[channel_id] += len(places)

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from mcap.opcode import Opcode
 from mcap.records import Channel
 
+from flight_log.format import HEAD_BYTES, MAGIC, MESSAGE, RECORD, UNREADABLE, opened
 from flight_log.records import records
-from flight_log.walk import UNREADABLE, opened
 from quadrotor.errors import LogFormatError, StorageError, UsageError
 from vehicle_link.messages.cdr_layout import FixedLayout
 from vehicle_link.topics.ticks import SECOND_NS, WORLD, body_frame, layout
@@ -30,10 +30,7 @@ Floats = npt.NDArray[np.float32]
 TICK_TOPICS = ("state", "reference", "imu", "actuators")
 """Topics with one message a tick, all with its stamp."""
 
-_RECORD = struct.Struct("<BQ")
-_MESSAGE = struct.Struct("<BQH")
-_HEAD = _RECORD.size + 22  # bytes of a message record before its payload
-_MAGIC = 8
+_HEAD = struct.Struct("<BQH")
 
 
 class Column(NamedTuple):
@@ -116,7 +113,7 @@ def read_columns(
     try:
         channels = _channels(path, vehicle, topics)
         with path.open("rb") as stream:
-            ended = reader.read(stream.fileno(), channels, max(offset, _MAGIC))
+            ended = reader.read(stream.fileno(), channels, max(offset, len(MAGIC)))
     except OSError as error:
         raise StorageError(f"cannot read {path.name}: {error.strerror}") from error
     stamps, found = reader.joined()
@@ -149,10 +146,10 @@ class _Reader:
     def read(self, file: int, channels: dict[int, str], place: int) -> bool:
         """Whether the file's end was reached, and it is closed."""
         size = os.fstat(file).st_size
-        while place + _RECORD.size <= size and not self._enough():
-            head = os.pread(file, _RECORD.size, place)
-            opcode, length = _RECORD.unpack(head)
-            place += _RECORD.size
+        while place + RECORD.size <= size and not self._enough():
+            head = os.pread(file, RECORD.size, place)
+            opcode, length = RECORD.unpack(head)
+            place += RECORD.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 return True
             if place + length > size:
@@ -186,12 +183,12 @@ class _Reader:
         places: dict[str, list[int]] = {}
         place, end = 0, len(data)
         while place < end:
-            opcode, length, channel = _MESSAGE.unpack_from(data, place)
+            opcode, length, channel = _HEAD.unpack_from(data, place)
             if opcode == Opcode.MESSAGE and channel in channels:
                 topic = channels[channel]
-                if length == self._layouts[topic].size + 22:
-                    places.setdefault(topic, []).append(place + _HEAD)
-            place += _RECORD.size + length
+                if length == self._layouts[topic].size + MESSAGE.size:
+                    places.setdefault(topic, []).append(place + HEAD_BYTES)
+            place += RECORD.size + length
         octets = np.frombuffer(data, np.uint8)
         for topic, starts in places.items():
             dtype = self._layouts[topic].dtype

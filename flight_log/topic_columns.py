@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from mcap.records import Schema
 
-from flight_log.blocks import HEAD_BYTES, Block, BlockReader, Bytes, Places, field_at
+from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at
+from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
@@ -168,14 +169,14 @@ class _TopicReader:
 
     def read(self, block: Block, places: Places) -> Columns:
         data = block.data
-        sizes = field_at(data, places, 1, "<u8").astype(np.int64) + 9 - HEAD_BYTES
+        sizes = field_at(data, places, LENGTH_AT, "<u8").astype(np.int64) + 9 - HEAD_BYTES
         sound = (sizes >= 0) & (places + HEAD_BYTES + sizes <= len(data))
         places, sizes = places[sound], sizes[sound]
         out = Columns(
             self._topic,
             self._type_name,
-            field_at(data, places, 15, "<i8"),
-            field_at(data, places, 23, "<i8"),
+            field_at(data, places, LOG_AT, "<i8"),
+            field_at(data, places, PUBLISH_AT, "<i8"),
             grows=self._grows,
         )
         texts: dict[str, npt.NDArray[Any]] = {}

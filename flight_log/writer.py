@@ -6,24 +6,23 @@ at most that. The index at the end is written by `close`; a file without it is `
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from mcap.writer import CompressionType
+from mcap.records import Attachment
 
 from flight_log.file import LogFile
-from flight_log.quick_writer import MessageBatch, OneMessage, QuickWriter
+from flight_log.mcap_writer import McapWriter, MessageBatch, OneMessage
 from quadrotor.errors import StorageError
 from vehicle_link import messages
 
 RUN_METADATA = "quadlab.run"
 FILLED_METADATA = "quadlab.filled"
-CHUNK_BYTES = 65536
 CHUNK_AGE_NS = 40_000_000
 MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": "text/x-python"}
 
@@ -81,7 +80,7 @@ class LogWriter:
         self._closed = False
         self._whole = False  # closed with its index
         self.message_count = 0
-        self._writer = new_mcap_writer(self._file)
+        self._writer = McapWriter(self._file)
         self._add_message = self._writer.add_message
         self._guarded_start(run, attachments)
 
@@ -122,10 +121,9 @@ class LogWriter:
 
     def write_many(self, messages: Sequence[Message]) -> None:
         """Many messages in this order; a chunk may become larger by all of them."""
-        self._guard()
-        if not messages:
-            return
-        try:
+        with self._guarded():
+            if not messages:
+                return
             found = self._channels
             rows = [
                 OneMessage(
@@ -139,17 +137,13 @@ class LogWriter:
             self._writer.add_messages(rows, self.message_count + 1)
             self.message_count += len(rows)
             self._close_old_chunk(rows[-1].log_ns)
-        except StorageError as error:
-            self._broken = error
-            raise
 
     def write_batches(self, batches: Sequence[Batch]) -> None:
         """Many messages in the order of their log time; at one time, in that of `batches`.
 
         No batch may be empty. Writes whole batches: a chunk may become larger by all of them.
         """
-        self._guard()
-        try:
+        with self._guarded():
             channels = [
                 self._channels.get(batch[:2]) or self._register(batch.topic, batch.type_name)
                 for batch in batches
@@ -160,27 +154,17 @@ class LogWriter:
             )
             self.message_count += sum(len(batch.log_ns) for batch in batches)
             self._close_old_chunk(max(int(batch.log_ns[-1]) for batch in batches))
-        except StorageError as error:
-            self._broken = error
-            raise
 
     def close_chunk(self) -> None:
         """What was written so far is the kernel's: a killed process does not lose it."""
-        self._guard()
-        try:
+        with self._guarded():
             self._writer.flush()
-        except StorageError as error:
-            self._broken = error
-            raise
 
     def flush(self) -> None:
         """Close the chunk and send everything to the disk itself (fdatasync)."""
         self.close_chunk()
-        try:
+        with self._guarded():
             self._file.sync()
-        except StorageError as error:
-            self._broken = error
-            raise
 
     def sync(self) -> None:
         """Send closed chunks to the disk itself (fdatasync); from any thread."""
@@ -188,20 +172,14 @@ class LogWriter:
 
     def attach(self, name: str, data: bytes) -> None:
         """One more attachment, at the present place of the file."""
-        self._guard()
-        try:
-            self._writer.add_attachment(0, 0, name, MEDIA_TYPES.get(Path(name).suffix, ""), data)
-        except StorageError as error:
-            self._broken = error
-            raise
+        kind = MEDIA_TYPES.get(Path(name).suffix, "")
+        record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=data)
+        with self._guarded():
+            self._writer.add_attachment(record)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        self._guard()
-        try:
+        with self._guarded():
             self._writer.add_metadata(name, dict(values))
-        except StorageError as error:
-            self._broken = error
-            raise
 
     def close(self) -> bool:
         """Write the index and close; the second call does nothing.
@@ -232,9 +210,16 @@ class LogWriter:
     ) -> None:
         self.close()
 
-    def _guard(self) -> None:
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Once the disk has refused, every call raises what it refused with."""
         if self._broken is not None:
             raise self._broken
+        try:
+            yield
+        except StorageError as error:
+            self._broken = error
+            raise
 
     def _close_old_chunk(self, log_ns: int) -> None:
         # A clock that was set back must not keep the chunk open either.
@@ -244,7 +229,7 @@ class LogWriter:
 
     def _guarded_start(self, run: Mapping[str, str], attachments: Mapping[str, bytes]) -> None:
         try:
-            self._writer.start(profile="ros2", library="quadlab")
+            self._writer.start()
             self.add_metadata(RUN_METADATA, run)
             for name, data in attachments.items():
                 self.attach(name, data)
@@ -260,7 +245,7 @@ class LogWriter:
             self._schemas[name] = self._writer.register_schema(
                 name, "ros2msg", messages.definition(type_name).encode()
             )
-        channel: int = self._writer.register_channel(
+        channel = self._writer.register_channel(
             topic,
             "cdr",
             self._schemas[name],
@@ -271,9 +256,3 @@ class LogWriter:
         )
         self._channels[topic, type_name] = channel
         return channel
-
-
-def new_mcap_writer(file: LogFile) -> Any:
-    """The mcap library's (untyped) writer with the settings of every quadlab log."""
-    output: Any = file  # it needs write, tell and flush only
-    return QuickWriter(output, file.aside, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)

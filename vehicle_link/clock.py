@@ -21,7 +21,8 @@ from quadrotor.errors import StorageError
 
 VARIABLE = "QUADLAB_LOCKSTEP"
 """Environment variable with the page's path, for the processes of one `quadlab up`."""
-GONE_NS = 1_000_000_000
+GONE_NS = 10_000_000_000
+"""More than a busy machine keeps a simulation waiting that lives."""
 EPOCH, OFFSET, LIMIT, FACTOR, VEHICLES = range(5)
 """Index in 8-byte words of the page. EPOCH: the host's epoch time minus its steady clock, at the
 page's making. OFFSET: of the simulation's clock before the host's steady one. LIMIT: up to where
@@ -66,7 +67,9 @@ def monotonic_ns() -> int:
     words = _followed.page
     if words is None:
         return time.monotonic_ns()
-    now = time.monotonic_ns() + words[OFFSET]
+    # In this order: an offset that is taken back meanwhile would set the clock back, too.
+    offset = words[OFFSET]
+    now = offset + time.monotonic_ns()
     limit = words[LIMIT]
     return now if now <= limit else max(limit, now - GONE_NS)
 

@@ -22,8 +22,9 @@ ANSWERED, TRUTH, STATION, VEHICLE = 0, LINES, LINES + 1, LINES + 2
 FLIGHT_PROCESS, COMMS_PROCESS, STATION_PROCESS = LINES + 3, LINES + 4, LINES + 5
 """Index in a vehicle's words. ANSWERED, one a serial line: the microcontroller's time (ms) in the
 newest sample that flight has ticked on. TRUTH: the newest truth that the station has made poses of.
-STATION: when the station sent what comms heard last of it. VEHICLE: the newest sample that the
-station has heard of. The last three in ns of `clock.monotonic_ns`. …_PROCESS: ids."""
+STATION: when the station sent the newest heartbeat that comms heard after all poses before it.
+VEHICLE: the newest sample that the station has heard of. The last three in ns of
+`clock.monotonic_ns`. …_PROCESS: ids."""
 WORDS, NAME = 8, 32
 """Words of each vehicle, and bytes of its name behind the words of all."""
 SHARED_MEMORY = Path("/dev/shm")
@@ -90,7 +91,7 @@ class Part:
         self._words[TRUTH] = stamp_ns - self._epoch_ns
 
     def station_heard(self, stamp_ns: int) -> None:
-        """Comms has heard what the station sent then (epoch)."""
+        """Comms has handed on what the station sent until then (epoch)."""
         self._words[STATION] = stamp_ns - self._epoch_ns
 
     def vehicle_heard(self, stamp_ns: int) -> None:

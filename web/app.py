@@ -100,15 +100,15 @@ def create_app(
 def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
     @app.get("/", include_in_schema=False)
     def page() -> HTMLResponse:
-        return FILES.document("index.html")
+        return FILES.document("console/index.html")
 
     @app.get("/kill", include_in_schema=False)
     def kill_page() -> HTMLResponse:
-        return FILES.document("kill.html")
+        return FILES.document("emergency/kill.html")
 
     @app.get("/favicon.ico", include_in_schema=False)
     def icon() -> FileResponse:
-        return FileResponse(STATIC / "icon.svg", media_type="image/svg+xml")
+        return FileResponse(STATIC / "core/icon.svg", media_type="image/svg+xml")
 
     @app.get("/vendor/{name}", include_in_schema=False)
     def vendor(name: str) -> FileResponse:

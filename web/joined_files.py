@@ -5,7 +5,7 @@ The page's own files keep to a few forms, so no compiler is needed: each module 
 that is called once and returns what others import of it, in the order in which a browser would
 run them. A form that is none of these is refused with its file and line:
 
-    import { a, b as c } from "./other.js";      import "./other.js";
+    import { a, b as c } from "../other.js";     import "./other.js";
     export const …       export function …       export async function …       export class …
 
 Lines stay as they are, and a source map leads a browser's tools back to the files.
@@ -14,16 +14,16 @@ Lines stay as they are, and a source map leads a browser's tools back to the fil
 from __future__ import annotations
 
 import json
+import posixpath
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import PurePosixPath
 
 Read = Callable[[str], str]
 """The text of a file by its name. Raises FileNotFoundError."""
 
-_IMPORT = re.compile(r'^import(?:\s*\{([^{}]*)\}\s*from)?\s*"\./([\w./-]+\.js)";', re.MULTILINE)
+_IMPORT = re.compile(r'^import(?:\s*\{([^{}]*)\}\s*from)?\s*"(\.\.?/[\w./-]+\.js)";', re.M)
 _EXPORT = re.compile(r"^export (?=(?:const|(?:async )?function|class) )", re.MULTILINE)
 _BINDING = re.compile(r"([A-Za-z_$][\w$]*)(?: as ([A-Za-z_$][\w$]*))?")
 _OTHER = re.compile(r"^\s*(?:import|export)\b(?!\s*[:=(.]).*|\bimport\s*(?:\(|\.\s*meta\b)", re.M)
@@ -62,7 +62,7 @@ def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined
     modules = _in_order(entry, read)
     wanted: dict[str, set[str]] = {name: set() for name in modules}
     for module in modules.values():
-        for other, names in _imports(module.source):
+        for other, names in _imports(module):
             for name in names:
                 _check_export(module.name, modules[other], name)
             wanted[other].update(names)
@@ -84,7 +84,10 @@ def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined
 
 
 def join_styles(names: Iterable[str], read: Read) -> str:
-    """In this order. Raises JoinError for what would mean something else at another address."""
+    """Return the stylesheets as one, in this order.
+
+    Raises JoinError for what would mean something else at another address.
+    """
     parts = []
     for name in names:
         text = read(name)
@@ -131,7 +134,7 @@ def _parsed(name: str, source: str) -> _Module:
         names = ", ".join(
             f"{theirs}: {ours}" if ours else theirs for theirs, ours in _bindings(name, found[1])
         )
-        return f"const {{ {names} }} = {_variable(found[2])};{kept}"
+        return f"const {{ {names} }} = {_variable(_resolved(name, found[2]))};{kept}"
 
     code = _EXPORT.sub("", _IMPORT.sub(bound, source))
     if (other := _OTHER.search(code)) is not None:
@@ -142,16 +145,21 @@ def _parsed(name: str, source: str) -> _Module:
             'import { a } from "./b.js"; or export before const, function or class, '
             "at the beginning of a line"
         )
-    needs = tuple(dict.fromkeys(found[2] for found in _IMPORT.finditer(source)))
+    needs = tuple(dict.fromkeys(_resolved(name, one[2]) for one in _IMPORT.finditer(source)))
     return _Module(name, code, source, needs)
 
 
-def _imports(source: str) -> list[tuple[str, list[str]]]:
-    """Which module, and the names that it gives."""
+def _imports(module: _Module) -> list[tuple[str, list[str]]]:
+    """Return the modules that a module imports, each with the names that it gives."""
     return [
-        (found[2], [theirs for theirs, _ in _bindings("", found[1] or "")])
-        for found in _IMPORT.finditer(source)
+        (_resolved(module.name, one[2]), [theirs for theirs, _ in _bindings("", one[1] or "")])
+        for one in _IMPORT.finditer(module.source)
     ]
+
+
+def _resolved(importer: str, address: str) -> str:
+    """Return the name of the module at an address that is relative to its importer."""
+    return posixpath.normpath(posixpath.join(posixpath.dirname(importer), address))
 
 
 def _bindings(name: str, listed: str) -> list[tuple[str, str]]:
@@ -174,8 +182,8 @@ def _check_export(importer: str, module: _Module, name: str) -> None:
 
 
 def _variable(name: str) -> str:
-    """No module of ours has a name that begins so."""
-    return "$$" + re.sub(r"\W", "_", str(PurePosixPath(name).with_suffix("")))
+    """Return the variable of a module; no name of ours begins like it."""
+    return "$$" + name.removesuffix(".js").replace("/", "$").replace("-", "_")
 
 
 # ---------------------------------------------------------------------- source map

@@ -31,10 +31,10 @@ LARGEST = 1_000_000
 VERSIONED = re.compile(r"v-([0-9a-f]{16})/(.*)", re.DOTALL)
 FOR_GOOD = {"cache-control": "private, max-age=31536000, immutable"}
 JOINED = "joined/"
-"""Return where scripts (`app.js`, with `app.js.map`) and styles (`index.css`) are."""
+"""Folder of the joined scripts (`runs/runs.js`, and its `.map`) and styles (`runs/runs.css`)."""
 _STYLES = re.compile(rf'<link rel="stylesheet" href="{PLACE}([^"]+)">\n?')
 _SCRIPT = re.compile(rf'<script type="module" src="{PLACE}([^"]+)"></script>')
-_JOINED = re.compile(rf"{JOINED}[a-z0-9_]{{1,60}}(\.css|\.js|\.js\.map)")
+_JOINED = re.compile(rf"{JOINED}(?:[a-z0-9_]{{1,60}}/)?[a-z0-9_]{{1,60}}(\.css|\.js|\.js\.map)")
 _TYPES = {".css": "text/css", ".js": "text/javascript", ".js.map": "application/json"}
 
 
@@ -56,7 +56,7 @@ class KeptFiles(StaticFiles):
         text = self._read(name)
         self._version = self._versioned()
         if _STYLES.search(text):
-            sheet = f"{JOINED}{Path(name).stem}.css"
+            sheet = f"{JOINED}{name.removesuffix('.html')}.css"
             self._join(sheet, self._version)
             first, *others = _STYLES.split(text)[::2]
             link = f'<link rel="stylesheet" href="{PLACE}{sheet}">\n'
@@ -80,19 +80,20 @@ class KeptFiles(StaticFiles):
             self._joined[name] = version, join_styles(sheets, self._read).encode()
         else:
             entry = stem.removesuffix(".map")
-            if not any(f'"{PLACE}{entry}"' in self._read(one.name) for one in self._pages()):
+            if not any(f'"{PLACE}{entry}"' in one.read_text("utf-8") for one in self._pages()):
                 raise FileNotFoundError(entry)
-            joined = join_modules(entry, self._read, f"{entry}.map", PLACE)
+            joined = join_modules(entry, self._read, f"{Path(entry).name}.map", PLACE)
             self._joined[f"{JOINED}{entry}"] = version, joined.text.encode()
             self._joined[f"{JOINED}{entry}.map"] = version, joined.source_map.encode()
         return self._joined[name][1]
 
     def _pages(self) -> list[Path]:
-        return list(self._folder.glob("*.html"))
+        return list(self._folder.rglob("*.html"))
 
     def _versioned(self) -> str:
-        about = [(entry.name, entry.stat()) for entry in os.scandir(self._folder)]
-        now = sorted((name, found.st_mtime_ns, found.st_size) for name, found in about)
+        files = (Path(of) / name for of, _, names in os.walk(self._folder) for name in names)
+        about = [(str(path), path.stat()) for path in files]
+        now = sorted((path, found.st_mtime_ns, found.st_size) for path, found in about)
         return hashlib.blake2b(repr(now).encode(), digest_size=8).hexdigest()
 
     async def get_response(self, path: str, scope: Scope) -> Response:

@@ -20,7 +20,7 @@ from rosbags.highlevel import AnyReader
 from benchmarks.harness import Row, Target
 from flight_log import is_closed, read_log, read_metadata
 from flight_log.check import check_log
-from flight_log.recovery import RECOVERED_METADATA
+from flight_log.index import RECOVERED_METADATA
 
 MOST_LOST_MS = 50.0
 _FIELDS = struct.Struct("<qq")

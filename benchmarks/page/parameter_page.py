@@ -23,7 +23,7 @@ COUNT = 300
 LIMIT = 2.0  # ms of the thread for one change: 4 % of it at 20 changes a second
 SHARE = 0.1  # of the time to build the whole tree
 START = """
-import { Gains } from "/static/gains.js";
+import { Gains } from "/static/gains/gains.js";
 const events = new EventTarget();
 events.on = (type, act) => events.addEventListener(type, ({ detail }) => act(detail));
 window.tell = (type, detail) => events.dispatchEvent(new CustomEvent(type, { detail }));
@@ -112,9 +112,10 @@ def parameters() -> list[dict[str, Any]]:
 def answer(route: Any, described: list[dict[str, Any]]) -> None:
     path = route.request.url.split("/", 3)[3].split("?")[0]
     if path == "":
-        page = (STATIC / "index.html").read_text()
+        page = (STATIC / "console/index.html").read_text()
         route.fulfill(
-            body=page.replace(' src="/static/app.js">', f">{START}"), content_type="text/html"
+            body=page.replace(' src="/static/console/app.js">', f">{START}"),
+            content_type="text/html",
         )
     elif path == "api/parameters":
         content = {"revision": 0, "generation": 1, "parameters": described}

@@ -41,10 +41,10 @@ SCROLL = """async (steps) => {
   }
   return [taken, document.querySelectorAll("*").length];
 }"""
-START = """<!doctype html><link rel="stylesheet" href="/static/style.css">
-<link rel="stylesheet" href="/static/runs.css"><body class="page"><main class="page runs">
+START = """<!doctype html><link rel="stylesheet" href="/static/core/style.css">
+<link rel="stylesheet" href="/static/runs/runs.css"><body class="page"><main class="page runs">
 <section id="list"></section></main><script type="module">
-import { RunList } from "/static/runs_list.js";
+import { RunList } from "/static/runs/list.js";
 window.list = new RunList(document.getElementById("list"),
   async (offset, limit) => (await fetch(`/runs?offset=${offset}&limit=${limit}`)).json());
 list.reset();

@@ -111,7 +111,8 @@ class Worker:
 def main() -> None:
     """Until the input ends; Ctrl-C is for the station, which then closes it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.setpriority(os.PRIO_PROCESS, 0, 0)  # the station may be above; this need not be
+    # The station may be above the ordinary; this need not be.
+    os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what an estimator prints is no message
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.marks import Mark, find_mark, keep_mark
-from flight_log.topic import read_topic
+from flight_log.reader import read_topic
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import TOPICS
 

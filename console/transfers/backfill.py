@@ -20,8 +20,7 @@ from console.transfers.process import run_process
 from console.transfers.source import EDGE_NS, Source, together
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
 from console.transfers.verdict import judged
-from flight_log.recovery import is_closed
-from flight_log.tail import channel_counts
+from flight_log.index import channel_counts, is_closed
 from quadrotor.errors import LogFormatError
 
 LEAD_NS = 2_000_000_000

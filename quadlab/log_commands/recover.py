@@ -33,7 +33,7 @@ class Recover:
         return 0
 
     def _left_alone(self) -> int:
-        from flight_log.damage import damage
+        from flight_log.check import damage
 
         try:
             lines = damage(self.file)

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from flight_log import LogWriter, recover
-from flight_log.file_index import FileIndex, read_index
+from flight_log.index import FileIndex, read_index
 from quadrotor.errors import LogFormatError, StorageError
 
 TYPES = {"/quad1/a": "std_msgs/Header", "/quad1/b": "rcl_interfaces/Log"}

@@ -18,8 +18,8 @@ from flight_log.file import LogFile
 from flight_log.fill import write_filled
 from flight_log.fill_source import FillSource
 from flight_log.filling import Filling, Placed
+from flight_log.index import channel_counts
 from flight_log.run_index import RunIndex, index_run
-from flight_log.tail import channel_counts
 from flight_log.tick_columns import TICK_TOPICS
 from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import StorageError

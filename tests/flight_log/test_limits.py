@@ -14,7 +14,7 @@ from flight_log.blocks import BLOCK_BYTES, BlockReader
 from flight_log.check import check_log
 from flight_log.column_spool import gather
 from flight_log.limits import MOST_BYTES
-from flight_log.topic import read_topic
+from flight_log.reader import read_topic
 from flight_log.topic_columns import ColumnReader
 from quadrotor.errors import LogFormatError
 from tests.crafted_logs import CRAFTED, TINY, at_the_limit, chunk, many_tiny, message, packed, write
@@ -26,8 +26,8 @@ from pathlib import Path
 from quadrotor.errors import QuadlabError
 from flight_log import read_attachments, read_log, summarize
 from flight_log.check import check_log
-from flight_log.damage import damage
-from flight_log.topic import read_topic
+from flight_log.check import damage
+from flight_log.reader import read_topic
 log = Path(sys.argv[1])
 for read in (summarize, lambda p: sum(1 for _ in read_log(p)), check_log, read_attachments,
              lambda p: sum(1 for _ in read_topic(p, "tiny")), damage):

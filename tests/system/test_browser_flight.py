@@ -66,7 +66,7 @@ def test_a_user_flies_tunes_lands_and_takes_the_log_home(
     from playwright.sync_api import expect
 
     # Without a graphics card the 3D view takes a core, which a real-time flight beside it needs:
-    # the page flies without it here (web/browser/test_web_page_view.py draws it).
+    # the page flies without it here (web/browser/console/test_view.py draws it).
     page.route("**/viser/**", lambda route: route.fulfill(status=200, body=""))
     page.goto(lab.link())
     lab.browser.cookies.update({c["name"]: c["value"] for c in page.context.cookies()})

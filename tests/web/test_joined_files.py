@@ -12,7 +12,7 @@ import pytest
 from web.joined_files import JoinError, join_modules, join_styles
 from web.static_files import STATIC, KeptFiles
 
-ENTRIES = sorted(path.name for path in STATIC.glob("*.html"))
+ENTRIES = sorted(str(path.relative_to(STATIC)) for path in STATIC.glob("*/*.html"))
 DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 Read = Callable[[str], str]
 
@@ -63,6 +63,21 @@ def test_modules_stand_after_those_they_import_and_once() -> None:
     assert not re.search(r"^(import|export)\b", text, re.MULTILINE)
 
 
+def test_an_import_is_relative_to_the_folder_of_its_module() -> None:
+    text = joined(
+        {
+            "a/b.js": 'import { c } from "../c/d.js";\nimport { c as e } from "./d.js";\n',
+            "c/d.js": 'import { f } from "../a/f.js";\nexport const c = f;\n',
+            "a/d.js": "export const c = 2;\n",
+            "a/f.js": "export const f = 1;\n",
+        },
+        "a/b.js",
+    )
+    found = re.findall(r"^// ---- (\S+)$", text, re.MULTILINE)
+    assert found == ["a/f.js", "c/d.js", "a/d.js", "a/b.js"]
+    assert "const { c } = $$c$d;\nconst { c: e } = $$a$d;" in text
+
+
 @pytest.mark.parametrize("page", ENTRIES)
 def test_each_line_of_each_page_s_script_is_found_in_its_file(page: str) -> None:
     entry = re.search(r'type="module" src="/static/([^"]+)"', (STATIC / page).read_text())
@@ -99,6 +114,7 @@ def _names(source_map: str) -> list[str]:
         ({"a.js": "\n\nf(import.meta.url);"}, "a.js, line 3: import.meta"),
         ({"a.js": 'import { default as b } from "./b.js";'}, "import { default as b }"),
         ({"a.js": 'import { b } from "./b.js";'}, "no module b.js, which a.js imports"),
+        ({"a.js": 'import { b } from "../b.js";'}, "no module ../b.js, which a.js imports"),
         (
             {"a.js": 'import { b } from "./b.js";', "b.js": "const b = 1;\nexport const c = b;"},
             "a.js imports b of b.js, which does not export it",

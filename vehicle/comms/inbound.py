@@ -62,7 +62,6 @@ class Inbound:
     Args:
         bearing_pose: takes (payload, stamp in ns) of a one-frame pose.
         log: takes (topic, payload, stamp in ns) of everything that was not ignored.
-        heard: told of the stamp of each heartbeat of the station that has the vehicle.
 
     Attributes:
         newest_state: STATE of the newest tick, shape (1,), which starts the search for a
@@ -76,13 +75,12 @@ class Inbound:
         say: Say,
         bearing_pose: Callable[[bytes, int], None],
         log: Callable[[str, bytes, int], None],
-        heard: Callable[[int], None] = lambda stamp_ns: None,
     ) -> None:
         self._flight = flight
         self._clock = clock
         self._complain = SaidSometimes(say, clock)
         self._bearing_pose = bearing_pose
-        self._log, self._heard = log, heard
+        self._log = log
         self._solver: BearingPose | None = None
         self._layout, self._beacons = "paper", PAPER_BEACONS
         self._preparing: threading.Thread | None = None
@@ -175,8 +173,7 @@ class Inbound:
             self._log("external_reference", payload, stamp_ns)
 
     def _heartbeat(self, payload: bytes) -> None:
-        beat = topics.decode_heartbeat(payload)
-        instance = beat.instance
+        instance = topics.decode_heartbeat(payload).instance
         now_ns = monotonic_ns()
         before = self._station.current(now_ns)
         if not self._station.heard(instance, now_ns):
@@ -191,7 +188,6 @@ class Inbound:
         self._heard_ns = now_ns
         # The station's own stamp may precede its time synchronisation: what counts is when.
         self._send(mailbox.Heartbeat(self._clock.now_ns()))
-        self._heard(beat.stamp_ns)
 
     def _bearings(self, payload: bytes) -> None:
         seen = topics.decode_bearings(payload)

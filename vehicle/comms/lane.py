@@ -1,11 +1,13 @@
 """The vehicle's end of the lane, wired: keys by a service, topics out and in.
 
 What stations send by the lane comes over Zenoh as well, where ROS 2 nodes publish it too; of both
-the first counts, and nothing older than what came.
+the first counts, and nothing older than what came. The lane alone keeps the order between topics:
+over Zenoh each has a thread of its own.
 """
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -21,13 +23,21 @@ from vehicle_link.transport.node import Node, Publisher, Received
 class CommsLane:
     """Args:
     port: UDP; another when it is taken.
+    came: told of all that came by the lane once it, and what its sender sent before it, has been
+        handed on.
     """
 
-    def __init__(self, node: Node, port: int) -> None:
+    def __init__(
+        self,
+        node: Node,
+        port: int,
+        came: Callable[[str, Received], None] = lambda topic, received: None,
+    ) -> None:
         self._node = node
         self._newest = NewestOnly()
-        self._take: dict[str, Callable[[Received], None]] = {}
-        self._lane = VehicleLane(port, self._deliver)
+        self._take: dict[str, tuple[threading.Lock, Callable[[Received], None]]] = {}
+        self._came = came
+        self._lane = VehicleLane(port, self._by_lane)
         for door, topics in ((PILOT_LANE, TO_VEHICLE), (LANE, (HELLO,))):
             node.serve(door, SERVICES[LANE], self._granting(topics))
 
@@ -43,7 +53,7 @@ class CommsLane:
 
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
         """Each message of a topic once and in order, whichever way it comes first."""
-        self._take[topic] = callback
+        self._take[topic] = threading.Lock(), callback
         row = TOPICS[topic]
         self._node.subscribe(topic, row.type_name, partial(self._deliver, topic))
 
@@ -54,7 +64,15 @@ class CommsLane:
     def close(self) -> None:
         self._lane.close()
 
+    def _by_lane(self, topic: str, received: Received) -> None:
+        self._deliver(topic, received)
+        self._came(topic, received)
+
     def _deliver(self, topic: str, received: Received) -> None:
-        callback = self._take.get(topic)
-        if callback is not None and self._newest.is_newer(topic, received):
-            callback(received)
+        taken = self._take.get(topic)
+        if taken is None:
+            return
+        one_at_a_time, callback = taken
+        with one_at_a_time:  # what came the other way has been handed on, not only seen
+            if self._newest.is_newer(topic, received):
+                callback(received)

@@ -100,15 +100,14 @@ class Comms:
             self._radio, self._log, self._clock, config.name, config.packets
         )
         self._publisher.instance = config.instance
-        part = Part(config.name)
-        part.is_this_process(COMMS_PROCESS)
+        self._part = Part(config.name)
+        self._part.is_this_process(COMMS_PROCESS)
         self._inbound = Inbound(
             self._flight,
             self._clock,
             self._say,
             lambda payload, stamp_ns: self._bearing_poses.append((payload, stamp_ns)),
             self._log_received,
-            part.station_heard,
         )
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
@@ -122,7 +121,7 @@ class Comms:
         OnboardFiles(
             self._log.folder, self._log.files, fetched, mending=lambda: self._log.mending
         ).serve(node)
-        self._lane = CommsLane(node, config.link_port + 1)
+        self._lane = CommsLane(node, config.link_port + 1, self._came_by_lane)
         beats_every = SELDOM if config.packets < HEARTBEAT_RATE else 1
         self._lane.send(self._radio.publishers, beats_every)
         for topic in self._inbound.handlers:
@@ -208,6 +207,13 @@ class Comms:
 
     def _receiver(self, topic: str) -> Callable[[Received], None]:
         return lambda received: self._inbound.take(topic, received.payload, received.gid)
+
+    def _came_by_lane(self, topic: str, received: Received) -> None:
+        """A heartbeat of the station that has the vehicle: its poses of before are with flight."""
+        if topic == "station_heartbeat":
+            beat = topics.decode_heartbeat(received.payload)
+            if beat.instance == self._inbound.holder:
+                self._part.station_heard(beat.stamp_ns)
 
     def _log_received(self, topic: str, payload: bytes, stamp_ns: int) -> None:
         type_name = topics.TOPICS[topic].type_name

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log import is_closed
-from flight_log.file_index import FileIndex, begins_as_log, read_index
+from flight_log.index import FileIndex, begins_as_log, read_index
 from quadrotor.errors import LogFormatError, QuadlabError, RefusedError, StorageError
 from vehicle.onboard_log.checksums import Checksums, Key
 from vehicle.onboard_log.file import Written

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from flight_log import is_closed, recover
 from flight_log.file import is_being_written
-from flight_log.file_index import holds_nothing
+from flight_log.index import holds_nothing
 from quadrotor.errors import QuadlabError
 from vehicle.flight.realtime import die_with_parent
 

@@ -67,4 +67,4 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/report/{run_id}", include_in_schema=False)
     def report_page(run_id: str) -> HTMLResponse:
-        return FILES.document("report.html")
+        return FILES.document("experiments/report.html")

@@ -28,7 +28,7 @@ _encode = msgspec.json.Encoder().encode
 def add_fleet(app: FastAPI, fleet: Fleet) -> None:
     @app.get("/fleet", include_in_schema=False)
     def page() -> HTMLResponse:
-        return FILES.document("fleet.html")
+        return FILES.document("fleet/fleet.html")
 
     @app.get("/api/fleet")
     async def vehicles() -> list[dict[str, Any]]:

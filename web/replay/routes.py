@@ -57,7 +57,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/replay/{run_id}", include_in_schema=False)
     def page(run_id: str) -> HTMLResponse:
-        return FILES.document("replay.html")
+        return FILES.document("replay/replay.html")
 
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:

@@ -49,7 +49,7 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/runs", include_in_schema=False)
     def page() -> HTMLResponse:
-        return FILES.document("runs.html")
+        return FILES.document("runs/runs.html")
 
     @app.get("/api/runs")
     def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:

@@ -30,7 +30,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/setup", include_in_schema=False)
     def page() -> HTMLResponse:
-        return FILES.document("setup.html")
+        return FILES.document("setup/setup.html")
 
     @app.get("/api/setup/vehicles")
     async def vehicles() -> list[dict[str, Any]]:

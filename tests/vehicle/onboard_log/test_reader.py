@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from flight_log.file_index import read_index
+from flight_log.index import read_index
 from quadrotor.records import TICK, Record
 from vehicle.onboard_log import reader as onboard_reader
 from vehicle.onboard_log.file import Batch

@@ -27,7 +27,7 @@ LEAST: dict[str, tuple[Role, Any]] = {
     "POST /emergency": (VIEWER, None),
     "GET /favicon.ico": (VIEWER, None),
     "GET /vendor/{name}": (VIEWER, None),
-    "GET /static/app.js": (VIEWER, None),
+    "GET /static/console/app.js": (VIEWER, None),
     "GET /viser/": (VIEWER, None),
     "GET /api/session": (VIEWER, None),
     "GET /api/signals": (VIEWER, None),
@@ -144,7 +144,7 @@ def routes_of(app: Any) -> set[str]:
         methods = getattr(route, "methods", None)
         if type(route).__name__ == "Mount":
             assert route.path == "/static", "a mounted application is checked by its files"
-            found.add("GET /static/app.js")
+            found.add("GET /static/console/app.js")
         elif methods is None:
             found.add(f"WEBSOCKET {route.path}")
         else:

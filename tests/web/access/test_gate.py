@@ -15,7 +15,7 @@ from console.catalogue.catalogue import Catalogue
 READ = [
     "/",
     "/kill",
-    "/static/app.js",
+    "/static/console/app.js",
     "/vendor/uPlot.iife.js",
     "/viser/",
     "/api/session",

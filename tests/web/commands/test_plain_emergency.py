@@ -94,7 +94,7 @@ def test_other_sites_other_words_and_strangers_do_nothing(
 
 
 def test_the_fleets_page_lands_all(operator: httpx.Client, station: Any) -> None:
-    assert 'name="action" value="all"' in (Path(STATIC) / "fleet.html").read_text()
+    assert 'name="action" value="all"' in (Path(STATIC) / "fleet/fleet.html").read_text()
     text = press(operator, "all").text
     assert "quad1: accepted" in text
     assert actions(station) == ["land"]

@@ -1,0 +1,117 @@
+"""The records of an MCAP file as they lie in its bytes, each declared once (https://mcap.dev/spec).
+
+A record is its opcode, the length of its content, and the content. The library's classes read and
+write the rare ones; those of which a log has thousands are packed and unpacked here.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from io import BytesIO
+from typing import Any
+
+from lz4.frame import LZ4FrameDecompressor
+from mcap import records as library
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.writer import MCAP0_MAGIC
+
+from flight_log.limits import MOST_DESCRIPTION, check_chunk
+from quadrotor.errors import LogFormatError
+
+MAGIC: bytes = MCAP0_MAGIC
+"""A log begins and ends with it."""
+RECORD = struct.Struct("<BQ")
+"""Opcode and length before each record's content."""
+MESSAGE = struct.Struct("<HIQQ")
+"""Channel, sequence, log time, publish time; then the payload."""
+HEAD_BYTES = RECORD.size + MESSAGE.size
+"""Of a message record before its payload."""
+LENGTH_AT, CHANNEL_AT, LOG_AT, PUBLISH_AT = 1, 9, 15, 23
+"""Places in a message record of its length, its channel and its two times."""
+CHUNK = struct.Struct("<QQQII")
+"""First and last log time, size when opened, checksum, length of the compression's name."""
+TIMES = struct.Struct("<QQ")
+"""The first two of these."""
+LENGTH = struct.Struct("<Q")
+MESSAGE_INDEX = struct.Struct("<HI")
+"""Channel, bytes of its entries."""
+INDEX_ENTRY = struct.Struct("<QQ")
+"""Log time, place in the opened chunk."""
+CHUNK_INDEX = struct.Struct("<QQQQI")
+"""First and last log time, place, length, bytes of the map of message indexes."""
+INDEX_PLACE = struct.Struct("<HQ")
+"""Of that map: channel, place of its index."""
+FOOTER = struct.Struct("<QQI")
+"""Place of the index, of its offsets, checksum."""
+SUMMARY_OFFSET = struct.Struct("<BQQ")
+"""Opcode of a group of the index, its place, its length."""
+END_BYTES = RECORD.size + FOOTER.size + len(MAGIC)
+"""Of the footer and the end mark."""
+
+UNREADABLE = (
+    McapError,
+    RuntimeError,
+    ValueError,
+    struct.error,
+    IndexError,
+    OverflowError,
+    MemoryError,
+)
+"""What the library and lz4 raise for bytes that are no such record."""
+
+DESCRIPTIONS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA)
+_CLASSES: dict[int, Any] = {
+    Opcode.HEADER: library.Header,
+    Opcode.SCHEMA: library.Schema,
+    Opcode.CHANNEL: library.Channel,
+    Opcode.ATTACHMENT: library.Attachment,
+    Opcode.METADATA: library.Metadata,
+    Opcode.STATISTICS: library.Statistics,
+    Opcode.ATTACHMENT_INDEX: library.AttachmentIndex,
+    Opcode.METADATA_INDEX: library.MetadataIndex,
+}
+
+
+def parsed(opcode: int, content: bytes) -> Any:
+    """Return a record as the library's class has it. Raise one of UNREADABLE when it is damaged."""
+    if opcode in DESCRIPTIONS and len(content) > MOST_DESCRIPTION:
+        raise ValueError("too large")
+    found = _CLASSES[opcode].read(ReadDataStream(BytesIO(content)))
+    if opcode == Opcode.ATTACHMENT:
+        checksum = int.from_bytes(content[-4:], "little")
+        if checksum and zlib.crc32(memoryview(content)[:-4]) != checksum:
+            raise ValueError("checksum")
+    return found
+
+
+def opened(name: str, content: bytes) -> bytes:
+    """Return what is in a chunk record, opened as far as it says it goes and no further.
+
+    Raises LogFormatError when it is too large or compressed in a way not read here, one of
+    UNREADABLE when it is damaged.
+    """
+    view = memoryview(content)
+    _, _, size, checksum, length = CHUNK.unpack_from(view)
+    place = CHUNK.size + length
+    compression = str(view[CHUNK.size : place], "utf-8")
+    if compression not in ("", "lz4"):
+        raise LogFormatError(
+            f"{name}: chunks are compressed with {compression!r:.40}; allowed are lz4 and "
+            "none: convert with `mcap compress --compression lz4`"
+        )
+    stored = view[place + LENGTH.size :]
+    if LENGTH.unpack_from(view, place)[0] != len(stored):
+        raise ValueError("size")
+    check_chunk(name, len(stored), size)
+    if compression:
+        data: bytes = LZ4FrameDecompressor().decompress(stored, max_length=size + 1)
+    else:
+        data = bytes(stored)
+    if len(data) != size:
+        raise ValueError("size")
+    if checksum and zlib.crc32(data) != checksum:
+        raise ValueError("checksum")
+    return data

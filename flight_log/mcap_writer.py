@@ -1,0 +1,336 @@
+"""An MCAP file as it is written: lz4 chunks with message indexes, and an index at the end.
+
+At 2500 messages a second, on board and at the station, the way of a message is what logging costs:
+2 µs for one by itself, a quarter of a microsecond for one of a batch. A record is one packed head
+and its payload, an index entry one packed pair, and batches are put in the order of their time by
+numpy. What the index says of each chunk waits in a file (`LogFile.put_aside`): a run has 25 to 50
+chunks a second. The file is the mcap library's to the byte.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import lz4.frame
+import numpy as np
+import numpy.typing as npt
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    DataEnd,
+    Header,
+    McapRecord,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from flight_log.file import LogFile
+from flight_log.format import (
+    CHUNK,
+    CHUNK_INDEX,
+    FOOTER,
+    HEAD_BYTES,
+    INDEX_ENTRY,
+    INDEX_PLACE,
+    LENGTH,
+    MAGIC,
+    MESSAGE,
+    MESSAGE_INDEX,
+    RECORD,
+)
+
+CHUNK_BYTES = 65536
+_HEAD = struct.Struct(RECORD.format + MESSAGE.format[1:])
+_FIELDS = [
+    ("opcode", "u1"),
+    ("length", "<u8"),
+    ("channel", "<u2"),
+    ("sequence", "<u4"),
+    ("log_ns", "<u8"),
+    ("publish_ns", "<u8"),
+]
+_OPCODE = int(Opcode.MESSAGE)
+_LZ4 = b"lz4"
+_INDEX_REST = struct.Struct("<QI3sQQ")
+"""Of a chunk's index behind its map: bytes of message indexes, compression, both sizes."""
+
+
+class MessageBatch(NamedTuple):
+    """N messages of one channel and one size, times in ns, oldest first."""
+
+    channel_id: int
+    payloads: npt.NDArray[Any]  # (N,), the payload is the item's bytes
+    log_ns: npt.NDArray[np.int64]  # (N,)
+    publish_ns: npt.NDArray[np.int64]  # (N,)
+
+
+class OneMessage(NamedTuple):
+    """Times in ns."""
+
+    channel_id: int
+    payload: bytes
+    log_ns: int
+    publish_ns: int
+
+
+class McapWriter:
+    """Writes into `file`, which it neither syncs nor closes. Every method may raise StorageError.
+
+    Args:
+        chunk_bytes: a chunk above it is closed behind the message.
+    """
+
+    def __init__(self, file: LogFile, chunk_bytes: int = CHUNK_BYTES) -> None:
+        self._file = file
+        self._chunk_bytes = chunk_bytes
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._attachments: list[AttachmentIndex] = []
+        self._metadata: list[MetadataIndex] = []
+        self._statistics = Statistics(
+            attachment_count=0,
+            channel_count=0,
+            channel_message_counts=defaultdict(int),
+            chunk_count=0,
+            message_count=0,
+            message_end_time=0,
+            message_start_time=0,
+            metadata_count=0,
+            schema_count=0,
+        )
+        self._chunk = bytearray()
+        self._entries: defaultdict[int, bytearray] = defaultdict(bytearray)  # by channel
+        self._first_ns = self._last_ns = 0  # of the chunk's messages
+
+    def start(self, profile: str = "ros2", library: str = "quadlab") -> None:
+        self._file.write(MAGIC + _packed(Header(profile, library)))
+
+    def register_schema(self, name: str, encoding: str, data: bytes) -> int:
+        """Return its id."""
+        schema = Schema(id=len(self._schemas) + 1, name=name, encoding=encoding, data=data)
+        self._schemas.append(schema)
+        self._chunk += _packed(schema)
+        self._close_full()
+        return schema.id
+
+    def register_channel(
+        self, topic: str, encoding: str, schema_id: int, metadata: dict[str, str]
+    ) -> int:
+        """Return its id. `schema_id` 0: none."""
+        channel = Channel(
+            id=len(self._channels) + 1,
+            topic=topic,
+            message_encoding=encoding,
+            schema_id=schema_id,
+            metadata=metadata,
+        )
+        self._channels.append(channel)
+        self._chunk += _packed(channel)
+        self._close_full()
+        return channel.id
+
+    def add_attachment(self, record: Attachment) -> None:
+        """At the present place of the file, before the chunk being filled."""
+        data = _packed(record)
+        self._attachments.append(
+            AttachmentIndex(
+                offset=self._file.size,
+                length=len(data),
+                create_time=record.create_time,
+                log_time=record.log_time,
+                data_size=len(record.data),
+                name=record.name,
+                media_type=record.media_type,
+            )
+        )
+        self._file.write(data)
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """As `add_attachment`."""
+        data = _packed(Metadata(metadata=values, name=name))
+        self._metadata.append(MetadataIndex(offset=self._file.size, length=len(data), name=name))
+        self._file.write(data)
+
+    def add_message(
+        self, channel_id: int, log_ns: int, payload: bytes, publish_ns: int, sequence: int = 0
+    ) -> None:
+        """Into the chunk being filled; times in ns."""
+        self._count(channel_id, 1, log_ns, log_ns)
+        chunk = self._chunk
+        self._entries[channel_id] += INDEX_ENTRY.pack(log_ns, len(chunk))
+        length, number = MESSAGE.size + len(payload), sequence & 0xFFFF_FFFF
+        chunk += _HEAD.pack(_OPCODE, length, channel_id, number, log_ns, publish_ns)
+        chunk += payload
+        if len(chunk) > self._chunk_bytes:
+            self.flush()
+
+    def add_messages(self, messages: Sequence[OneMessage], sequence: int) -> None:
+        """At least one, in this order, numbered from `sequence` on: 1 µs each.
+
+        A chunk is closed behind the last one only.
+        """
+        times = [message.log_ns for message in messages]
+        first_ns, last_ns = min(times), max(times)
+        for channel_id, count in Counter(message.channel_id for message in messages).items():
+            self._count(channel_id, count, first_ns, last_ns)
+        place = len(self._chunk)
+        parts: list[bytes] = []
+        for number, (channel_id, payload, log_ns, publish_ns) in enumerate(messages, sequence):
+            self._entries[channel_id] += INDEX_ENTRY.pack(log_ns, place)
+            size = len(payload)
+            place += HEAD_BYTES + size
+            parts.append(
+                _HEAD.pack(
+                    _OPCODE,
+                    MESSAGE.size + size,
+                    channel_id,
+                    number & 0xFFFF_FFFF,
+                    log_ns,
+                    publish_ns,
+                )
+            )
+            parts.append(payload)
+        self._chunk += b"".join(parts)
+        self._close_full()
+
+    def add_batches(self, batches: Sequence[MessageBatch], sequence: int) -> None:
+        """All messages of `batches` in the order of their log time, numbered from `sequence` on.
+
+        Those of one time stay in the order of their batches; none may be empty. A chunk is
+        closed behind the last message only, so it may become larger by all of them.
+        """
+        counts = [len(batch.log_ns) for batch in batches]
+        types = [_record_type(batch.payloads.dtype.itemsize) for batch in batches]
+        order = np.argsort(np.concatenate([batch.log_ns for batch in batches]), kind="stable")
+        sizes = np.repeat([kind.itemsize for kind in types], counts)
+        ends = np.cumsum(sizes[order])
+        places, numbers = np.empty_like(ends), np.empty_like(ends)
+        places[order] = ends - sizes[order]
+        numbers[order] = np.arange(sequence, sequence + len(order))
+        data = np.empty(ends[-1], np.uint8)
+        first = 0
+        for batch, count, kind in zip(batches, counts, types, strict=True):
+            log_ns, its = batch.log_ns, slice(first, first + count)
+            first += count
+            records = np.empty(count, kind)
+            records["opcode"], records["length"] = _OPCODE, kind.itemsize - RECORD.size
+            records["channel"], records["sequence"] = batch.channel_id, numbers[its]
+            records["log_ns"], records["publish_ns"] = log_ns, batch.publish_ns
+            records["payload"] = batch.payloads.view(kind["payload"])
+            raw = np.dtype(("V", kind.itemsize))
+            # Every place of `data` where a record of this size could stand.
+            stands = np.ndarray(len(data) - kind.itemsize + 1, raw, data, strides=(1,))
+            stands[places[its]] = records.view(raw)
+
+            self._count(batch.channel_id, count, int(log_ns.min()), int(log_ns.max()))
+            entries = np.empty((count, 2), "<u8")
+            entries[:, 0] = log_ns
+            entries[:, 1] = places[its] + len(self._chunk)
+            self._entries[batch.channel_id] += entries.tobytes()
+        self._chunk += data.data
+        self._close_full()
+
+    def flush(self) -> None:
+        """Close the chunk being filled and write it; one without messages waits for its first."""
+        if not self._entries:
+            return
+        chunk, self._chunk = self._chunk, bytearray()
+        entries, self._entries = self._entries, defaultdict(bytearray)
+        self._statistics.chunk_count += 1
+        times = self._first_ns, self._last_ns
+        stored = lz4.frame.compress(chunk)
+        content = (
+            CHUNK.pack(*times, len(chunk), zlib.crc32(chunk), len(_LZ4))
+            + _LZ4
+            + LENGTH.pack(len(stored))
+        )
+        head = RECORD.pack(Opcode.CHUNK, len(content) + len(stored)) + content
+        begin, length = self._file.size, len(head) + len(stored)
+        parts, places, place = [head, stored], b"", begin + length
+        for channel_id, pairs in entries.items():
+            places += INDEX_PLACE.pack(channel_id, place)
+            index = MESSAGE_INDEX.pack(channel_id, len(pairs))
+            size = len(index) + len(pairs)
+            parts += [RECORD.pack(Opcode.MESSAGE_INDEX, size), index, pairs]
+            place += RECORD.size + size
+        indexed = (
+            CHUNK_INDEX.pack(*times, begin, length, len(places))
+            + places
+            + _INDEX_REST.pack(place - begin - length, len(_LZ4), _LZ4, len(stored), len(chunk))
+        )
+        self._file.write(b"".join(parts))
+        self._file.put_aside(RECORD.pack(Opcode.CHUNK_INDEX, len(indexed)) + indexed)
+
+    def finish(self) -> None:
+        """Write the index and the end mark."""
+        self.flush()
+        self._file.write(_packed(DataEnd(0)))
+        statistics = self._statistics
+        statistics.schema_count, statistics.channel_count = len(self._schemas), len(self._channels)
+        statistics.attachment_count = len(self._attachments)
+        statistics.metadata_count = len(self._metadata)
+        groups: list[tuple[int, Iterable[bytes]]] = [
+            (Opcode.SCHEMA, [_packed(*self._schemas)]),
+            (Opcode.CHANNEL, [_packed(*self._channels)]),
+            (Opcode.STATISTICS, [_packed(statistics)]),
+            (Opcode.CHUNK_INDEX, self._file.aside()),
+            (Opcode.ATTACHMENT_INDEX, [_packed(*self._attachments)]),
+            (Opcode.METADATA_INDEX, [_packed(*self._metadata)]),
+        ]
+        begin, checksum, offsets = self._file.size, 0, []
+        for opcode, pieces in groups:
+            place = self._file.size
+            for piece in pieces:
+                checksum = zlib.crc32(piece, checksum)
+                self._file.write(piece)
+            offsets.append(
+                SummaryOffset(
+                    group_opcode=opcode, group_start=place, group_length=self._file.size - place
+                )
+            )
+        end = _packed(*offsets) + RECORD.pack(Opcode.FOOTER, FOOTER.size)
+        end += FOOTER.pack(begin, self._file.size, 0)[:-4]
+        self._file.write(end + zlib.crc32(end, checksum).to_bytes(4, "little") + MAGIC)
+
+    def _count(self, channel_id: int, count: int, first_ns: int, last_ns: int) -> None:
+        """Into the statistics of file and chunk."""
+        statistics = self._statistics
+        if statistics.message_count == 0 or first_ns < statistics.message_start_time:
+            statistics.message_start_time = first_ns
+        statistics.message_end_time = max(statistics.message_end_time, last_ns)
+        statistics.channel_message_counts[channel_id] += count
+        statistics.message_count += count
+        if not self._entries:
+            self._first_ns, self._last_ns = first_ns, last_ns
+            return
+        self._first_ns = min(self._first_ns, first_ns)
+        self._last_ns = max(self._last_ns, last_ns)
+
+    def _close_full(self) -> None:
+        if len(self._chunk) > self._chunk_bytes:
+            self.flush()
+
+
+def _packed(*records: McapRecord) -> bytes:
+    builder: Any = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+@cache
+def _record_type(size: int) -> np.dtype[Any]:
+    """A message record with a payload of `size` bytes."""
+    return np.dtype([*_FIELDS, ("payload", f"V{size}")])

@@ -1,0 +1,367 @@
+"""Charts as a person uses them: choose, pause, zoom, save; an hour of frames in a fixed size."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from web.live.latest import STALE
+from web.live.telemetry import RATE
+from web.signals import SIGNALS
+
+HISTORY = "const { History, indexAt } = await import('/static/charts/history.js');"
+FEED = """class Feed extends EventTarget {
+  want() {}
+  frame(time, value) {
+    this.dispatchEvent(new CustomEvent('frame', { detail: { time, value } }));
+  }
+}"""
+
+
+@pytest.fixture(scope="module")
+def modules(chromium: Any, site: Any) -> Iterator[Any]:
+    """A page with none of ours on it, from which our modules can be loaded."""
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(f"{site.base}/?token={site.token}")
+    page.wait_for_url(f"{site.base}/")  # it goes on there by itself
+    page.goto(f"{site.base}/kill")
+    page.add_script_tag(url="/vendor/uPlot.iife.js")
+    yield page
+    context.close()
+
+
+def run(page: Any, script: str) -> Any:
+    """A script with the page's modules at hand."""
+    return page.evaluate(f"async () => {{ {HISTORY} {FEED} {script} }}")
+
+
+def layout_of(page: Any) -> Any:
+    return json.loads(page.evaluate("localStorage.getItem('charts.now')"))
+
+
+def chart_signals(page: Any, index: int) -> list[str]:
+    return list(layout_of(page)["layout"]["charts"][index]["signals"])
+
+
+# ---------------------------------------------------------------------- what came
+def test_the_history_holds_the_newest_and_stays_in_one_piece(modules: Any) -> None:
+    found = run(
+        modules,
+        """
+        const feed = new Feed(), history = new History(feed, 100);
+        history.want('me', ['a']);
+        const all = [];
+        for (let i = 0; i < 1050; i++) {
+          feed.frame(i / 25, { a: i });
+          const { start, end, times } = history, column = history.column('a');
+          all.push(end - start === Math.min(i + 1, 100) && times[end - 1] === i / 25
+            && column[end - 1] === i && column[start] === Math.max(0, i - 99));
+        }
+        return all.every(Boolean);
+        """,
+    )
+    assert found is True
+
+
+def test_what_came_of_a_signal_stays_when_no_chart_shows_it(modules: Any) -> None:
+    found = run(
+        modules,
+        """
+        const feed = new Feed(), history = new History(feed, 100);
+        history.want('me', ['a']);
+        const come = (from, to, names) => { for (let i = from; i < to; i++)
+          feed.frame(i, Object.fromEntries(names.map((name) => [name, i]))); };
+        come(0, 10, ['a', 'tabled']);
+        history.want('me', ['tabled']); // another layout
+        come(10, 20, ['tabled']);
+        history.want('me', ['a', 'tabled']);
+        come(20, 30, ['a', 'tabled']);
+        const kept = ['a', 'tabled'].map((name) => [...history.column(name).slice(0, history.end)]);
+        for (let n = 0; n < 300; n++) come(30 + n, 31 + n, ['a', 'tabled', `other ${n}`]);
+        return { kept, size: history.columns.size, still: history.column('a')[5] };""",
+    )
+    a, tabled = found["kept"]
+    assert tabled == list(range(30)), "it came for the table before a chart showed it"
+    assert [value for value in a if not math.isnan(value)] == [*range(10), *range(20, 30)]
+    assert found["size"] < 100
+    assert found["still"] is not None
+
+
+def test_what_did_not_come_is_no_number(modules: Any) -> None:
+    found = run(
+        modules,
+        """
+        const feed = new Feed(), history = new History(feed, 100);
+        history.want('me', ['a']);
+        feed.frame(1, { a: 5 });
+        feed.dispatchEvent(new Event('close'));
+        feed.frame(2, { a: NaN });
+        history.want('you', ['b']);
+        feed.frame(3, { a: 7, b: 8 });
+        feed.frame(2.9, { a: 9, b: 9 });
+        const take = (name) => [...history.column(name).slice(history.start, history.end)]
+          .map((one) => Number.isNaN(one) ? null : one);
+        return [take('a'), take('b'), history.last];
+        """,
+    )
+    assert found == [[5, None, None, 7], [None, None, None, 8], 3]
+
+
+def test_a_line_is_broken_where_a_value_is_missing_or_late(modules: Any) -> None:
+    moves = modules.evaluate(
+        """async () => {
+        const { trace } = await import('/static/charts/lines.js');
+        const seen = [], Real = window.Path2D;
+        window.Path2D = class { moveTo(x, y) { seen.push(['m', x, y]); }
+                                lineTo(x, y) { seen.push(['l', x, y]); } };
+        const times = [0, 0.1, 0.2, 0.3, 0.9, 1.0], values = [1, 2, NaN, 4, 5, 6];
+        trace(times, values, 0, 6, (t) => 100 * t, (v) => v);
+        window.Path2D = Real;
+        return seen;
+    }"""
+    )
+    drawn = [["m", 0, 1], ["l", 10, 2], ["m", 30, 4], ["l", 31, 4], ["m", 90, 5], ["l", 100, 6]]
+    assert moves == drawn
+
+
+def test_many_samples_of_a_pixel_keep_their_extremes(modules: Any) -> None:
+    ys = modules.evaluate(
+        """async () => {
+        const { trace } = await import('/static/charts/lines.js');
+        const seen = [], Real = window.Path2D;
+        window.Path2D = class { moveTo(x, y) { seen.push(y); } lineTo(x, y) { seen.push(y); } };
+        const n = 3000, times = [], values = [];
+        for (let i = 0; i < n; i++) { times.push(i * 1e-3); values.push(i === 1234 ? 50 : i % 2); }
+        trace(times, values, 0, n, (t) => 10 * t, (v) => v);
+        window.Path2D = Real;
+        return seen;
+    }"""
+    )
+    assert max(ys) == 50
+    assert min(ys) == 0
+    assert len(ys) <= 4 * 31
+
+
+HOUR = """async ([names, minutes, rate]) => {
+  const { Telemetry } = await import('/static/core/sockets.js');
+  const { History } = await import('/static/charts/history.js');
+  const { TimeAxis } = await import('/static/charts/time_axis.js');
+  const { Chart } = await import('/static/charts/chart.js');
+  if (!window.hour) {
+    const description = await (await fetch('/api/signals')).json();
+    const telemetry = new Telemetry(description);
+    telemetry.close();
+    const place = document.body.appendChild(document.createElement('section'));
+    const signals = new Map(description.signals.map((one) => [one.name, one]));
+    const axis = new TimeAxis(new History(telemetry), 600);
+    const chart = new Chart(place, { axis, signals, who: 'hour', names });
+    window.hour = { telemetry, chart, now: Date.now() / 1e3 };
+  }
+  const { telemetry, chart } = window.hour, head = 12 + 2 * telemetry.topics.length;
+  const view = new DataView(new ArrayBuffer(head + 4 * names.length));
+  view.setUint16(0, telemetry.id, true);
+  view.setUint16(2, names.length, true);
+  for (let i = 0; i < minutes * 60 * rate; i++) {
+    view.setFloat64(4, window.hour.now += 1 / rate, true);
+    names.forEach((_, k) => view.setFloat32(head + 4 * k, Math.sin(i / 50 + k), true));
+    telemetry.read(view.buffer);
+    if (i % 500) continue;
+    chart.isSeen = true;
+    chart.draw(performance.now() + i * 1e3);
+    await null;
+  }
+  const { start, end, times } = chart.axis.history;
+  return [end - start, times.length, chart.piece.to - chart.piece.from];
+}"""
+
+
+def test_an_hour_of_frames_leaves_nodes_and_memory_as_they_were(modules: Any) -> None:
+    """An hour of frames through decoding, history and a chart of ten minutes, at full speed."""
+    cdp = modules.context.new_cdp_session(modules)
+    cdp.send("Performance.enable")
+    names = [signal.name for signal in SIGNALS[:6]]
+
+    def figures() -> dict[str, float]:
+        cdp.send("HeapProfiler.collectGarbage")
+        found = cdp.send("Performance.getMetrics")["metrics"]
+        return {one["name"]: one["value"] for one in found}
+
+    modules.evaluate(HOUR, [names, 21, RATE])  # past the first turn of the ring
+    before = figures()
+    held, room, drawn = modules.evaluate(HOUR, [names, 60, RATE])
+    after = figures()
+    assert (held, drawn > 10_000) == (room / 2, True)
+    assert after["Nodes"] - before["Nodes"] < 50
+    assert after["JSHeapUsedSize"] - before["JSHeapUsedSize"] < 2e6
+    assert after["JSEventListeners"] - before["JSEventListeners"] < 10
+
+
+# ---------------------------------------------------------------------- pause, zoom, cursor
+def test_the_space_bar_pauses_and_still_presses_a_focused_button(page: Any, look: Any) -> None:
+    look.text("#chart-0 .legend output >> nth=0", r"\d")
+    page.mouse.click(700, 300)
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press(" ")
+    look.text("#charts .state", r"paused for 00:0[1-9]")
+    look.text("#charts .bar button >> nth=0", "^Go on$")
+    page.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Pause$")
+    look.text("#charts .state", "^$")
+    page.focus("#charts .bar button >> nth=0")
+    page.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Go on$")
+    page.keyboard.press(" ")
+    look.text("#charts .bar button >> nth=0", "^Pause$")
+
+
+def test_drag_and_wheel_zoom_within_bounds_and_a_double_click_comes_back(
+    page: Any, look: Any
+) -> None:
+    look.text("#chart-0 .legend output >> nth=0", r"\d")
+    box = page.locator("#chart-0 .plot").bounding_box()
+    page.mouse.move(box["x"] + 200, box["y"] + 60)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 70, steps=3)
+    page.mouse.up()
+    look.text("#charts .state", r"paused .*, \d+(\.\d)? s shown")
+    shown = re.search(r", ([\d.]+) s shown", page.inner_text("#charts .state"))
+    assert shown is not None
+    assert 2.0 < float(shown[1]) < 15.0
+    page.mouse.dblclick(box["x"] + 200, box["y"] + 60)
+    look.text("#charts .state", r"^paused for \d\d:\d\d$")
+    page.click("#charts .bar button >> nth=0")
+    page.mouse.move(box["x"] + 200, box["y"] + 60)
+    page.mouse.wheel(0, -3000)
+    look.value("#charts select >> nth=0", "5")
+    page.mouse.wheel(0, 6000)
+    look.value("#charts select >> nth=0", "600")
+
+
+def test_the_cursor_is_shared_and_its_values_are_read_out(
+    page: Any, look: Any, flying: Any
+) -> None:
+    look.text("#chart-0 .legend output >> nth=0", r"^1\.000$")
+    page.focus("#chart-0 .plot")
+    page.keyboard.press("Space")
+    page.keyboard.press("ArrowLeft")
+    for chart in ("#chart-0", "#chart-1"):
+        page.wait_for_selector(f"{chart} .cursor:not([hidden])", state="attached")
+    look.text("#chart-1 .legend output >> nth=2", r"\d|–")
+    page.keyboard.press("Escape")
+    page.wait_for_selector("#chart-1 .cursor[hidden]", state="attached")
+
+
+def test_a_hidden_page_draws_nothing_and_has_it_all_when_it_is_back(
+    page: Any, look: Any, until: Callable[..., None]
+) -> None:
+    look.text("#chart-0 .legend output >> nth=0", r"\d")
+    page.evaluate("""() => {
+      window.strokes = 0;
+      const drawing = CanvasRenderingContext2D.prototype, { stroke } = drawing;
+      drawing.stroke = function (...a) { window.strokes++; stroke.apply(this, a); };
+      const get = () => window.away === true;
+      Object.defineProperty(document, 'hidden', { configurable: true, get });
+    }""")
+    until(lambda: page.evaluate("window.strokes") > 0)
+    page.evaluate(
+        """() => { window.away = true; // and a drawing under way is done two frames later
+        return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))); }"""
+    )
+    before = page.evaluate("window.strokes = 0")
+    look.text("#charts .bar button >> nth=0", "Pause")
+    assert (
+        page.evaluate("new Promise((done) => setTimeout(() => done(window.strokes), 400))")
+        == before
+    ), "it would draw six times in this time"
+    page.evaluate("window.away = false")
+    until(lambda: page.evaluate("window.strokes") > 0)
+
+
+# ---------------------------------------------------------------------- choice and layouts
+def test_charts_are_added_up_to_four_removed_and_grow_over_the_3d_view(page: Any) -> None:
+    for count in (3, 4):
+        page.click("#charts button[aria-label='add a chart']")
+        assert page.locator("#charts .chart").count() == count
+    assert page.is_disabled("#charts button[aria-label='add a chart']")
+    for _ in range(3):
+        page.click("#chart-0 button[aria-label='remove chart']")
+    assert page.locator("#charts .chart").count() == 1
+    assert page.is_hidden("#chart-0 button[aria-label='remove chart']")
+    page.click("#chart-0 button[aria-label=expand]")
+    box, view = (page.locator(one).bounding_box() for one in ("#chart-0", "#view"))
+    assert box["width"] == pytest.approx(view["width"], abs=1)
+    assert box["y"] > view["y"] + 30, "what is written on top stays in sight"
+    page.keyboard.press("Escape")
+    assert page.locator(".chart.expanded").count() == 0
+
+
+def test_every_signal_is_found_and_a_chart_has_at_most_three_units(page: Any, look: Any) -> None:
+    page.click("#chart-1 button:has-text('Signals')")
+    menu = "#chart-1 .menu"
+    for search, name in (("roll", "state.roll"), ("thrust", "thrust")):
+        page.fill(f"{menu} input[type=search]", search)
+        page.click(f"{menu} input[data-name='{name}']")
+    assert chart_signals(page, 1)[-2:] == ["state.roll", "thrust"]
+    look.text(f"{menu} .note", "3 of 3 units")
+    page.fill(f"{menu} input[type=search]", "voltage")
+    assert page.is_disabled(f"{menu} input[data-name='battery.voltage']")
+    assert page.is_enabled(f"{menu} .scales input[type=checkbox] >> nth=2")
+    page.keyboard.press("Escape")
+    assert page.locator("#chart-1 .menu").count() == 0
+    look.value("#charts select >> nth=1", "")
+    page.click("#chart-0 button:has-text('Signals')")
+    page.fill("#chart-0 .menu input[type=search]", "imu acceleration z")
+    page.click("#chart-0 .menu input[data-name='imu.linear_acceleration.z']")
+    assert chart_signals(page, 0)[-1] == "imu.linear_acceleration.z"
+    page.fill("#chart-0 .menu input[type=search]", "")
+    topics = page.locator("#chart-0 .menu .lists > details").count()
+    assert topics == len({signal.topic for signal in SIGNALS}) <= len(STALE)
+
+
+def test_a_fixed_scale_stays(page: Any, look: Any, until: Callable[..., None]) -> None:
+    page.click("#chart-0 button:has-text('Signals')")
+    page.uncheck("#chart-0 .scales input[type=checkbox]")
+    page.fill("#chart-0 .scales input >> nth=1", "-3")
+    page.fill("#chart-0 .scales input >> nth=2", "7")
+    page.keyboard.press("Tab")
+    until(lambda: layout_of(page)["layout"]["charts"][0]["scales"] == {"m": [-3, 7]})
+
+
+def test_layouts_are_saved_by_name_exported_and_imported(
+    page: Any, look: Any, tmp_path: Path
+) -> None:
+    page.select_option("#charts select >> nth=1", "Motors")
+    assert page.locator("#charts .chart").count() == 3
+    assert chart_signals(page, 0)[0] == "thrust.front"
+    page.click("#charts button:has-text('Layouts')")
+    page.fill("#charts .layouts input[type=text]", "Motors")
+    page.keyboard.press("Enter")
+    look.text("#charts .layouts p", "Motors is built in")
+    page.fill("#charts .layouts input[type=text]", "mine")
+    page.keyboard.press("Enter")
+    look.text("#charts .layouts p", "saved as mine")
+    with page.expect_download() as download:
+        page.click("#charts .layouts button:has-text('Export')")
+    file = Path(download.value.path())
+    assert list(json.loads(file.read_text())["layouts"]) == ["mine"]
+    page.click("#charts .layouts button:has-text('Remove')")
+    look.text("#charts .layouts p", "removed")
+    copy = tmp_path / "layouts.json"
+    copy.write_text(file.read_text().replace("thrust.front", "no.such"))
+    page.set_input_files("#charts .layouts input[type=file]", str(copy))
+    look.text("#charts .layouts p", "mine: there is no signal no.such here")
+    copy.write_text(file.read_text())
+    page.set_input_files("#charts .layouts input[type=file]", str(copy))
+    look.text("#charts .layouts p", "mine imported")
+    page.select_option("#charts select >> nth=1", "Attitude")
+    page.select_option("#charts select >> nth=1", "mine")
+    page.reload()
+    page.wait_for_selector("#chart-2 .legend span")
+    look.value("#charts select >> nth=1", "mine")

@@ -1,0 +1,266 @@
+"""The emergency controls in Chromium: two gestures, and no word of success before the vehicle's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from vehicle_link.messages import header, new
+
+
+def show(station: Any, mode: str) -> None:
+    station.put("status", new("quadlab_msgs/VehicleStatus", header=header(1), mode=mode))
+
+
+def actions(station: Any) -> list[str]:
+    return [request.action for name, request in station.requests if name == "emergency"]
+
+
+@pytest.fixture
+def still(open_page: Any, site: Any, station: Any) -> Any:
+    """A page whose vehicle says only what the test lets it say."""
+    show(station, "armed")
+    page = open_page(site)
+    page.keyboard.press("Escape")  # the help of a first visit
+    return page
+
+
+def test_a_press_stays_in_sight_until_the_vehicle_shows_it(
+    still: Any, station: Any, look_at: Any
+) -> None:
+    look = look_at(still)
+    station.answering.clear()
+    still.click("#emergency-land")
+    look.text("#emergency-state", r"^Emergency land: not acknowledged.*, sent [\d.]+ s ago$")
+    look.has_class("#emergency-state", "waiting")
+    station.answering.set()
+    look.text("#emergency-state", "accepted, not yet shown by the vehicle")
+    show(station, "emergency_land")
+    look.text("#emergency-state", r"^landing, acknowledged after [\d.]+ s$")
+    look.has_class("#emergency-state", "done")
+    assert actions(station) == ["land"]
+
+
+def test_every_page_sees_who_pressed_and_a_page_that_comes_later_too(
+    still: Any, station: Any, site: Any, context: Any, look_at: Any, operator: Any
+) -> None:
+    label = operator.get("/api/session").json()["label"]
+    operator.post("/api/commands/emergency", json={"action": "cut"})
+    look_at(still).text("#emergency-state", f"^Cut motors by {label}: accepted, not yet")
+    later = context.new_page()
+    later.goto(site.base)
+    look_at(later).text("#emergency-state", f"^Cut motors by {label}: accepted, not yet")
+    show(station, "cut")
+    for page in (still, later):
+        look_at(page).text("#emergency-state", f"^motors cut by {label}, acknowledged after")
+
+
+def test_a_refusal_and_a_missing_vehicle_are_said_with_their_reason(
+    still: Any, station: Any, look_at: Any
+) -> None:
+    look = look_at(still)
+    station.refusal = "emergency land refused: the motors are off"
+    still.keyboard.press("e")
+    look.text("#emergency-state", "failed: emergency land refused: the motors are off")
+    look.has_class("#emergency-state", "failed")
+    station.refusal, station.away = "", True
+    still.keyboard.press("e")
+    look.text("#emergency-state", "not acknowledged, try 2 of 3")
+    look.text("#emergency-state", "failed: the base station is not reached")
+
+
+def test_cut_is_held_and_its_key_too(still: Any, station: Any, until: Any) -> None:
+    still.click("#cut")
+    still.keyboard.press("x")
+    still.keyboard.press("e")
+    until(lambda: actions(station) == ["land"])
+    still.keyboard.down("Shift")  # as while flying by keyboard
+    still.keyboard.down("x")
+    until(lambda: (still.wait_for_timeout(20), actions(station) == ["land", "cut"])[1])
+    still.keyboard.up("x")
+    still.keyboard.up("Shift")
+    show(station, "cut")
+
+
+def test_how_long_a_key_was_held_counts_also_on_a_page_whose_timers_are_late(
+    still: Any, station: Any, until: Any
+) -> None:
+    def hold(milliseconds: int) -> None:
+        still.evaluate(
+            """(milliseconds) => {
+            const send = (type) => document.dispatchEvent(new KeyboardEvent(type, { key: 'x' }));
+            const end = performance.now() + milliseconds;
+            send('keydown');
+            while (performance.now() < end);
+            send('keyup'); }""",
+            milliseconds,
+        )
+
+    hold(300)
+    still.keyboard.press("e")
+    until(lambda: actions(station) == ["land"])
+    hold(600)
+    until(lambda: actions(station) == ["land", "cut"])
+
+
+def test_the_pads_buttons_land_at_a_press_and_cut_when_held(
+    still: Any, station: Any, until: Any
+) -> None:
+    still.evaluate(
+        """() => { window.pad = { id: 'x', mapping: 'standard', connected: true,
+        axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false })) };
+        window.pad.buttons[1].pressed = true;
+        navigator.getGamepads = () => { window.looked?.(); return [window.pad]; }; }"""
+    )
+
+    def press(button: int, pressed: bool) -> None:
+        still.evaluate(
+            """([button, pressed]) => { window.pad.buttons[button].pressed = pressed;
+            let looks = 0; // at the second the first has been acted upon
+            return new Promise((done) => { window.looked = () => { if (++looks > 1) done(); }; });
+            }""",
+            [button, pressed],
+        )
+
+    press(8, False)
+    assert actions(station) == [], "held since before the page saw the pad"
+    press(1, False)
+    press(1, True)
+    until(lambda: actions(station) == ["land"])
+    press(8, True)
+    press(8, False)
+    press(8, True)
+    until(lambda: (still.wait_for_timeout(20), actions(station) == ["land", "cut"])[1])
+
+
+def test_without_quadlab_web_the_page_says_so_tries_again_and_gives_up(
+    still: Any, station: Any, look_at: Any
+) -> None:
+    look = look_at(still)
+    still.route("**/api/commands/emergency", lambda route: route.abort())
+    still.click("#emergency-land")
+    look.text("#emergency-state", "server does not answer, trying again, pressed")
+    look.text("#emergency-state", "failed: this page's server does not answer.*Press again")
+    still.click("#emergency-land")
+    look.text("#emergency-state", "trying again")
+    still.unroute("**/api/commands/emergency")
+    look.text("#emergency-state", "accepted, not yet shown")
+    assert actions(station) == ["land"]
+
+
+def test_an_answer_to_an_older_press_does_not_hide_the_newer_one(still: Any) -> None:
+    said = still.evaluate(
+        """async () => {
+        const { EmergencyPress } = await import('/static/emergency/press.js');
+        const asked = []; // the questions to quadlab web, in their order
+        const fetched = window.fetch.bind(window); // others ask, too
+        const its = (path) => path === '/api/summary' || path.startsWith('/api/commands/emergency');
+        window.fetch = (path, ...rest) => !its(String(path)) ? fetched(path, ...rest)
+          : new Promise((done) => asked.push({ path, answer: (body) =>
+            done(new Response(JSON.stringify(body), { status: 200,
+              headers: { 'Content-Type': 'application/json' } })) }));
+        const turn = () => new Promise((done) => setTimeout(done));
+        const nth = async (kind, n) => { // a slow machine may send a press again
+          const those = () => asked.filter(({ path }) => path.includes(kind));
+          while (those().length <= n) await turn();
+          return those()[n]; };
+        const told = (id, action, phase) => ({ emergency: { id, action, phase, by: '', age: 0.5,
+          after: 0.4, reason: '', try: 1, tries: 3 } });
+        // They do not come: it asks.
+        const events = { connected: false, summary: {}, age: () => 0, on() {} };
+        const sent = new EmergencyPress(events, '');
+        sent.press('land');
+        (await nth('emergency', 0)).answer({ id: 'older' });
+        const late = await nth('summary', 0);
+        const before = asked.length;
+        const pressed = sent.press('cut');
+        while (asked.length === before) await turn();
+        asked.at(-1).answer({ id: 'newer' });
+        await pressed;
+        (await nth('summary', 1)).answer(told('newer', 'cut', 'acknowledged'));
+        while (!sent.state.said.startsWith('motors cut')) await turn();
+        late.answer(told('older', 'land', 'sent'));
+        for (let i = 0; i < 20; i++) await turn();
+        return sent.state.said;
+        }"""
+    )
+    assert said == "motors cut, acknowledged after 0.40 s"
+
+
+def test_keys_work_on_keyboards_that_write_no_latin_letters(
+    still: Any, station: Any, until: Any
+) -> None:
+    cases = {
+        ("e", "KeyE", False): "e",
+        ("E", "KeyE", True): "e",
+        ("у", "KeyE", False): "e",
+        ("Ч", "KeyX", True): "x",
+        ("ε", "KeyE", False): "e",
+        ("х", "BracketLeft", False): "[",
+        ("é", "Digit2", False): "2",
+        ("؟", "Slash", True): "?",
+        ("ж", "Semicolon", False): "ж",
+        ("e", "KeyD", False): "e",
+        ("ArrowLeft", "ArrowLeft", False): "ArrowLeft",
+    }
+    found = still.evaluate(
+        """async (cases) => { const { characterOf } = await import('/static/core/keys.js');
+        return cases.map(([key, code, shiftKey]) => characterOf({ key, code, shiftKey })); }""",
+        [list(case) for case in cases],
+    )
+    assert dict(zip(cases, found, strict=True)) == cases
+    still.evaluate(
+        """document.dispatchEvent(new KeyboardEvent('keydown', { key: 'у', code: 'KeyE' }))"""
+    )
+    until(lambda: (still.wait_for_timeout(20), actions(station) == ["land"])[1])
+    moving = still.evaluate(
+        """async () => { const { StickKeys } = await import('/static/sticks/keyboard.js');
+        const sticks = new StickKeys(), seen = [];
+        for (const type of ['keydown', 'keyup']) {
+          const key = { key: 'ц', code: 'KeyW', bubbles: true };
+          document.dispatchEvent(new KeyboardEvent(type, key));
+          seen.push(sticks.moving);
+        }
+        return seen; }"""
+    )
+    assert moving == [True, False]
+
+
+def test_a_viewer_may_land_but_not_cut(
+    site: Any, station: Any, viewer: Any, context: Any, until: Any
+) -> None:
+    name, value = next(iter(viewer.cookies.items()))
+    context.add_cookies([{"name": name, "value": value, "url": site.base}])
+    page = context.new_page()
+    page.goto(site.base)
+    page.click("#emergency-land")
+    until(lambda: actions(station) == ["land"])
+    assert page.is_disabled("#cut")
+
+
+def test_the_emergency_page_works_without_its_events(
+    site: Any, still: Any, station: Any, look_at: Any
+) -> None:
+    still.route_web_socket("**/ws/events", lambda socket: socket.close())
+    still.goto(f"{site.base}/kill")
+    look = look_at(still)
+    look.text("#state", "no connection to this page's server.*sent all the same")
+    assert still.locator("iframe, canvas").count() == 0
+    still.click("#cut")
+    look.text("#answer", "accepted, not yet shown")
+    show(station, "cut")
+    look.text("#answer", "motors cut, acknowledged after")
+    assert actions(station) == ["cut"]
+
+
+@pytest.mark.parametrize("path", ["/runs", "/setup"])
+def test_the_pages_beside_the_console_have_both_controls(
+    site: Any, still: Any, station: Any, until: Any, look_at: Any, path: str
+) -> None:
+    if still.goto(f"{site.base}{path}").status != 200:
+        pytest.skip(f"no page {path}")
+    still.wait_for_selector("#head-controls #cut")
+    still.keyboard.press("e")
+    until(lambda: actions(station) == ["land"])
+    look_at(still).text("#emergency-state", "accepted, not yet shown")

@@ -1,0 +1,228 @@
+"""Places of the flight controls: from arming to a lost contact none moves under the pointer."""
+
+from __future__ import annotations
+
+import os
+import re
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.catalogue.catalogue import Catalogue
+from quadrotor.parameters import Parameters, ParameterStore
+from vehicle.safety.parameters import SafetyParameters
+from vehicle_link.checks import Check, to_messages
+from vehicle_link.messages import header, new
+
+PLACES = """() => { scrollTo(0, 0); document.querySelector('#tab-fly').scrollTop = 0;
+  return Object.fromEntries([...document.querySelectorAll(
+  '#arm, #take-off, #land, #emergency-land, #cut, #behaviors button, #record, #sticks button')]
+  .filter((one) => one.checkVisibility()).map((one) => {
+    const { x, y, width, height } = one.getBoundingClientRect();
+    return [`${one.closest('[id]').id} ${one.id || one.textContent}`,
+            { x, y, width, height }]; })); }"""
+"""Boxes (px) of everything that commands the vehicle, by name."""
+MOST = 0.5  # px
+LONG = "take off refused: " + "the battery is at 13.2 V and arming needs 13.8 V; " * 4
+STANDS = {"mode": "ready", "armed": False, "airborne": False, "behavior": "ground"}
+FLIES: dict[str, Any] = {}
+NEAR = {"control_mode": "near_hovering", "behavior": "follow_trajectory"}
+ALONE = {
+    "mode": "emergency_land",
+    "control_mode": "emergency",
+    "behavior": "emergency_landing",
+    "flags": ["not_real_time", "battery_low", "no_pose", "link_degraded", "tilt_limited"],
+}
+PICTURES = os.environ.get("QUADLAB_PICTURES", "")
+"""A folder for a picture of each step, to be looked at."""
+
+
+class _Root(Parameters):
+    safety: SafetyParameters = SafetyParameters()
+
+
+class Cockpit:
+    """A site of its own that flies: what the vehicle says, whether anything is heard."""
+
+    def __init__(self, site: Any) -> None:
+        self.site, self.station = site, site.station
+        self.reasons = 0
+        self.silent: frozenset[str] = frozenset()  # topics that do not come
+        self._ended = threading.Event()
+        self.link = "good"
+        self.station.store = ParameterStore(_Root().model_copy(deep=True))
+        self._put = self.station.put
+        self.station.put = self._spoken
+        self._thread = threading.Thread(target=self._fly, daemon=True)
+        self._thread.start()
+
+    def _spoken(self, topic: str, message: Any) -> None:
+        if topic == "link_status":
+            message.state = self.link
+        if topic not in self.silent:
+            self._put(topic, message)
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def _fly(self) -> None:
+        while not self._ended.wait(0.1):
+            self.station.fly()
+            checks = [
+                Check(f"check {i}", "fail" if i < self.reasons else "ok", "bad", "good", "mend it")
+                for i in range(6)
+            ]
+            message = new(
+                "quadlab_msgs/Preflight",
+                header=header(1),
+                ready=not self.reasons,
+                blocks=True,
+                checks=to_messages(checks),
+            )
+            self.station.put("preflight", message)
+
+
+@pytest.fixture
+def cockpit(serve: Any, tmp_path: Path) -> Iterator[Callable[[], Any]]:
+    """`with cockpit() as flown`: a Cockpit, away when the block ends."""
+    catalogue = Catalogue(tmp_path)
+
+    @contextmanager
+    def begin() -> Iterator[Cockpit]:
+        with serve(tmp_path, catalogue) as site:
+            flown = Cockpit(site)
+            yield flown
+            flown.close()
+
+    yield begin
+    catalogue.close()
+
+
+@pytest.mark.parametrize(
+    "size", [(1440, 900), (1280, 720), (1024, 700), (390, 844)], ids=lambda s: f"{s[0]}x{s[1]}"
+)
+def test_no_flight_control_moves_from_arming_to_a_lost_contact(
+    cockpit: Any, open_page: Any, look_at: Any, size: tuple[int, int]
+) -> None:
+    steps: dict[str, dict[str, Any]] = {}
+
+    def record(step: str) -> None:
+        page.wait_for_timeout(150)  # a late layout would be missed otherwise, not a false alarm
+        steps[step] = page.evaluate(PLACES)
+        if PICTURES:
+            page.screenshot(path=f"{PICTURES}/{size[0]}-{len(steps)}-{step}.png")
+
+    with cockpit() as flown:
+        station = flown.station
+        station.said, flown.reasons = STANDS, 3
+        page = open_page(flown.site)
+        page.keyboard.press("Escape")  # the help of a first visit
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        look = look_at(page)
+        look.text("#mode", "^ready$")
+        look.text("#preflight summary", "Not ready: 3 reasons")
+        record("not ready")
+        flown.reasons = 0
+        look.text("#preflight summary", "Ready to arm")
+        record("ready")
+        station.said = {**STANDS, "mode": "armed", "armed": True}
+        look.text("#arm", "^Disarm$")
+        record("armed")
+        station.said = FLIES
+        look.text("#behavior", "^hover$")
+        record("flying")
+        station.said = NEAR
+        look.text("#behavior", "^follow trajectory$")
+        record("near-hovering")
+        station.refusal = LONG
+        page.click("#take-off")
+        look.text("#answer", "13.2 V")
+        record("refused")
+        station.refusal = ""
+        page.click("#record")
+        look.text("#answer", "accepted")
+        record("accepted")
+        station.said = ALONE
+        look.text("#behavior", "^lands alone$")
+        record("emergency landing")
+        station.said = FLIES
+        look.text("#behavior", "^hover$")
+        flown.silent, flown.link = frozenset({"state", "status"}), "lost"
+        page.wait_for_selector("#contact[data-cause=link]")
+        look.text("#contact .next", "lands in|landing now")
+        record("link lost")
+        look.text("#contact .next", r"landing now, for [\d.]+ s")
+        flown.silent, flown.link = frozenset(), "good"
+        page.wait_for_selector("#contact", state="hidden")
+        flown.silent = frozenset({"state", "status"})
+        page.wait_for_selector("#contact[data-cause=flight]")
+        look.text("#contact .next", "microcontroller")
+        record("flight process gone")
+        flown.silent = frozenset(TOPICS_OF_ALL)
+        page.wait_for_selector("#contact[data-cause=station]")
+        record("station gone")
+        flown.silent = frozenset()
+        page.wait_for_selector("#contact", state="hidden")
+        record("heard again")
+    page.wait_for_selector("#contact[data-cause=page]")
+    look.text("#contact .ago", r"[2-9]\.\d s")  # it ticks
+    record("offline")
+    page.close()
+
+    first = steps["not ready"]
+    assert {"arm arm", "cut cut", "land land"} <= first.keys()
+    moved = [
+        f"{step}: {name} by {side} {box[side] - first[name][side]:+.1f} px"
+        for step, boxes in steps.items()
+        for name, box in boxes.items()
+        for side in box
+        if abs(box[side] - first[name][side]) > MOST
+    ]
+    assert moved == []
+    assert all(boxes.keys() == first.keys() for boxes in steps.values()), "none disappears"
+
+
+TOPICS_OF_ALL = (
+    "state",
+    "status",
+    "truth",
+    "reference",
+    "actuators",
+    "estimator",
+    "battery",
+    "link_status",
+    "station_status",
+    "preflight",
+)
+
+
+BY_ITSELF = """async ([cause, silent, said]) => {
+  const { byItself } = await import('/static/link/contact_text.js');
+  const safety = { link_timeout: 0.4, link_reaction: 'brake', link_land_after: 2,
+    link_land_reaction: 'land', command_timeout: 0.25 };
+  const status = { mode: 'ARMED', behavior: 'hover', armed: true, airborne: true, ...said };
+  return byItself(cause, status, silent, (name) => safety[name]); }"""
+
+
+@pytest.mark.parametrize(
+    ("cause", "silent", "said", "told"),
+    [
+        ("link", 0.3, {}, r"brakes and hovers 0\.1 s from now, and lands 2\.0 s later"),
+        ("station", 1.0, {}, r"braking.* lands in 1\.4 s"),
+        ("link", 5.0, {}, r"landing now, for 2\.6 s"),
+        ("flight", 5.0, {}, r"microcontroller lands it alone after 0\.25 s"),
+        ("page", 5.0, {}, "does not depend on this page"),
+        ("link", 5.0, {"mode": "emergency_land"}, "landing goes on"),
+        ("link", 5.0, {"airborne": False}, "motors keep turning"),
+        ("link", 5.0, {"airborne": False, "armed": False}, "does nothing"),
+    ],
+)
+def test_what_the_vehicle_does_by_itself_follows_its_safety_parameters(
+    page: Any, cause: str, silent: float, said: dict[str, Any], told: str
+) -> None:
+    assert re.search(told, page.evaluate(BY_ITSELF, [cause, silent, said]))

@@ -1,0 +1,140 @@
+"""What a page needs to be there: few requests, and for an emergency no script at all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from vehicle_link.messages import header, new
+from web.joined_files import join_modules
+from web.static_files import STATIC
+
+MOST = 20
+"""Requests of the main page until it is ready, websockets and the 3D view's frame included."""
+
+RETURNS = re.DOTALL | re.MULTILINE
+ALONE = {"console/app.js", "emergency/kill.js"}
+"""They start a page when they are loaded."""
+
+
+def actions(station: Any) -> list[str]:
+    return [request.action for name, request in station.requests if name == "emergency"]
+
+
+@pytest.fixture
+def counted(context: Any) -> Callable[[str], tuple[Any, list[str]]]:
+    """`counted(address)`: a page, and the addresses that it asks the network for."""
+
+    def open_at(address: str) -> tuple[Any, list[str]]:
+        page, asked = context.new_page(), list[str]()
+        page.on("request", lambda one: asked.append(one.url))
+        page.on("websocket", lambda one: asked.append(one.url))
+        page.goto(address)
+        return page, asked
+
+    return open_at
+
+
+@pytest.mark.usefixtures("flying")
+def test_the_main_page_is_ready_after_few_requests(
+    site: Any, context: Any, admin: Any, counted: Any, look_at: Any
+) -> None:
+    context.add_cookies(site.cookies_of(admin))
+    page, asked = counted(site.base)
+    page.wait_for_selector("#arm:enabled")
+    look_at(page).text("#chart-0 .legend output >> nth=0", r"\d")
+    look_at(page).text("#link", "ms")
+    page.wait_for_selector("#gains details", state="attached")
+    page.wait_for_load_state("networkidle")
+    files = [one for one in asked if "/static/" in one]
+    assert sum(one.endswith("console/app.js") for one in files) == 1
+    assert sum(one.endswith(".css") for one in files) == 1
+    # The 3D view is blanked here: in its place one websocket more.
+    assert len(asked) + 1 <= MOST, "\n".join(asked)
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("/kill", "emergency/kill"),
+        ("/runs", "runs/runs"),
+        ("/setup", "setup/setup"),
+        ("/fleet", "fleet/fleet"),
+    ],
+)
+def test_the_other_pages_need_one_script_and_one_stylesheet(
+    site: Any, context: Any, admin: Any, counted: Any, path: str, name: str
+) -> None:
+    context.add_cookies(site.cookies_of(admin))
+    page, asked = counted(f"{site.base}{path}")
+    page.wait_for_load_state("networkidle")
+    files = [one.rpartition("/joined/")[2] for one in asked if "/static/" in one]
+    assert sorted(files) == [f"{name}.css", f"{name}.js"]
+
+
+@pytest.fixture
+def without_scripts(chromium: Any, site: Any, admin: Any) -> Iterator[Any]:
+    context = chromium.new_context(java_script_enabled=False)
+    context.add_cookies(site.cookies_of(admin))
+    yield context.new_page()
+    context.close()
+
+
+def test_emergencies_work_without_scripts(
+    site: Any, station: Any, without_scripts: Any, look_at: Any, until: Any
+) -> None:
+    page, look = without_scripts, look_at(without_scripts)
+    station.put("status", new("quadlab_msgs/VehicleStatus", header=header(1), mode="armed"))
+    page.goto(site.base)
+    page.click("text=Emergency land")
+    until(lambda: actions(station) == ["land"])
+    look.text("h1", "Emergency land by admin.*accepted, not yet shown by the vehicle")
+    mode = "emergency_land"
+    station.put("status", new("quadlab_msgs/VehicleStatus", header=header(1), mode=mode))
+    look.text("h1", "Landing, pressed by admin.*, acknowledged after")  # it asks again by itself
+    page.click("text=Back to the page")
+    page.click("text=Cut motors")
+    look.text("h1", r"^Cut the motors of quad1\? It falls\.$")
+    assert actions(station) == ["land"]
+    page.click("text=Cut motors")
+    until(lambda: actions(station) == ["land", "cut"])
+    station.put("status", new("quadlab_msgs/VehicleStatus", header=header(1), mode="cut"))
+    look.text("h1", "Motors cut, pressed by admin.*, acknowledged after")
+
+
+def test_emergencies_work_before_the_scripts_have_come(
+    site: Any, station: Any, context: Any, admin: Any, look_at: Any, until: Any
+) -> None:
+    context.add_cookies(site.cookies_of(admin))
+    page = context.new_page()
+    page.route("**/*.js", lambda route: None)  # never answered
+    page.goto(site.base, wait_until="commit")
+    page.click("#plain-emergency >> text=Emergency land")
+    until(lambda: actions(station) == ["land"])
+    look_at(page).text("h1", "Emergency land by admin")
+
+
+def test_the_joined_script_gives_what_the_modules_export(
+    site: Any, context: Any, admin: Any
+) -> None:
+    context.add_cookies(site.cookies_of(admin))
+    page = context.new_page()
+    page.goto(f"{site.base}/kill")
+    made = join_modules("console/app.js", lambda name: (STATIC / name).read_text(), "", "/static/")
+    given = dict(re.findall(r"^// ---- (\S+\.js)$.*?^return \{ (.*?) \};$", made.text, RETURNS))
+    assert len(given) > 70
+    wrong = page.evaluate(
+        """async (given) => {
+        const wrong = [];
+        for (const [name, names] of Object.entries(given)) {
+          const module = await import(`/static/${name}`);
+          for (const one of names.split(", ").filter(Boolean))
+            if (!(one in module)) wrong.push(`${name}: ${one}`);
+        }
+        return wrong; }""",
+        {name: names for name, names in given.items() if name not in ALONE},
+    )
+    assert wrong == []

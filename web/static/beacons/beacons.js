@@ -1,0 +1,126 @@
+// The Beacons tab: what flies on bearings, how well, and where the beacons stand.
+// While the tab is hidden it has no socket and no signals, and draws nothing.
+
+import { get } from "../core/api.js";
+import { ErrorChart } from "./chart.js";
+import { Errors } from "./errors.js";
+import { Layout } from "./layout.js";
+import { Residuals } from "./residuals.js";
+import { Sensor } from "./sensor.js";
+import { Session } from "./session.js";
+import { BeaconView } from "./view.js";
+import { Socket } from "../core/sockets.js";
+
+const $ = (id) => document.getElementById(id);
+const LAYOUT = "station.bearings.layout";
+const PERIOD = 200; // ms
+
+export class Beacons {
+  constructor({ events, history, description, gains, isOperator, ages }) {
+    const shared = { events, gains, isOperator, ages };
+    this.ages = ages;
+    this.events = events;
+    this.gains = gains;
+    this.isOperator = isOperator;
+    this.presets = {};
+    this.chosen = "vehicle"; // whose residuals are shown
+    this.session = new Session($("beacons-session"), shared);
+    this.residuals = new Residuals($("beacons-residuals"));
+    this.errors = new Errors($("beacons-errors"), { ...shared, choose: (name) => this.choose(name) });
+    this.chart = new ErrorChart($("beacons-chart"), history, description);
+    this.view = new BeaconView($("beacons-view"), { isOperator, chosen: (name) => this.follow(name) });
+    this.layout = new Layout($("beacons-layout"), isOperator);
+    this.sensor = new Sensor($("beacons-sensor"), shared);
+    document.addEventListener("tab", ({ detail }) => (detail === "beacons" ? this.show() : this.hide()));
+    gains.addEventListener("read", () => this.isOpen && this.parameters());
+    events.on("parameter", ({ name, value }) => this.isOpen && this.parameter(name, value));
+    events.on("beacon_view", (shared) => this.isOpen && this.view.show(shared));
+    events.on("hello", () => this.isOpen && this.load());
+  }
+
+  show() {
+    if (this.isOpen) return;
+    this.isOpen = true;
+    this.socket = new Socket("/ws/comparison");
+    this.socket.addEventListener("message", ({ data }) => { this.comparison = JSON.parse(data); this.draw(); });
+    this.timer = setInterval(() => this.draw(), PERIOD);
+    this.load();
+  }
+
+  hide() {
+    if (!this.isOpen) return;
+    this.isOpen = false;
+    this.socket.close();
+    clearInterval(this.timer);
+    this.names = "";
+    this.chart.compare([]);
+  }
+
+  async load() {
+    const read = await get("/api/beacons").catch(() => null);
+    if (read === null) return; // web is away; the hello of its return loads again
+    this.presets = read.presets;
+    this.view.show(read);
+    this.session.load(read.gains);
+    this.parameters();
+  }
+
+  // All of them may be new.
+  parameters() {
+    this.session.parameters();
+    this.errors.parameters();
+    this.sensor.parameters();
+    this.beacons();
+  }
+
+  parameter(name, value) {
+    if (name === LAYOUT) this.beacons();
+    else if (name.startsWith("station.bearings.")) this.sensor.confirm(name, value);
+    else if (name.startsWith("station.comparison.")) this.errors.parameters();
+    else if (name.startsWith("estimation.")) this.session.draw();
+  }
+
+  beacons() {
+    const text = this.gains.value(LAYOUT);
+    if (text === undefined) return;
+    const rows = rowsOf(text, this.presets), ids = rows.map(([id]) => id).join();
+    this.layout.show(rows, this.presets, text in this.presets ? text : "");
+    if (ids !== this.ids) this.residuals.beacons(rows.map(([id]) => id));
+    this.ids = ids;
+  }
+
+  // The ghost is everybody's, and only operators choose it; whose residuals these are is one's own.
+  choose(name) {
+    this.chosen = name;
+    if (this.isOperator) this.view.change({ estimate: name });
+    this.draw();
+  }
+
+  follow(name) {
+    if (name !== "none" && name !== "one frame") this.chosen = name;
+    this.draw();
+  }
+
+  draw() {
+    if (document.hidden) return;
+    const isStale = this.ages.isOld("comparison"), { comparison } = this;
+    this.session.draw();
+    this.residuals.mark(this.events.summary.status, this.ages.isOld("status"));
+    if (!comparison) return;
+    const names = comparison.estimators.map(({ name }) => name);
+    if (names.join() !== this.names) {
+      this.names = names.join();
+      this.chart.compare(names);
+      this.view.estimates(names);
+    }
+    const chosen = names.includes(this.chosen) ? this.chosen : "vehicle";
+    this.errors.show(comparison, chosen);
+    this.residuals.show(comparison.estimators.find(({ name }) => name === chosen), comparison.sigma, isStale);
+  }
+}
+
+// [[id, x, y, z], …] of the parameter's text: a preset's name, or `id x y z; …`
+function rowsOf(text, presets) {
+  if (text in presets) return presets[text];
+  return text.split(/[;\n]/).map((part) => part.trim()).filter(Boolean).map((part) => part.split(/[\s,]+/).map(Number)).filter((row) => row.length === 4);
+}

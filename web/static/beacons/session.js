@@ -1,0 +1,132 @@
+// What the vehicle flies on, and the way onto bearings and back: three steps in plain words.
+
+import { partsOf } from "./estimate_names.js";
+import { element } from "../core/format.js";
+
+const P = { estimator: "estimation.estimator", source: "estimation.source", shadow: "estimation.shadow", shadowSource: "estimation.shadow_source" };
+const SOURCES = { poses: "the tracker's poses", bearings: "bearings to the beacons", both: "poses and bearings together" };
+const CALM = ["hover", "brake", "velocity"]; // what a hand-over is accepted in
+
+export class Session {
+  constructor(place, { events, gains, isOperator, ages }) {
+    this.events = events;
+    this.ages = ages;
+    this.gains = gains;
+    this.isOperator = isOperator;
+    this.presets = {};
+    this.line = element("output", { className: "flies" });
+    this.line.dataset.topic = "status";
+    this.detail = element("span", { className: "detail" });
+    this.estimator = element("select", { ariaLabel: "estimator on bearings", disabled: !isOperator, onchange: () => this.draw() });
+    this.preset = element("select", { ariaLabel: "gains of the complementary filter", disabled: !isOperator, onchange: () => this.draw(),
+      title: "gains of the complementary filter, set when it starts beside; the vehicle's own one has the same" });
+    this.beside = element("button", { onclick: () => this.runBeside() }, "Run beside");
+    this.stop = element("button", { onclick: () => this.attempt({ [P.shadow]: "none" }) }, "Stop");
+    this.over = element("button", { onclick: () => this.attempt({ [P.estimator]: this.estimator.value, [P.source]: "bearings" }), title: "the vehicle takes it when it has converged and agrees with what is flown on; else it says why not" }, "Fly on bearings");
+    this.back = element("button", { onclick: () => this.attempt({ [P.source]: "poses" }), title: "at once; before landing the vehicle goes back by itself" }, "Back to tracker");
+    this.reason = element("div", { className: "reason", hidden: true, role: "status" });
+    this.steps = [
+      step("Hover on the tracker"),
+      step("", this.stop, this.beside),
+      step("", this.over),
+    ];
+    this.choice = element("div", { className: "choice" }, element("label", {}, "Estimator", this.estimator), element("label", {}, "Gains", this.preset));
+    this.way = element("div", {}, this.choice, element("ol", { className: "steps" }, ...this.steps.map(({ place: line }) => line)));
+    place.append(element("div", { className: "flying" }, element("div", {}, this.line, this.detail), this.back), this.way, this.reason);
+  }
+
+  // presets: gains of the complementary filter by name
+  load(presets) {
+    this.presets = presets;
+    this.parameters();
+  }
+
+  parameters() {
+    const choices = this.gains.rows.get(P.shadow)?.description.choices.filter((name) => name !== "none") ?? [];
+    if (choices.join() !== [...this.estimator.options].map((option) => option.value).join()) {
+      this.estimator.replaceChildren(...choices.map((name) => element("option", { value: name }, partsOf(name)[0])));
+      this.estimator.value = choices.includes("error_state") ? "error_state" : choices[0];
+    }
+    const options = [["", "as set"], ["default", "for the tracker"], ...Object.keys(this.presets).map((name) => [name, name])];
+    if (options.length !== this.preset.options.length) {
+      this.preset.replaceChildren(...options.map(([value, text]) => element("option", { value }, text)));
+      this.preset.value = "resolved" in this.presets ? "resolved" : "";
+    }
+    this.draw();
+  }
+
+  // Of the values in use; "" when they are nobody's.
+  get presetInUse() {
+    const names = ["default", ...Object.keys(this.presets)];
+    return names.find((name) => Object.entries(this.valuesOf(name)).every(([key, value]) => this.gains.value(key) === value)) ?? "";
+  }
+
+  valuesOf(name) {
+    if (name !== "default") return this.presets[name] ?? {};
+    const keys = Object.keys(Object.values(this.presets)[0] ?? {});
+    return Object.fromEntries(keys.map((key) => [key, this.gains.rows.get(key)?.description.default]));
+  }
+
+  runBeside() {
+    const gains = this.estimator.value === "complementary" ? this.valuesOf(this.preset.value) : {};
+    this.attempt({ ...gains, [P.shadow]: this.estimator.value, [P.shadowSource]: "bearings" });
+  }
+
+  async attempt(values) {
+    this.reason.hidden = true;
+    this.busy = true;
+    this.draw();
+    try { await this.gains.set(values); } catch (error) {
+      this.reason.textContent = error.message;
+      this.reason.hidden = false;
+    }
+    this.busy = false;
+    this.draw();
+  }
+
+  draw() {
+    const value = (name) => this.gains.value(P[name]);
+    const { status } = this.events.summary, isStale = this.ages.isOld("status");
+    const flags = status?.flags ?? [], source = value("source");
+    const onBearings = flags.includes("on_bearings") || source === "bearings";
+    const filter = value("estimator"), gains = filter === "complementary" && this.presetInUse;
+    set(this.line, source === undefined ? "The vehicle's parameters have not been read yet" : `${status?.airborne === false ? "Estimate from" : "Flies on"} ${SOURCES[onBearings ? "bearings" : source]}`);
+    set(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back by itself, the events say why"].filter(Boolean).join(" · "));
+    this.detail.classList.toggle("amber", flags.includes("fell_back") && !isStale);
+    this.way.hidden = source !== "poses";
+    this.back.hidden = source === undefined || source === "poses";
+    this.drawSteps(status, isStale, value);
+    for (const button of [this.beside, this.stop, this.over, this.back]) {
+      button.disabled = !this.isOperator || Boolean(this.busy);
+    }
+    if (!status?.airborne) this.over.disabled = true; // on the ground the choice would only keep it from arming
+    this.preset.disabled = !this.isOperator || this.estimator.value !== "complementary";
+  }
+
+  drawSteps(status, isStale, value) {
+    const [hover, beside, over] = this.steps;
+    const bound = (key) => this.gains.value(`beacons.${key}`), low = bound("height_min"), high = bound("envelope_z_max"), wide = bound("envelope_xy");
+    const room = [low, high, wide].includes(undefined) ? "" : `, ${low} to ${high} m high, within ±${wide} m`;
+    mark(hover, `Hover on the tracker${room}`, !isStale && Boolean(status?.airborne) && CALM.includes(status?.behavior?.toLowerCase()));
+    const runs = value("shadow") === this.estimator.value && value("shadowSource") === "bearings";
+    const isSet = this.estimator.value !== "complementary" || this.preset.value === "" || this.presetInUse === this.preset.value;
+    mark(beside, runs ? "It runs beside, on bearings" : "Run it beside, on bearings", runs && isSet);
+    this.beside.hidden = runs && isSet;
+    set(this.beside, runs ? "Set gains" : "Run beside");
+    this.stop.hidden = !runs;
+    this.beside.parentElement.classList.toggle("two", runs && !isSet);
+    mark(over, "Hand over, once it has converged", false);
+  }
+}
+
+function step(text, ...buttons) {
+  const label = element("span", {}, text);
+  return { label, place: element("li", {}, label, ...buttons) };
+}
+
+function mark({ label, place }, text, isDone) {
+  set(label, text);
+  place.classList.toggle("done", isDone);
+}
+
+function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,0 +1,156 @@
+// The row of charts: one time axis, one to four charts, layouts, pause.
+
+import { Chart } from "./chart.js";
+import { ChartMenu } from "./signal_menu.js";
+import { LayoutMenu } from "./layout_menu.js";
+import { BUILT_IN, Layouts, MOST_CHARTS } from "./layouts.js";
+import { TimeAxis } from "./time_axis.js";
+import { duration, element, hide } from "../core/format.js";
+import { History } from "./history.js";
+import { onKey } from "../core/keys.js";
+
+const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
+const LOOK = 66; // ms; each chart knows when it is due
+
+export class Charts {
+  constructor(place, telemetry, description) {
+    this.place = place;
+    this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
+    this.history = new History(telemetry);
+    this.layouts = new Layouts(this.signals);
+    this.menu = new ChartMenu(description);
+    this.charts = [];
+    this.counter = 0;
+    const { name, layout } = this.layouts.last;
+    this.axis = new TimeAxis(this.history, layout.window);
+    this.axis.usual = 30;
+    this.row = element("div", { className: "row" });
+    place.append(this.bar(), this.row);
+    this.show(layout, name);
+    this.axis.addEventListener("change", () => this.drawBar());
+    this.drawBar();
+    onKey(" ", "pause the charts, or let them go on", () => this.axis.toggle());
+    setInterval(() => this.draw(), LOOK);
+    setInterval(() => this.drawBar(), 500);
+    new ResizeObserver(() => this.cover()).observe(document.getElementById("view"));
+    place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.expand(null); });
+    document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); }); // one column: nothing to cover
+  }
+
+  bar() {
+    this.pause = element("button", { title: "pause, or go on (space); what comes meanwhile is kept", onclick: () => this.axis.toggle() }, "Pause");
+    this.windows = element("select", { ariaLabel: "seconds shown", onchange: () => { this.axis.setWindow(Number(this.windows.value)); this.changed(); } });
+    this.reset = element("button", { title: "out of the zoom (double click in a chart)", hidden: true, onclick: () => this.axis.reset() }, "Whole window");
+    this.state = element("output", { className: "state" });
+    this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
+    this.add = element("button", { title: "one more chart", ariaLabel: "add a chart", onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, "+");
+    this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name, show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list() });
+    return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows, this.reset, this.state,
+      element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add), this.layoutMenu.place);
+  }
+
+  get layout() {
+    return { window: Math.round(this.axis.window), charts: this.charts.map(({ names, scales }) => ({ signals: names, scales: { ...scales } })) };
+  }
+
+  show(layout, name) {
+    for (const chart of [...this.charts]) this.removeChart(chart);
+    this.axis.setWindow(layout.window);
+    for (const one of layout.charts) this.addChart(one);
+    this.named(name);
+  }
+
+  // What is shown is kept; a name stays while nothing is changed.
+  changed() { this.named(""); }
+
+  named(name) {
+    this.name = name;
+    this.layouts.keep(name, this.layout);
+    this.list();
+    this.drawBar();
+  }
+
+  list() {
+    const option = (name) => element("option", { value: name }, name);
+    this.chosen.replaceChildren(
+      ...(this.name ? [] : [element("option", { value: "" }, "changed")]),
+      element("optgroup", { label: "built in" }, ...Object.keys(BUILT_IN).map(option)),
+      ...(this.layouts.names.length ? [element("optgroup", { label: "saved here" }, ...this.layouts.names.map(option))] : []));
+    this.chosen.value = this.name;
+  }
+
+  chooseLayout() {
+    const { value } = this.chosen;
+    if (value) this.show(this.layouts.of(value), value);
+  }
+
+  addChart({ signals, scales }) {
+    if (this.charts.length >= MOST_CHARTS) return;
+    const place = element("section", { className: "chart", id: `chart-${this.charts.length}` });
+    this.row.append(place);
+    const chart = new Chart(place, { axis: this.axis, signals: this.signals, who: `chart ${this.counter++}`, names: signals, scales });
+    const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false", onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
+    chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)", ariaLabel: "expand", ariaPressed: "false", onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
+    chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart", onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
+    chart.tools.append(choose, chart.grow, chart.less);
+    this.charts.push(chart);
+    this.number();
+  }
+
+  removeChart(chart) {
+    if (this.menu.isOpen && this.menu.chart === chart) this.menu.close();
+    chart.close();
+    chart.place.remove();
+    this.charts = this.charts.filter((other) => other !== chart);
+    this.number();
+  }
+
+  number() {
+    this.charts.forEach((chart, i) => {
+      chart.place.id = `chart-${i}`;
+      chart.place.ariaLabel = `chart ${i + 1}`;
+      chart.less.hidden = this.charts.length === 1;
+    });
+    this.cover();
+    this.add.disabled = this.charts.length >= MOST_CHARTS;
+  }
+
+  // One chart over the 3D view, below what is written on top of it; null: none.
+  expand(chart) {
+    for (const one of this.charts) {
+      one.place.classList.toggle("expanded", one === chart);
+      one.grow.ariaPressed = String(one === chart);
+    }
+    this.cover();
+  }
+
+  cover() {
+    const place = this.row.querySelector(".expanded"), { left, top, width, height } = document.getElementById("view").getBoundingClientRect();
+    for (const { place: one } of this.charts) if (one !== place) one.removeAttribute("style");
+    this.row.style.setProperty("--count", Math.max(1, this.charts.length - (place ? 1 : 0)));
+    if (place) Object.assign(place.style, { left: `${left}px`, top: `${top + 40}px`, width: `${width}px`, height: `${height - 40}px` });
+  }
+
+  draw() {
+    if (document.hidden) return;
+    const at = performance.now();
+    for (const chart of this.charts) chart.draw(at);
+  }
+
+  drawBar() {
+    const { axis } = this, { paused, zoom } = axis, seconds = Math.round(axis.window);
+    const choices = (WINDOWS.includes(seconds) ? WINDOWS : [...WINDOWS, seconds].sort((a, b) => a - b));
+    if (choices.join() !== this.choices) {
+      this.choices = choices.join();
+      this.windows.replaceChildren(...choices.map((one) => element("option", { value: one }, one < 120 ? `${one} s` : `${Number((one / 60).toFixed(1))} min`)));
+    }
+    if (this.windows.value !== String(seconds)) this.windows.value = seconds;
+    this.pause.ariaPressed = String(paused);
+    set(this.pause, paused ? "Go on" : "Pause");
+    hide(this.reset, !zoom);
+    this.place.classList.toggle("paused", paused);
+    set(this.state, paused ? `paused for ${duration(axis.pausedFor)}${zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : ""}` : "");
+  }
+}
+
+function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,0 +1,76 @@
+// The page: opens the sockets and hands them to the parts.
+
+import { followAddress } from "./url_state.js";
+import { get } from "../core/api.js";
+import { Ages } from "../core/ages.js";
+import { Bar } from "./status_bar.js";
+import { Beacons } from "../beacons/beacons.js";
+import { Calibrate } from "../calibrate/calibrate.js";
+import { Contact } from "../link/contact_lost.js";
+import { ControlStrip } from "./control_strip.js";
+import { Charts } from "../charts/charts.js";
+import { addEmergency } from "../emergency/emergency.js";
+import { ExperimentSection } from "../experiments/experiments.js";
+import { Fly } from "../fly/fly.js";
+import { Gains } from "../gains/gains.js";
+import { Help } from "../core/help.js";
+import { LinkPanel } from "../link/link.js";
+import { EventList } from "./event_log.js";
+import { Marks } from "./marks.js";
+import { People } from "./people.js";
+import { Preflight } from "../fly/preflight.js";
+import { Silence } from "../link/telemetry_timeout.js";
+import { Events, Telemetry } from "../core/sockets.js";
+import { addSticks } from "../sticks/panel.js";
+import { Simulation } from "./simulation_strip.js";
+import { StateTable } from "./state_table.js";
+import { tabs } from "./tabs.js";
+import { Tune } from "../tune/tune.js";
+import { addVehicleStrip } from "../core/vehicle_strip.js";
+import { View } from "./scene_view.js";
+
+const $ = (id) => document.getElementById(id);
+
+async function start() {
+  const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/static/fly/behaviors.json")]);
+  const events = new Events();
+  const emergency = addEmergency($("emergency"), events, session); // first, whatever fails below
+  const telemetry = new Telemetry(description);
+  const isOperator = session.role !== "viewer"; // admins may do all that operators may
+  $("vehicle").textContent = session.vehicle;
+  addVehicleStrip(session, $("bar"));
+  document.title = `${session.vehicle} · quadlab`;
+
+  const fly = new Fly(events, behaviors, isOperator);
+  new Preflight($("preflight"), $("arm"), events);
+  const ages = new Ages(events, telemetry, description.stale);
+  const silence = new Silence(telemetry);
+  new Bar(events, fly, isOperator, { ages, silence });
+  new EventList($("events"), events);
+  new Marks($("recorder"), document.querySelector("#view .overlay.bottom"), events, isOperator);
+  new ExperimentSection($("experiment"), events, fly, isOperator, ages);
+  const gains = new Gains(events, isOperator);
+  new View(events, silence);
+  addSticks($("sticks"), { events, isOperator, fly, emergency, gains, label: session.label });
+  new StateTable($("table"), telemetry, description, ages);
+  const charts = new Charts($("charts"), telemetry, description);
+  new Beacons({ events, history: charts.history, description, gains, isOperator, ages });
+  new Tune($("tab-tune"), { events, session, isOperator });
+  new Calibrate($("tab-calibrate"), { events, session, telemetry, gains, isOperator, ages });
+  new LinkPanel($("tab-link"), { events, telemetry, gains, ages });
+
+  new Simulation($("simulation"), { events, gains, fly, isOperator });
+
+  tabs();
+  followAddress();
+  new People(session);
+  new ControlStrip($("control"), events, session, fly);
+  new Contact($("contact"), { events, telemetry, ages, gains });
+  new Help($("help"), isOperator); // last: it lists the keys of all
+}
+
+start().catch((error) => {
+  $("answer").className = "bad";
+  $("answer").hidden = false;
+  $("answer").textContent = `The page could not start: ${error.message}`;
+});

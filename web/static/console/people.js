@@ -1,0 +1,81 @@
+// Who is signed in, with a small menu: signing out, invitations, and for admins the users.
+
+import { get, request } from "../core/api.js";
+import { duration, element } from "../core/format.js";
+import { Invitation } from "../core/invitation.js";
+
+const $ = (id) => document.getElementById(id);
+const ROLES = ["viewer", "operator", "admin"];
+
+function seen({ last_seen: stamp, sessions }) {
+  if (!stamp) return "never";
+  const age = Date.now() / 1e3 - stamp;
+  if (sessions && age < 60) return "now";
+  return age < 3600 ? `${Math.max(1, Math.round(age / 60))} min ago` : age < 48 * 3600 ? `${duration(age).split(":")[0]} h ago` : new Date(stamp * 1e3).toISOString().slice(0, 10);
+}
+
+export class People {
+  constructor(session) {
+    this.session = session;
+    this.invitation = new Invitation();
+    this.invitation.place.id = "invitation";
+    $("people").after(this.invitation.place);
+    $("who").textContent = session.label;
+    $("who").title = `${session.role}; sign out${this.isAdmin ? ", users" : ""}`;
+    $("who").addEventListener("click", () => this.show($("people").hidden));
+    $("invite").hidden = session.role === "viewer";
+    $("invite").addEventListener("click", () => this.invite("viewer"));
+    document.addEventListener("keydown", (event) => { if (event.key === "Escape") this.show(false); });
+  }
+
+  get isAdmin() { return this.session.role === "admin"; }
+
+  show(open) {
+    $("people").hidden = !open;
+    $("who").setAttribute("aria-expanded", String(open));
+    if (!open) return;
+    const { label, role, account } = this.session;
+    const actions = element("div", { className: "actions" }, element("button", { id: "sign-out", onclick: () => this.signOut(false) }, "Sign out"));
+    if (account) actions.append(element("button", { onclick: () => this.signOut(true), title: "in all browsers" }, "Sign out everywhere"));
+    if (this.isAdmin) actions.append(element("button", { id: "invite-operator", onclick: () => this.invite("operator") }, "Invite an operator"));
+    const told = account ? role : `${role}, by a link`;
+    this.note = element("p", { className: "note", hidden: true });
+    this.list = element("div", { id: "users" });
+    $("people").replaceChildren(element("p", {}, element("b", {}, label), ` ${told}`), actions, this.note, this.list);
+    if (this.isAdmin) this.attempt(() => this.refresh());
+  }
+
+  async refresh() {
+    const users = await get("/api/users");
+    this.list.replaceChildren(...users.map((user) => this.row(user)));
+  }
+
+  row(user) {
+    const { name, role, account, sessions } = user;
+    const change = (value) => this.attempt(async () => { await request("PUT", `/api/users/${encodeURIComponent(name)}/role`, { role: value }); }, true);
+    const roles = element("select", { ariaLabel: `role of ${name}`, onchange: (event) => change(event.target.value) }, ...ROLES.map((one) => element("option", { value: one, selected: one === role }, one)));
+    const end = element("button", { disabled: !sessions, title: "signed out everywhere at once", onclick: () => this.attempt(() => request("POST", `/api/users/${encodeURIComponent(name)}/end_sessions`), true) }, "End sessions");
+    return element("div", { className: "user" }, element("span", { className: "name", title: account ? "" : "came by a link" }, name), account ? roles : element("span", { className: "dim" }, role), element("span", { className: "dim" }, seen(user)), end);
+  }
+
+  async attempt(action, refresh = false) {
+    try { await action(); } catch (error) { this.tell(error.message); }
+    if (refresh) await this.refresh().catch(() => undefined); // one's own session may be among the ended
+  }
+
+  async signOut(everywhere) {
+    await this.attempt(() => request("POST", "/api/session/sign_out", { everywhere }));
+    location.assign("/login");
+  }
+
+  tell(text) {
+    if ($("people").hidden) return;
+    this.note.hidden = false;
+    this.note.textContent = text;
+  }
+
+  invite(role) {
+    this.show(false); // it would lie below
+    this.invitation.show(role);
+  }
+}

@@ -1,0 +1,52 @@
+// The 3D view: viser in an iframe, flags over it, the follow switch.
+
+import { request } from "../core/api.js";
+import { element, seconds, words } from "../core/format.js";
+import { listenInside } from "../core/keys.js";
+import { here } from "../core/vehicle_path.js";
+import { isAlone, landing } from "../core/control_authority.js";
+
+const LOST = 0.8; // s
+
+const $ = (id) => document.getElementById(id);
+
+export class View {
+  constructor(events, silence) {
+    this.silence = silence;
+    this.name = crypto.randomUUID?.() ?? String(Math.random());
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
+    $("scene").src = `${here("/viser/")}?darkMode&websocket=${encodeURIComponent(socket)}${new URLSearchParams(location.search).has("fixedDpr") ? "&fixedDpr=0.5" : ""}`;
+    listenInside($("scene"));
+    $("follow").addEventListener("click", () => this.follow($("follow").getAttribute("aria-pressed") !== "true"));
+    events.addEventListener("open", () => this.follow($("follow").getAttribute("aria-pressed") === "true"));
+    events.on("summary", ({ age }) => {
+      if (age) $("truth-key").hidden = !(age.truth !== null && age.truth < 1);
+      this.flags(events);
+    });
+    silence.addEventListener("change", () => this.flags(events));
+    setInterval(() => this.flags(events), 500); // also while nothing arrives
+  }
+
+  async follow(wanted) {
+    try {
+      await request("POST", "/api/view/follow", { view: this.name, follow: wanted });
+      $("follow").setAttribute("aria-pressed", String(wanted));
+    } catch { /* the strip on top says that web is away; asked again when it is back */ }
+  }
+
+  flags(events) {
+    const { status, station, link } = events.summary, age = events.age("state");
+    const isSilent = this.silence.holds || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
+    const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
+    // Silence that lasts is a lost contact, which static/link/contact_lost.js tells.
+    const texts = isSilent ? (age < LOST ? [silence] : []) : (status?.flags ?? []).map(words);
+    if (events.age("station_status") < 1.5) texts.push(...(station?.alarms ?? []));
+    const who = events.age("status") < 1 ? landing(status) : "", key = [who, ...texts].join("|");
+    if (key === this.shown) return;
+    this.shown = key;
+    const chips = texts.map((text) => element("span", {}, text));
+    if (who) chips.unshift(element("span", { className: isAlone(status) ? "alone" : "" }, who));
+    $("flags").replaceChildren(...chips);
+  }
+}

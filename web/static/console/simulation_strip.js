@@ -1,0 +1,37 @@
+// Beside the notices, where the vehicle is simulated: that it is, and what a person would else do at
+// the vehicle with the motors off: a full battery put in, the vehicle put back at its start.
+
+import { command } from "../core/api.js";
+import { element } from "../core/format.js";
+import { onHold } from "../core/hold_button.js";
+
+const SIGN = "simulator.battery_charge"; // a real vehicle has no parameters of a simulator
+const HOLD = 800; // ms
+const ON = "only with the motors off: land and disarm first";
+
+export class Simulation {
+  constructor(place, { events, gains, fly, isOperator }) {
+    Object.assign(this, { place, events, gains, isOperator });
+    const ask = (action, label) => fly.attempt(() => command("simulation", { action }), label);
+    this.swap = element("button", { id: "swap-battery", onclick: () => ask("swap_battery", "swap battery") }, "Swap battery");
+    this.reset = element("button", { id: "reset-vehicle", className: "hold" }, "Reset vehicle");
+    onHold(this.reset, HOLD, () => ask("reset", "reset vehicle"));
+    place.append(element("span", { className: "badge", title: "this vehicle is simulated: nothing real moves" }, "simulated"), this.swap, this.reset);
+    setInterval(() => this.draw(), 200);
+  }
+
+  draw() {
+    const isSimulated = this.gains.value(SIGN) !== undefined, isOn = Boolean(this.events.summary.status?.armed);
+    if (this.place.hidden === isSimulated) this.place.hidden = !isSimulated;
+    if (!isSimulated) return;
+    const may = this.isOperator && !isOn, why = this.isOperator ? ON : "viewers watch";
+    put(this.swap, may, "put a full battery in", why);
+    put(this.reset, may, "hold for 0.8 s: puts the vehicle back where it stood at the start, with a full battery", why);
+  }
+}
+
+function put(button, may, does, why) {
+  const title = may ? does : why;
+  if (button.disabled === may) button.disabled = !may;
+  if (button.title !== title) button.title = title;
+}

@@ -1,0 +1,89 @@
+// The bar: what the vehicle says of itself, grey when old, and the controls always in sight.
+
+import { command } from "../core/api.js";
+import { flightButton } from "../core/flight_button.js";
+import { bytes, duration, fixed, NONE, seconds, words } from "../core/format.js";
+import { onHold } from "../core/hold_button.js";
+import { armNote } from "../fly/preflight.js";
+import { controlOf, isAlone } from "../core/control_authority.js";
+
+const $ = (id) => document.getElementById(id);
+
+const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
+const SLOW = 0.98; // of real time
+const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
+
+export class Bar {
+  constructor(events, fly, isOperator, { ages, silence }) {
+    this.events = events;
+    this.ages = ages; // greys what is old, too
+    this.silence = silence;
+    this.controls = ["arm", "take-off", "land"].map($);
+    this.isOperator = isOperator;
+    // What the label said at the press, whatever has been heard since.
+    onHold($("arm"), 800, (wanted) => fly.attempt(() => command(wanted), wanted, SHOWN[wanted]), () => this.nextArm);
+    flightButton($("take-off")).addEventListener("click", () => fly.start("take_off"));
+    flightButton($("land")).addEventListener("click", () => fly.start("land"));
+    if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
+    setInterval(() => this.draw(), 200);
+    events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
+    silence.addEventListener("change", () => this.draw());
+  }
+
+  // Disarming also acknowledges a cut.
+  get nextArm() {
+    const { status } = this.events.summary;
+    return status && (status.armed || status.mode?.toLowerCase() === "cut") ? "disarm" : "arm";
+  }
+  fresh(topic) { return !this.ages.isOld(topic); }
+
+  draw() {
+    const { status, link, battery, station } = this.events.summary;
+    this.set("mode", status && words(status.mode), /cut|emergency/i.test(status?.mode));
+    this.drawControl(status);
+    this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
+    this.linkDrawn = link?.state;
+    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.silence.holds || link.state !== "good"));
+    this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
+    this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
+    this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
+    const refused = this.refused(status);
+    this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || refused);
+    this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
+    this.drawPace(station?.real_time_factor);
+    const disarms = this.nextArm === "disarm";
+    $("arm").textContent = disarms ? "Disarm" : "Arm";
+    if (this.isOperator) $("arm").disabled = !this.fresh("status"); // not by what was true once
+    if (this.isOperator) $("arm").title = disarms ? "hold for 0.8 s to stop the motors on the ground, or to acknowledge a cut" : armNote(this.events.summary.preflight) || "hold for 0.8 s to start the motors";
+  }
+
+  drawControl(status) {
+    const control = controlOf(status), output = $("control-mode"), title = control?.title ?? "";
+    this.set("control-mode", control ? `${control.tone === "alarm" ? "⚠ " : ""}${control.text}` : words(status?.control_mode), control?.tone === "warn");
+    output.classList.toggle("alarm", control?.tone === "alarm" && this.fresh("status"));
+    if (output.parentElement.title !== title) output.parentElement.title = title;
+  }
+
+  // What the vehicle thinks of the poses it gets, while it thinks so.
+  refused(status) {
+    const flags = this.fresh("status") ? status?.flags ?? [] : [];
+    return flags.includes("tracker_jumped") ? " · jumped" : flags.includes("measurements_refused") ? " · refused" : "";
+  }
+
+  // Of a simulation that waits. What is recorded makes room for it: nothing moves.
+  drawPace(factor) {
+    $("pace").hidden = !(factor && factor < SLOW);
+    this.set("factor", factor && `${fixed(100 * factor, 0)} %`);
+  }
+
+  // The station's own figure while it speaks; longer once it is silent.
+  linkAge(link) { return Math.max(link.age ?? 0, this.fresh("link_status") ? 0 : this.ages.age("link_status")); }
+
+  lateness(value) { return value === null || value === undefined ? NONE : value < 1e-3 ? `${fixed(1e6 * value, 0)} µs` : `${fixed(1e3 * value, 1)} ms`; }
+
+  set(id, text, warn = false) {
+    const output = $(id), shown = text || NONE;
+    if (output.textContent !== shown) output.textContent = shown;
+    output.classList.toggle("warn", Boolean(warn) && this.fresh(output.dataset.topic));
+  }
+}

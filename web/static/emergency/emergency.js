@@ -1,0 +1,57 @@
+// The two emergency controls, always in sight: land is pressed, cut is pressed and held; and the
+// state of the last press, whoever pressed, until the vehicle has acknowledged it.
+
+import { EmergencyPress } from "./press.js";
+import { flightButton } from "../core/flight_button.js";
+import { element } from "../core/format.js";
+import { onHold } from "../core/hold_button.js";
+import { onKey } from "../core/keys.js";
+import { Events } from "../core/sockets.js";
+import { pressed } from "../core/control_authority.js";
+
+const CUT_HOLD = 500; // ms
+const KEYS = { operator: "e: emergency land · hold x: cut", viewer: "e: emergency land" };
+
+// place: where the buttons go; events: of this page, or null: then it makes its own;
+// session: of /api/session. Returns {press(action)}.
+export function addEmergency(place, events, session) {
+  return new Emergency(place, events ?? new Events(), session);
+}
+
+class Emergency {
+  constructor(place, events, session) {
+    this.events = events;
+    this.mayCut = session.role !== "viewer";
+    this.sent = new EmergencyPress(events, session.label);
+    this.land = flightButton(element("button", { id: "emergency-land", className: "caution", onclick: () => this.press("land") }, "Emergency land"));
+    this.cut = element("button", { id: "cut", className: "cut hold", disabled: !this.mayCut, title: this.mayCut ? "emergency: stop the motors; the vehicle falls. Hold for 0.5 s (key x)" : "viewers may land the vehicle, but not cut its motors" }, "Cut motors");
+    onHold(this.cut, CUT_HOLD, () => this.press("cut"));
+    this.said = element("span", { ariaLive: "assertive" });
+    this.running = element("span", { ariaHidden: "true" });
+    this.line = element("p", { id: "emergency-state", className: "idle" }, this.said, this.running);
+    place.classList.add("emergency");
+    place.replaceChildren(this.land, this.cut, this.line); // in place of the form that needs no script
+    onKey("e", "emergency land", () => this.press("land"));
+    if (this.mayCut) onKey("x", "cut the motors", () => this.press("cut"), { hold: CUT_HOLD });
+    setInterval(() => this.draw(), 100);
+    this.draw();
+  }
+
+  press(action) {
+    this.sent.press(action);
+    this.draw();
+  }
+
+  draw() {
+    const { tone, said, running } = this.sent.state, how = pressed(this.events.summary.emergency_land);
+    const title = `emergency: land now, whatever runs${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
+    if (this.land.title !== title) this.land.title = title;
+    const idle = this.mayCut ? KEYS.operator : KEYS.viewer;
+    show(this.said, tone === "idle" ? "" : said);
+    show(this.running, tone === "idle" ? idle : running);
+    if (this.line.className !== tone) this.line.className = tone;
+    this.line.title = tone === "idle" ? "" : said + running;
+  }
+}
+
+function show(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,0 +1,66 @@
+// The emergency page: two buttons, no 3D, nothing that could be slow. Who opens it means it: one
+// press is enough here, for cut too.
+
+import { get, request } from "../core/api.js";
+import { EmergencyPress } from "./press.js";
+import { words } from "../core/format.js";
+import { onKey } from "../core/keys.js";
+import { Events } from "../core/sockets.js";
+import { isAlone, landing, pressed } from "../core/control_authority.js";
+
+const $ = (id) => document.getElementById(id);
+const events = new Events();
+const sent = new EmergencyPress(events, "");
+let ours = ""; // which vehicle, where there are several
+
+function arm(button, action) {
+  button.addEventListener("pointerdown", (event) => { if (event.button === 0) sent.press(action); });
+  button.addEventListener("click", (event) => event.detail === 0 && sent.press(action)); // keyboard
+}
+
+$("buttons").addEventListener("submit", (event) => event.preventDefault()); // from here on it is ours
+arm($("cut"), "cut");
+arm($("emergency-land"), "land");
+onKey("e", "emergency land", () => sent.press("land"));
+onKey("x", "cut the motors", () => sent.press("cut"), { hold: 500 });
+
+// The buttons work before this is known, and when it never is.
+get("/api/session").then(({ label, role, vehicle, vehicles }) => {
+  sent.label = label;
+  if (vehicles.length > 1) several(vehicle);
+  if (role !== "viewer") return;
+  $("cut").disabled = true;
+  $("cut").lastElementChild.textContent = "viewers may land the vehicle, but not cut its motors";
+}).catch(() => {});
+
+setInterval(() => {
+  const { status, emergency_land: chosen } = events.summary, age = events.age("status"), isHeard = events.connected && age <= 1;
+  const text = !events.connected ? "no connection to this page's server; reconnecting. Presses are sent all the same" : !isHeard ? "the vehicle is not heard; commands are tried all the same" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
+  show($("state"), ours + text);
+  $("state").className = !isHeard ? "" : isAlone(status) ? "landing alone" : landing(status) ? "landing" : "";
+  if (pressed(chosen)) show($("emergency-land").lastElementChild, pressed(chosen));
+  const { tone, said, running } = sent.pressState; // who flies stands above
+  show($("said"), said);
+  show($("running"), running);
+  $("answer").className = tone;
+}, 100);
+
+// With several vehicles: which one the two buttons are for, and one for all of them.
+function several(vehicle) {
+  ours = `${vehicle}: `;
+  document.title = `${vehicle}: emergency`;
+  const button = $("land-all"), said = button.lastElementChild, before = said.textContent;
+  document.body.classList.add("several");
+  button.hidden = false;
+  button.addEventListener("click", async () => {
+    show(said, "◌ sent, not acknowledged");
+    try {
+      const { vehicles } = await request("POST", "/api/fleet/land", {});
+      const failed = vehicles.filter(({ outcome }) => outcome === "failed");
+      show(said, failed.length ? `⚠ ${failed.map(({ name, reason }) => `${name}: ${reason}`).join("; ")}. Press again.` : `✓ accepted: ${vehicles.map(({ name, outcome }) => (outcome === "accepted" ? name : `${name} (${outcome})`)).join(", ")}`);
+    } catch (error) { show(said, `⚠ failed: ${error.message}. Press again.`); }
+    setTimeout(() => { if (said.textContent.startsWith("✓")) show(said, before); }, 60_000);
+  });
+}
+
+function show(place, text) { if (place.textContent !== text) place.textContent = text; }

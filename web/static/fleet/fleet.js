@@ -1,0 +1,57 @@
+// The fleet page: how every vehicle stands, where it is, and one control to bring all down.
+
+import { get } from "../core/api.js";
+import { element } from "../core/format.js";
+import { addLandAll } from "./land.js";
+import { FleetPlot } from "./plot.js";
+import { FleetTable } from "./table.js";
+import { head } from "../core/page_header.js";
+import { Socket } from "../core/sockets.js";
+
+const $ = (id) => document.getElementById(id);
+
+async function start() {
+  const session = await get("/api/session");
+  head(session, "/fleet", null, { emergency: false, strip: false });
+  $("vehicle").textContent = `${session.vehicles.length} vehicle${session.vehicles.length > 1 ? "s" : ""}`;
+  document.title = "Fleet · quadlab";
+  const land = addLandAll($("head-controls"));
+  const table = new FleetTable($("table"), session.vehicles), plot = new FleetPlot($("plot"), session.vehicles);
+  const socket = new Socket("/ws/fleet?plot=1");
+  let vehicles = [], received = -Infinity;
+  socket.addEventListener("message", ({ data }) => {
+    const message = JSON.parse(data);
+    if (message.vehicles) {
+      vehicles = message.vehicles;
+      received = performance.now();
+      table.show(vehicles);
+      land.show(vehicles);
+    }
+    plot.add(message.positions);
+  });
+  table.addEventListener("point", ({ detail }) => plot.mark(detail));
+  setInterval(() => { // what was heard grows old while nothing comes
+    const silence = (performance.now() - received) / 1e3;
+    if (silence > 0.8) table.show(vehicles.map((one) => ({ ...one, age: one.age === null ? null : one.age + silence })));
+  }, 500);
+  connection(socket);
+}
+
+function connection(socket) {
+  const strip = $("offline");
+  const show = async () => {
+    strip.hidden = socket.connected;
+    if (socket.connected) return;
+    strip.textContent = "No connection to this page's server; reconnecting. What stands here is old; Land all is tried all the same.";
+    try { await get("/api/session"); } catch (error) {
+      if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
+    }
+  };
+  socket.addEventListener("close", () => setTimeout(show, 400));
+  socket.addEventListener("open", show);
+}
+
+start().catch((error) => {
+  $("offline").hidden = false;
+  $("offline").textContent = `The page could not start: ${error.message}`;
+});

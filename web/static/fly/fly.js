@@ -1,0 +1,86 @@
+// The Fly tab: behaviours with their arguments, recording, and the answer to the last command.
+
+import { command } from "../core/api.js";
+import { CommandNotice } from "./command_notice.js";
+import { flightButton } from "../core/flight_button.js";
+import { bytes, element } from "../core/format.js";
+
+const $ = (id) => document.getElementById(id);
+
+export class Fly {
+  // behaviors: static/fly/behaviors.json; the vehicle knows and checks them all.
+  constructor(events, behaviors, isOperator) {
+    this.events = events;
+    this.behaviors = behaviors;
+    this.forms = new Map();
+    this.started = null; // {name, values}: the last behaviour this page started
+    this.isOperator = isOperator;
+    this.notice = new CommandNotice($("answer"), events);
+    const plain = element("div", { className: "plain" });
+    for (const behavior of behaviors) {
+      if (behavior.arguments.length) $("behaviors").append(this.row(behavior));
+      else plain.append(this.button(behavior));
+    }
+    $("behaviors").append(plain);
+    $("record").addEventListener("click", () => this.record());
+    $("record").disabled = !isOperator;
+    events.on("summary", () => this.showRecording());
+  }
+
+  button(behavior) {
+    const { label, title, arguments: fields } = behavior;
+    if (!fields.length) this.forms.set(behavior, []);
+    return flightButton(element("button", { title, disabled: !this.isOperator, onclick: () => this.start(behavior) }, label));
+  }
+
+  row(behavior) {
+    const onkeydown = (event) => { if (event.key === "Enter") this.start(behavior); };
+    const inputs = behavior.arguments.map((field) => [field, element("input", field.type === "bool" ? {
+      type: "checkbox", checked: field.value, title: behavior.title, onkeydown,
+    } : field.type === "text" ? {
+      type: "text", placeholder: field.placeholder, title: behavior.title, onkeydown,
+    } : {
+      type: "number", value: field.value ?? "", placeholder: "auto", min: field.min, max: field.max, step: field.step ?? "any",
+      title: `${field.title ?? field.name}, ${field.min} to ${field.max}${field.unit ? ` ${field.unit}` : ""}`, onkeydown,
+    })]);
+    this.forms.set(behavior, inputs);
+    const shown = inputs.map(([field, input]) => element("label", { className: field.type === "text" ? "argument text" : "argument" }, field.label ?? field.name, input, ...(field.unit ? [field.unit] : [])));
+    return element("div", { className: "behavior" }, this.button(behavior), element("div", { className: "arguments" }, ...shown));
+  }
+
+  // which: a behaviour of the list, or the name of one.
+  start(which) {
+    const behavior = typeof which === "string" ? this.behaviors.find(({ name }) => name === which) : which;
+    const { name, label } = behavior;
+    const values = { ...behavior.fixed };
+    for (const [field, input] of this.forms.get(behavior)) {
+      if (field.type === "bool") { values[field.name] = input.checked; continue; }
+      if (input.value === "") continue; // the vehicle's own default
+      if (field.type === "text") { values[field.name] = input.value.trim(); continue; }
+      const wrong = !input.checkValidity() || !Number.isFinite(input.valueAsNumber);
+      if (wrong) { this.refuse(`${label}: ${field.label ?? field.name} = ${input.value || "?"}; allowed ${field.min} to ${field.max} ${field.unit ?? ""}`); return; }
+      values[field.name] = input.valueAsNumber * (field.scale ?? 1);
+    }
+    this.attempt(async () => {
+      await command("start_behavior", { name, arguments: values });
+      this.started = { name, values };
+    }, label, (status) => status.behavior?.toLowerCase() === name);
+  }
+
+  // Runs a command and says what became of it; see static/fly/command_notice.js.
+  attempt(act, label = "", shows = null) { return this.notice.run(label, act, shows); }
+  say(content) { this.notice.say(content); }
+  refuse(content) { this.notice.refuse(content); }
+
+  record() {
+    const start = !this.events.summary.station?.recording;
+    this.attempt(() => command("record", { start }), start ? "record" : "stop recording");
+  }
+
+  showRecording() {
+    const station = this.events.summary.station;
+    $("record").textContent = station?.recording ? "Stop" : "Record";
+    const note = !station ? "" : station.recording ? station.run_id : `${bytes(station.free_bytes)} free; starts by itself on arming`;
+    if ($("record-note").textContent !== note) $("record-note").textContent = note;
+  }
+}

@@ -1,0 +1,38 @@
+// Values to a TOML file and back; a file is compared first, and the chosen lines are applied.
+
+import { element } from "../core/format.js";
+import { here } from "../core/vehicle_path.js";
+
+const PATH = "/api/parameters/file";
+
+export class Files {
+  // show(diff options): the comparison before anything is loaded.
+  constructor(gains, place, show) {
+    this.show = show;
+    this.reason = element("div", { className: "reason", hidden: true, role: "status" });
+    this.input = element("input", { type: "file", accept: ".toml", disabled: !gains.isOperator, ariaLabel: "file of parameters to load", onchange: () => this.load() });
+    place.append(
+      element("h2", {}, "Save"),
+      element("p", { className: "facts" }, "A TOML file with unit, bounds, default and meaning of each as comments."),
+      element("p", { className: "links" }, element("a", { href: PATH, download: "" }, "All values"), element("a", { href: `${PATH}?which=modified`, download: "" }, "Modified values")),
+      element("h2", {}, "Load"),
+      element("p", { className: "facts" }, gains.isOperator ? "It is compared first; you choose what is applied." : "You watch; an operator may load one."),
+      this.input, this.reason);
+  }
+
+  async load() {
+    const [file] = this.input.files;
+    if (!file) return;
+    this.reason.hidden = true;
+    try {
+      const response = await fetch(here(PATH), { method: "POST", body: await file.arrayBuffer(), headers: { "Content-Type": "application/toml" } });
+      const content = await response.json().catch(() => ({}));
+      if (!response.ok) throw new Error(content.error ?? `error ${response.status}`);
+      this.show({ title: `Load ${file.name}`, empty: "The file has nothing that would change.", ...content });
+    } catch (error) {
+      this.reason.textContent = error.message;
+      this.reason.hidden = false;
+    }
+    this.input.value = ""; // the same file again is a change again
+  }
+}

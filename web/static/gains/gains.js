@@ -1,0 +1,123 @@
+// The Gains tab: every parameter from the vehicle's own descriptions.
+
+import { get, request } from "../core/api.js";
+import { element, exact } from "../core/format.js";
+import { GainRow } from "./row.js";
+import { unfold } from "./detail.js";
+import { ParameterPanel } from "./panel.js";
+import { ParameterTree } from "./tree.js";
+
+const $ = (id) => document.getElementById(id);
+const GESTURE = 1500; // ms between two values of one motion of the hand
+
+// Fires `read` when the parameters have been read anew, `confirmed` (detail: name) for each news.
+export class Gains extends EventTarget {
+  constructor(events, isOperator) {
+    super();
+    this.isOperator = isOperator;
+    this.rows = new Map();
+    this.mine = []; // this page's own changes, for Undo
+    this.tree = new ParameterTree($("gains"));
+    this.panel = new ParameterPanel(this, $("parameter-panel"), [$("gains"), $("gains-search")]);
+    events.on("hello", () => this.load());
+    events.on("parameters", () => this.load());
+    events.on("parameter", (news) => this.news(news));
+    events.on("summary", ({ status }) => this.status(status));
+    $("search").addEventListener("input", () => this.filter());
+    $("modified").addEventListener("change", () => this.filter());
+    $("undo").addEventListener("click", () => this.undo());
+  }
+
+  async load() {
+    const read = await get("/api/parameters").catch(() => null);
+    if (read === null) return; // web is away; the hello of its return loads again
+    const { parameters, generation } = read;
+    if (parameters.length === 0) {
+      $("gains").replaceChildren(element("p", { className: "empty" }, "The vehicle's parameters have not been read yet. They appear here when it is connected."));
+      this.rows.clear();
+      return;
+    }
+    const known = parameters.length === this.rows.size && parameters.every(({ name }) => this.rows.has(name));
+    if (!known) this.build(parameters);
+    for (const { name, value, revision } of parameters) this.rows.get(name).confirm(value, [generation, revision]);
+    this.filter();
+    this.dispatchEvent(new Event("read"));
+    this.readFlight();
+  }
+
+  build(parameters) {
+    this.rows = new Map(parameters.map((description) => [description.name, new GainRow(
+      description, this.isOperator, (value, walks) => this.change(description.name, value, walks),
+      (row) => this.tree.changed(row), (row, place) => unfold(this, row, place),
+    )]));
+    this.tree.build([...this.rows.values()]);
+  }
+
+  // What was changed in this flight so far.
+  async readFlight() {
+    const flight = await get("/api/parameters/flight").catch(() => null);
+    if (flight === null || flight.is_over) return;
+    for (const [name, value] of Object.entries(flight.values)) {
+      const row = this.rows.get(name);
+      if (row?.flightValue === undefined) row?.flightBegan(value);
+    }
+  }
+
+  status(status) {
+    if (!status) return;
+    if (this.isArmed === false && status.armed) for (const row of this.rows.values()) row.flightBegan(undefined);
+    this.isArmed = status.armed;
+  }
+
+  news({ name, value, generation, revision }) {
+    const row = this.rows.get(name), before = row?.confirmed;
+    if (!row?.confirm(value, [generation, revision])) return;
+    if (this.isArmed && row.flightValue === undefined && before !== value) row.flightBegan(before);
+    this.dispatchEvent(new CustomEvent("confirmed", { detail: name }));
+  }
+
+  // The confirmed value, undefined when there is no such parameter.
+  value(name) { return this.rows.get(name)?.confirmed; }
+
+  // Several at once, all or nothing; in flight in steps where one is too large, if `walks`.
+  async set(values, walks = false) {
+    const { applied, revisions, generation } = await request("PUT", "/api/parameters", { values, walks });
+    for (const [name, value] of Object.entries(applied)) this.news({ name, value, generation, revision: revisions[name] });
+    return applied;
+  }
+
+  async change(name, value, walks = false) {
+    const before = this.value(name);
+    const applied = await this.set({ [name]: value }, walks);
+    this.remember(name, before);
+    return applied[name];
+  }
+
+  // One step of undo for each gesture, not for each of its 20 values a second.
+  remember(name, before) {
+    const now = performance.now(), last = this.mine.at(-1);
+    if (last?.name === name && now - last.time < GESTURE) last.time = now;
+    else if (before !== this.value(name)) this.mine = [...this.mine.slice(-99), { name, value: before, time: now }];
+    this.showUndo();
+  }
+
+  async undo() {
+    const step = this.mine.pop();
+    this.showUndo();
+    if (!step) return;
+    try { await this.set({ [step.name]: step.value }, true); } catch (error) { this.rows.get(step.name).fail(error.message); }
+  }
+
+  showUndo() {
+    const last = this.mine.at(-1);
+    $("undo").disabled = !last || !this.isOperator;
+    $("undo").title = last ? `${last.name} back to ${exact(last.value)}` : "take back this page's last change";
+  }
+
+  filter() {
+    const text = $("search").value.trim().toLowerCase(), which = $("modified").value;
+    const only = { modified: (row) => row.isModified, flight: (row) => row.isChangedInFlight }[which] ?? null;
+    const found = this.tree.filter(text, only);
+    $("nothing-found").hidden = !this.tree.isSearching || found > 0 || this.rows.size === 0;
+  }
+}

@@ -1,0 +1,182 @@
+// One parameter: slider, confirmed value, unit, bounds, marks when modified.
+// The cell shows what the vehicle confirmed and never what was just sent; the thumb is the hand's
+// while it holds it, with the confirmed value as a mark beside it, then follows the confirmed value.
+
+import { digitsOf, element, exact } from "../core/format.js";
+import { GainPath } from "./sender.js";
+
+const MOST_STEPS = 1e6; // of a slider; a seed is typed
+const KEY_STEPS = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
+
+export class GainRow {
+  // send(value, walks) → Promise; unfold(row, place) fills the row's details when they are opened.
+  constructor(description, isOperator, send, modifiedChanged, unfold = null) {
+    this.description = description;
+    this.confirmed = description.value;
+    this.order = [-1, -1];
+    this.flightValue = undefined; // at the start of this flight, when it has changed since
+    this.modifiedChanged = modifiedChanged;
+    this.unfold = unfold;
+    this.locked = !isOperator || description.read_only;
+    this.text = [description.name, description.description, description.unit].join(" ").toLowerCase();
+    this.path = new GainPath(send, () => this.draw());
+    this.drawn = ""; // the reason
+    this.place = element("div", { className: "gain" });
+    this.build();
+    this.draw();
+  }
+
+  get isModified() { return this.confirmed !== this.description.default; }
+  get isChangedInFlight() { return this.flightValue !== undefined && this.flightValue !== this.confirmed; }
+  get isNumber() { return ["float", "int"].includes(this.description.type); }
+
+  get step() {
+    const { type, step, minimum, maximum } = this.description;
+    return step || (type === "int" ? 1 : (maximum - minimum) / 200 || "any");
+  }
+
+  build() {
+    const { name, unit, description, default: initial, minimum, maximum } = this.description;
+    const short = name.split(".").at(-1), title = `${description}\n${name}, default ${exact(initial)}${unit ? ` ${unit}` : ""}`;
+    const label = this.unfold
+      ? element("button", { className: "fold", title, ariaExpanded: "false", onclick: () => this.toggle() }, short)
+      : element("span", { title }, short);
+    this.label = label;
+    this.mark = this.button("mark", "●", () => this.path.set(initial), `${name}: modified; back to the default ${exact(initial)}`);
+    this.flightMark = this.button("mark flight", "◆", () => this.path.set(this.flightValue), "");
+    this.reason = element("div", { className: "reason", hidden: true, role: "status" });
+    this.place.append(element("div", { className: "label" }, label, this.mark, this.flightMark), ...this.editor(name));
+    if (this.isNumber) this.place.append(element("span", { className: "unit" }, unit));
+    if (this.isNumber && minimum !== null && maximum !== null && (maximum - minimum) / this.step < MOST_STEPS) this.place.append(this.travel());
+    this.place.append(this.reason);
+  }
+
+  button(className, text, onclick, title) {
+    return element("button", { className, disabled: this.locked, title, ariaLabel: title, onclick }, text);
+  }
+
+  travel() {
+    const { name, minimum, maximum } = this.description;
+    this.slider = element("input", { type: "range", min: minimum, max: maximum, step: this.step, disabled: this.locked, ariaLabel: name });
+    this.tick = element("i", { className: "confirmed", title: "confirmed by the vehicle" });
+    this.slider.addEventListener("pointerdown", () => { this.held = true; this.draw(); });
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture", "change", "blur"]) this.slider.addEventListener(type, () => { this.held = false; this.draw(); });
+    this.slider.addEventListener("input", () => { this.path.set(this.rounded(Number(this.slider.value)), true); });
+    return element("div", { className: "travel" }, element("span", {}, exact(minimum)), element("div", { className: "track" }, this.slider, this.tick), element("span", {}, exact(maximum)));
+  }
+
+  rounded(value) { return Number(value.toFixed(digitsOf(this.step) + 1)); }
+
+  // The control in the value's column; a select or check box spans the unit's, too.
+  editor(name) {
+    const { type, choices } = this.description;
+    if (type === "bool") {
+      this.box = element("input", { type: "checkbox", disabled: this.locked, ariaLabel: name, onchange: () => this.path.set(this.box.checked) });
+      return [this.box, element("span")];
+    }
+    if (choices.length) {
+      this.box = element("select", { disabled: this.locked, ariaLabel: name, onchange: () => this.path.set(this.box.value) }, ...choices.map((choice) => element("option", { value: choice }, choice)));
+      return [this.box];
+    }
+    this.box = element("input", { className: this.isNumber ? "value" : "value text", disabled: this.locked, ariaLabel: `${name}, value`, inputMode: this.isNumber ? "decimal" : "text", spellcheck: false });
+    this.box.addEventListener("focus", () => { this.typing = true; this.box.select(); });
+    this.box.addEventListener("blur", () => { this.typing = false; this.draw(); });
+    this.box.addEventListener("keydown", (event) => this.key(event));
+    return [this.box];
+  }
+
+  key(event) {
+    if (event.key === "Escape") this.box.blur();
+    if (event.key === "Enter") { this.enter(this.box.value.trim()); this.box.blur(); }
+    const steps = this.isNumber ? KEY_STEPS[event.key] : undefined;
+    if (steps === undefined || this.step === "any") return;
+    event.preventDefault();
+    const { minimum, maximum } = this.description;
+    const value = Math.min(maximum ?? Infinity, Math.max(minimum ?? -Infinity, this.rounded(this.confirmed + steps * this.step)));
+    this.typing = false; // the cell shows the confirmed value, as it comes
+    this.path.set(value, true);
+  }
+
+  enter(text) {
+    if (!this.isNumber) { this.path.set(text); return; }
+    const number = Number(text.replace(",", ".").replace("−", "-"));
+    if (text === "" || !Number.isFinite(number)) this.fail(`${text || "nothing"} is not a number`);
+    else this.path.set(number);
+  }
+
+  // order: [generation, revision], without which it counts; false when something newer is known.
+  confirm(value, order = this.order) {
+    if (order[0] < this.order[0] || (order[0] === this.order[0] && order[1] < this.order[1])) return false;
+    this.order = order;
+    this.path.heard();
+    if (value === this.confirmed) return true;
+    const was = this.isModified;
+    this.confirmed = value;
+    this.draw();
+    if (was !== this.isModified) this.modifiedChanged(this);
+    return true;
+  }
+
+  // The value at the start of this flight; undefined when it has not changed since.
+  flightBegan(value) {
+    if (value === this.flightValue) return;
+    this.flightValue = value;
+    this.draw();
+  }
+
+  fail(reason) {
+    this.path.reason = reason;
+    this.path.refused = undefined;
+    this.path.to("refused");
+  }
+
+  toggle() {
+    const isOpen = this.label.getAttribute("aria-expanded") !== "true";
+    this.label.setAttribute("aria-expanded", String(isOpen));
+    this.details?.remove();
+    this.details = isOpen ? element("div", { className: "details" }) : null;
+    if (!isOpen) return;
+    this.place.append(this.details);
+    this.unfold(this, this.details);
+  }
+
+  draw() {
+    const { state } = this.path, shown = state === "idle" ? "" : state;
+    if (this.shown !== shown) {
+      this.place.classList.remove("waiting", "late", "refused");
+      if (shown) this.place.classList.add(shown);
+      this.shown = shown;
+    }
+    this.place.classList.toggle("changed", this.isModified);
+    this.place.classList.toggle("flown", this.isChangedInFlight);
+    if (this.isChangedInFlight) {
+      this.flightMark.title = `changed in this flight; back to ${exact(this.flightValue)}, as it was at its start`;
+      this.flightMark.ariaLabel = `${this.description.name}: ${this.flightMark.title}`;
+    }
+    this.drawReason();
+    if (this.box.type === "checkbox") this.box.checked = this.confirmed === true;
+    else if (!this.typing) this.box.value = typeof this.confirmed === "number" ? exact(this.confirmed) : this.confirmed;
+    // Late or refused: the thumb goes back to what is true, unless a hand holds it.
+    if (this.slider && !this.held && state !== "waiting") this.slider.value = this.confirmed;
+    if (this.slider) this.drawSlider(state);
+  }
+
+  drawReason() {
+    const { reason, refused } = this.path;
+    if (reason === this.drawn) return;
+    this.drawn = reason;
+    this.reason.hidden = !reason;
+    const limit = this.description.flight_step, steps = Math.ceil(Math.abs(refused - this.confirmed) / limit);
+    const walks = limit && reason.includes("in flight") && steps > 1
+      ? [" ", element("button", { className: "link", onclick: () => this.path.set(refused, true) }, `Go there in ${steps} steps`)] : [];
+    this.reason.replaceChildren(reason, ...walks);
+  }
+
+  drawSlider(state) {
+    const { minimum, maximum } = this.description, at = (value) => (value - minimum) / (maximum - minimum);
+    this.slider.style.setProperty("--at", `${100 * at(Number(this.slider.value))}%`);
+    const isAway = (this.held || state !== "idle") && Number(this.slider.value) !== this.confirmed;
+    this.tick.classList.toggle("away", isAway);
+    if (isAway) this.tick.style.setProperty("--at", String(at(this.confirmed)));
+  }
+}

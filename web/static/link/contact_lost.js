@@ -1,0 +1,95 @@
+// Contact lost: a red notice over the full width, in a layer of its own, which moves nothing. It
+// tells what is gone (this page's server, the base station, the link, the vehicle's flight
+// process), what was seen last and how long ago, and what the vehicle does next by itself.
+
+import { get } from "../core/api.js";
+import { byItself, lastState } from "./contact_text.js";
+import { element, seconds } from "../core/format.js";
+
+const TICK = 100; // ms
+const SERVER = 0.4; // s without a connection that is worth a word
+const STATUS = 0.8, STATION = 0.9; // s; both come 5 times a second or more
+const GONE = 1.5; // s of the station's silence that no busy computer explains
+const TIMEOUT = 0.4; // s until the vehicle reacts, while safety.link_timeout is not known
+const NEVER = 4; // s from the page's start until a vehicle that was never heard is worth a word
+
+const SURE = 1.2; // s of silence until it is known that station and link are not the reason
+
+const HEADS = {
+  silent: "the vehicle is not heard",
+  page: "this page's server does not answer",
+  station: "the base station is gone",
+  link: "no link to the vehicle",
+  flight: "the vehicle's flight process is gone; its computer still answers",
+};
+const NOT_YET = { station: "The base station has not been heard yet", link: "The vehicle has not been heard yet" };
+
+export class Contact {
+  constructor(place, { events, telemetry, ages, gains }) {
+    Object.assign(this, { place, events, ages, gains, cause: "", signedOut: false });
+    this.height = NaN; // m, of the newest sample, however old
+    this.closed = null; // when the events broke off
+    this.began = performance.now();
+    this.lost = element("b", {}, "Contact lost");
+    this.ago = element("span", { className: "ago", ariaHidden: "true" });
+    this.head = element("b", { role: "alert" });
+    this.last = element("span", { className: "last" });
+    this.next = element("span", { className: "next" });
+    place.append(element("p", { className: "head" }, this.lost, this.ago, this.head), element("p", {}, this.last, " ", this.next));
+    events.addEventListener("close", () => { this.closed ??= performance.now(); });
+    events.addEventListener("open", () => { this.closed = null; this.signedOut = false; });
+    telemetry.addEventListener("frame", ({ detail }) => {
+      const height = detail.value["state.position.z"];
+      if (Number.isFinite(height)) this.height = height;
+    });
+    setInterval(() => this.draw(), TICK);
+  }
+
+  safety(name) { return this.gains.value(`safety.${name}`); }
+  get silent() { return Math.min(this.ages.age("state"), this.ages.age("status")); } // s
+
+  // What is gone; "" while the vehicle is heard.
+  judge() {
+    const { events, ages } = this, { link } = events.summary;
+    if (this.closed !== null) return performance.now() - this.closed > 1e3 * SERVER ? "page" : this.cause;
+    const station = Math.min(ages.age("link_status"), ages.age("station_status"));
+    const isHeard = ages.age("state") < (this.safety("link_timeout") ?? TIMEOUT) || ages.age("status") < STATUS && link?.state === "good";
+    if (isHeard) return "";
+    if (!events.summary.status && performance.now() - this.began < 1e3 * NEVER) return "";
+    if (!(station < STATION)) return station < GONE ? "silent" : "station";
+    if (link && link.state !== "good") return "link";
+    return this.silent > SURE ? "flight" : "silent";
+  }
+
+  draw() {
+    const cause = this.judge();
+    if (cause !== this.cause) this.begin(cause);
+    if (!cause) return;
+    const { status, battery } = this.events.summary, silent = cause === "page" ? (performance.now() - this.closed) / 1e3 : this.silent;
+    put(this.ago, Number.isFinite(silent) && !this.signedOut ? ` for ${seconds(Math.round(10 * silent) / 10)}: ` : "");
+    put(this.last, this.signedOut ? "" : status ? `Last seen: ${lastState(status, this.height, battery)}.` : "");
+    put(this.next, this.signedOut ? "The vehicle does not depend on this page." : byItself(cause, status, silent, (name) => this.safety(name)));
+  }
+
+  begin(cause) {
+    this.cause = cause;
+    this.place.hidden = !cause;
+    this.place.dataset.cause = cause;
+    if (!cause) return;
+    const isNew = !this.events.summary.status; // nothing that could be lost yet
+    this.place.classList.toggle("never", isNew);
+    this.lost.hidden = isNew;
+    this.head.replaceChildren((isNew && NOT_YET[cause]) || HEADS[cause]);
+    if (cause === "page") this.askWhy();
+  }
+
+  async askWhy() {
+    try { await get("/api/session"); } catch (error) {
+      if (error.status !== 401 || this.cause !== "page") return;
+      this.signedOut = this.lost.hidden = true;
+      this.head.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back");
+    }
+  }
+}
+
+function put(place, text) { if (place.textContent !== text) place.textContent = text; }

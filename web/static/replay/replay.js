@@ -1,0 +1,171 @@
+// The replay page: opens one run or two and hands them to the parts.
+
+import { get } from "../core/api.js";
+import { element } from "../core/format.js";
+import { head } from "../core/page_header.js";
+import { Alignment } from "./align.js";
+import { ReplayChart } from "./chart.js";
+import { Clock } from "./play_head.js";
+import { TimeLine } from "./timeline.js";
+import { ReplayPanel } from "./panel.js";
+import { Range } from "./range.js";
+import { Run } from "./run.js";
+import { ReplayScene } from "./scene.js";
+import { ReplayTable } from "./table.js";
+import { Transport } from "./transport.js";
+import { pathname } from "../core/vehicle_path.js";
+
+const $ = (id) => document.getElementById(id);
+const main = document.querySelector("main");
+const ID = decodeURIComponent(pathname.split("/")[2]);
+const WITH = new URLSearchParams(location.search).get("with");
+const PLAYING_PERIOD = 80; // ms between two questions for values while it plays
+const LINK_PERIOD = 300; // ms between two changes of the address
+
+function say(text, problem = false) {
+  $("state").hidden = !text;
+  $("state").textContent = text;
+  $("state").classList.toggle("warn", problem);
+}
+
+async function start() {
+  const session = await get("/api/session");
+  head(session, "/runs");
+  document.title = `${ID} · replay`;
+  const options = { newer: new URLSearchParams(location.search).has("newer") };
+  const runs = [await Run.open(ID, (share) => say(`Reading ${ID}: ${Math.round(100 * share)} %`), options)];
+  if (WITH && WITH !== ID) runs.push(await Run.open(WITH, (share) => say(`Reading ${WITH}: ${Math.round(100 * share)} %`)));
+  say("");
+  for (const section of main.querySelectorAll("section")) section.hidden = false;
+  new Page(runs, await others(ID));
+}
+
+async function others(id) {
+  const [runs, onboard] = await Promise.all([get("/api/runs").catch(() => []), get("/api/replay").catch(() => [])]);
+  return [...(Array.isArray(runs) ? runs : runs.runs ?? []), ...onboard].map((run) => run.id).filter((one) => one !== id);
+}
+
+class Page {
+  constructor(runs, choices) {
+    this.runs = runs;
+    const clock = (this.clock = new Clock()), range = (this.range = new Range(clock));
+    this.scene = new ReplayScene($("view"), clock);
+    this.charts = [0, 1].map((index) => new ReplayChart($(`chart-${index}`), index, clock, range));
+    this.table = new ReplayTable($("table"));
+    this.line = new TimeLine($("line"), clock, range);
+    this.transport = new Transport($("transport"), clock, range);
+    this.panel = new ReplayPanel($("side"), clock);
+    this.alignment = new Alignment($("runs-shown"), runs, choices, (id) => { location.href = `${location.pathname}${id ? `?with=${encodeURIComponent(id)}` : ""}${location.hash}`; });
+    this.growing(runs[0]);
+    this.restore();
+    this.alignment.addEventListener("shift", () => this.shifted());
+    this.line.addEventListener("shift", ({ detail }) => this.alignment.move(detail));
+    this.measure();
+    this.table.setRuns(runs);
+    this.panel.setRuns(runs);
+    this.scene.setRuns(runs);
+    this.line.setRuns(runs);
+    this.transport.setRuns(runs);
+    for (const chart of this.charts) {
+      chart.addEventListener("drawn", () => this.told());
+      chart.addEventListener("select", () => this.ask(true));
+      chart.addEventListener("problem", ({ detail }) => say(detail, true));
+      chart.setRuns(runs);
+    }
+    clock.addEventListener("time", () => this.moved());
+    clock.addEventListener("change", () => this.link());
+    range.addEventListener("range", () => this.link());
+    range.follow();
+    this.moved();
+  }
+
+  // From the first run's beginning or the second's to the end of both.
+  measure() {
+    const { clock, runs } = this;
+    clock.setRange(Math.min(0, ...runs.map((run) => -run.shift)), Math.max(...runs.map((run) => run.duration - run.shift)));
+    this.range.follow();
+  }
+
+  shifted() {
+    this.again = true; // of the second run there are other values now, also while some are on their way
+    delete main.dataset.shown;
+    this.measure();
+    this.panel.setRuns(this.runs);
+    this.line.fill();
+    for (const chart of this.charts) chart.shifted();
+    this.moved();
+    this.link();
+  }
+
+  moved() {
+    if (!this.frame) this.frame = requestAnimationFrame(() => { this.frame = 0; this.scene.draw(); this.drawn = this.clock.t; this.told(); });
+    this.ask();
+    this.link();
+  }
+
+  // Values at the play-head: one question at a time, the newest instant next.
+  async ask(again = false) {
+    this.again ||= again;
+    if (this.asking || (this.valuesAt === this.clock.t && !this.again)) return;
+    this.asking = true;
+    this.again = false;
+    const t = this.clock.t, names = [...new Set([...this.table.names, ...this.charts.flatMap((chart) => chart.names)])];
+    try {
+      const values = new Map(await Promise.all(this.runs.map(async (run) => [run, run.known(names).length ? await run.at(names, t + run.shift) : {}])));
+      this.table.put(values, t);
+      for (const chart of this.charts) chart.put(values);
+      this.valuesAt = t;
+      if ($("state").classList.contains("warn")) say("");
+    } catch (error) {
+      say(error.message, true);
+      await new Promise((resolve) => setTimeout(resolve, 1000));
+    }
+    if (this.clock.playing) await new Promise((resolve) => setTimeout(resolve, PLAYING_PERIOD));
+    this.asking = false;
+    this.told();
+    this.ask();
+  }
+
+  // Everything shows this instant: written where a test or a script can see it.
+  told() {
+    const { clock, charts } = this;
+    if (clock.playing || this.again || this.drawn !== clock.t || this.valuesAt !== clock.t || !charts.every((chart) => chart.settled)) return;
+    main.dataset.shown = clock.t.toFixed(3);
+  }
+
+  // The moment in the address, so that it can be passed on.
+  link() {
+    if (this.linking) return;
+    this.linking = setTimeout(() => {
+      this.linking = 0;
+      const words = new URLSearchParams({ t: this.clock.t.toFixed(3) });
+      if (this.range.width) words.set("w", this.range.width);
+      if (this.alignment.labels) {
+        const [first, second] = this.alignment.labels;
+        words.set("a", first);
+        words.set("b", second);
+        if (this.alignment.hand) words.set("by", this.alignment.hand.toFixed(2));
+      }
+      history.replaceState(null, "", `#${words}`);
+    }, LINK_PERIOD);
+  }
+
+  restore() {
+    const words = new URLSearchParams(location.hash.slice(1)), width = Number(words.get("w"));
+    const t = Number(words.get("t") ?? new URLSearchParams(location.search).get("at"));
+    if (words.has("a")) this.alignment.restore(words.get("a"), words.get("b"), Number(words.get("by")) || 0);
+    this.measure();
+    if (width > 0) this.range.setWidth(width);
+    if (Number.isFinite(t)) this.clock.seek(t);
+  }
+
+  growing(run) {
+    const { is_growing: growing, is_current: current } = run.description;
+    if (!growing && current) return;
+    const url = new URL(location.href);
+    url.searchParams.set("newer", "");
+    $("runs-shown").append(element("span", { className: "warn" }, "● still being recorded; shown up to when it was opened"), element("a", { href: url.href }, "Show what came since"));
+  }
+}
+
+start().catch((error) => say(error.message, true));

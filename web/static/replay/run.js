@@ -1,0 +1,116 @@
+// One run as the server gives it: its description, its track for the 3D view, windows of signals.
+
+import { get } from "../core/api.js";
+
+const POLL = 250; // ms between two questions while the server reads the log
+const WIDTH_OF = { position: 3, rotation: 4 };
+
+export class Run {
+  constructor(id, description) {
+    this.id = id;
+    this.base = `/api/replay/${encodeURIComponent(id)}`;
+    Object.assign(this, { description, shift: 0 }); // its time = the page's + shift
+    this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
+  }
+
+  get duration() { return this.description.duration; }
+
+  // progress(0 … 1) is called while the log is read.
+  static async open(id, progress, { newer = false } = {}) {
+    const path = `/api/replay/${encodeURIComponent(id)}`;
+    for (let wanted = newer; ; wanted = false) {
+      const answer = await get(`${path}${wanted ? "?newer=true" : ""}`);
+      if (answer.state === "ready") {
+        const run = new Run(id, answer);
+        await run.loadTrack();
+        return run;
+      }
+      progress(answer.progress);
+      await new Promise((resolve) => setTimeout(resolve, POLL));
+    }
+  }
+
+  async loadTrack() {
+    const { rate, width, parts } = this.description.track;
+    const rows = new Float32Array(await binary(`${this.base}/track`));
+    let first = 0;
+    this.place = {};
+    for (const [part, columns] of Object.entries(parts)) { this.place[part] = first; first += columns; }
+    this.track = { rate, width, rows, count: rows.length / width };
+  }
+
+  // Position (3) and quaternion (w, x, y, z) of state, truth or reference at t; null where unknown.
+  pose(part, t) {
+    const { rate, width, rows, count } = this.track, place = this.place[part];
+    const at = t * rate, k = Math.floor(at + 1e-6);
+    if (k < 0 || k >= count || at > count) return null;
+    const i = k * width + place, next = k + 1 < count ? i + width : i;
+    if (Number.isNaN(rows[i])) return null;
+    const share = Number.isNaN(rows[next]) ? 0 : Math.min(1, Math.max(0, at - k));
+    const position = [0, 1, 2].map((c) => rows[i + c] + share * (rows[next + c] - rows[i + c]));
+    if (part === "reference") return { position };
+    const a = i + WIDTH_OF.position, b = next + WIDTH_OF.position;
+    const sign = dot4(rows, a, b) < 0 ? -1 : 1;
+    const q = [0, 1, 2, 3].map((c) => rows[a + c] + share * (sign * rows[b + c] - rows[a + c]));
+    const length = Math.hypot(...q) || 1;
+    return { position, rotation: q.map((x) => x / length) };
+  }
+
+  motors(t) {
+    const { rate, width, rows, count } = this.track, k = Math.floor(t * rate);
+    if (k < 0 || k >= count) return null;
+    const i = k * width + this.place.actuators;
+    return Number.isNaN(rows[i]) ? null : Array.from(rows.subarray(i, i + 4));
+  }
+
+  // What a changing text (`status/flags`) was at t.
+  text(path, t) {
+    let found = "";
+    for (const [from, text] of this.description.texts[path] ?? []) { if (from > t) break; found = text; }
+    return found;
+  }
+
+  span(kind, t) { return this.description.spans[kind].find((one) => one.from <= t && t < one.to)?.text ?? ""; }
+
+  beacons(t) { return this.description.beacons.filter((one) => one.t <= t).at(-1)?.beacons ?? []; }
+
+  // Values and ages at t, by name.
+  at(names, t) { return get(`${this.base}/at?t=${t.toFixed(6)}${query(this.known(names))}`); }
+
+  known(names) { return names.filter((name) => this.signals.has(name)); }
+
+  // [{signals, times, columns}] between two instants of its own time.
+  async window(names, start, end, points) {
+    const wanted = this.known(names);
+    if (!wanted.length) return [];
+    return unpack(await binary(`${this.base}/window?start=${start.toFixed(6)}&end=${end.toFixed(6)}&points=${points}${query(wanted)}`));
+  }
+}
+
+const query = (names) => names.map((name) => `&signal=${encodeURIComponent(name)}`).join("");
+
+function dot4(rows, a, b) { return rows[a] * rows[b] + rows[a + 1] * rows[b + 1] + rows[a + 2] * rows[b + 2] + rows[a + 3] * rows[b + 3]; }
+
+async function binary(path) {
+  const response = await fetch(path);
+  if (response.ok) return response.arrayBuffer();
+  const content = await response.json().catch(() => ({}));
+  throw new Error(content.error ?? `error ${response.status}`);
+}
+
+// See web/replay/reader.py: Replay.window.
+function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  let at = 8 * Math.ceil((4 + length) / 8);
+  return head.groups.map(({ signals, count }) => {
+    const times = new Float64Array(buffer, at, count);
+    at += 8 * count;
+    const columns = signals.map(() => {
+      const column = new Float32Array(buffer, at, count);
+      at += 8 * Math.ceil((4 * count) / 8);
+      return column;
+    });
+    return { signals, times, columns };
+  });
+}

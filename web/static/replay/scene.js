@@ -1,0 +1,213 @@
+// The 3D view of a replay: vehicles, paths, beacons and volume on a plain canvas. It needs no GPU and
+// nothing of the server once the tracks are here; the live page's scene is another.
+
+import { element } from "../core/format.js";
+import { Camera, handle } from "./camera.js";
+
+const ARM = 0.25, ROTOR = 0.125, AXIS = 0.18; // m
+const TRAIL = 20; // s
+const WHOLE = 2500; // points of a whole path
+const ROTORS = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+const ROUND = Array.from({ length: 17 }, (_, k) => [Math.cos((k * Math.PI) / 8), Math.sin((k * Math.PI) / 8)]);
+const UNIT = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const FULL = { lead: { dash: [], alpha: 1 }, other: { dash: [6, 5], alpha: 0.55 } };
+
+export class ReplayScene {
+  constructor(place, clock) {
+    this.clock = clock;
+    this.runs = [];
+    this.camera = new Camera();
+    this.following = true;
+    this.canvas = element("canvas", { tabIndex: 0, ariaLabel: "3D view: drag to turn, Shift and drag to move, wheel or + and − to zoom" });
+    this.canvas.setAttribute("role", "img");
+    this.follow = element("button", { ariaPressed: "true", title: "keep the vehicle in the middle", onclick: () => this.setFollowing(!this.following) }, "Follow");
+    const reset = element("button", { title: "the view as at the beginning", onclick: () => { this.camera.reset(); this.draw(); } }, "Reset view");
+    const key = (name, words) => element("span", { className: `key ${name}` }, words);
+    this.truthKey = key("truth", "truth");
+    place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "desired"), this.truthKey));
+    this.pen = this.canvas.getContext("2d", { willReadFrequently: true }); // by the processor: few lines, and an emulated GPU is slow
+    const style = getComputedStyle(document.documentElement);
+    this.color = Object.fromEntries(["x", "y", "z", "flown", "wanted", "truth", "text", "dim", "line", "strong", "stale", "ground", "amber"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    handle(this.canvas, this.camera, () => this.draw());
+    new ResizeObserver(() => this.resize()).observe(place);
+    this.place = place;
+  }
+
+  setRuns(runs) {
+    this.runs = runs;
+    for (const run of runs) run.path ??= thinned(run);
+    this.truthKey.hidden = !runs.some((run) => "truth" in run.description.topics);
+    this.draw();
+  }
+
+  setFollowing(on) { this.following = on; this.follow.setAttribute("aria-pressed", String(on)); this.draw(); }
+
+  resize() {
+    const ratio = Math.min(2, devicePixelRatio || 1);
+    this.width = this.place.clientWidth;
+    this.height = this.place.clientHeight;
+    this.canvas.width = Math.max(1, this.width * ratio);
+    this.canvas.height = Math.max(1, this.height * ratio);
+    this.pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.draw();
+  }
+
+  draw() {
+    if (!this.width || !this.runs.length) return;
+    const { pen, camera, clock } = this, lead = this.runs[0];
+    const pose = lead.pose("state", clock.t) ?? lead.pose("truth", clock.t);
+    if (this.following && pose) camera.target = pose.position;
+    camera.prepare(this.width, this.height);
+    pen.globalAlpha = 1;
+    pen.setLineDash([]);
+    pen.fillStyle = this.color.ground;
+    pen.fillRect(0, 0, this.width, this.height);
+    this.ground();
+    this.volume(lead.description.volume);
+    this.beacons(lead.beacons(clock.t));
+    for (const run of [...this.runs].reverse()) this.run(run, run === lead ? FULL.lead : FULL.other);
+    pen.globalAlpha = 1;
+    pen.setLineDash([]);
+  }
+
+  run(run, { dash, alpha }) {
+    const t = this.clock.t + run.shift, { pen } = this;
+    pen.globalAlpha = 0.28 * alpha;
+    pen.setLineDash(dash);
+    this.line(run.path, this.color.flown, 1);
+    pen.globalAlpha = alpha;
+    this.line(trail(run, "reference", t), this.color.wanted, 1.2);
+    this.line(trail(run, "state", t), this.color.flown, 2.2);
+    const truth = run.pose("truth", t), pose = run.pose("state", t), wanted = run.pose("reference", t);
+    if (truth) { pen.globalAlpha = 0.45 * alpha; this.frame(truth, this.color.truth, null); }
+    pen.globalAlpha = alpha;
+    if (wanted) this.dot(wanted.position, this.color.wanted, 3.5);
+    if (!pose) return;
+    const [x, y, z] = pose.position;
+    if (z > 0.05) { pen.setLineDash([2, 3]); this.line([[x, y, 0], [x, y, z]], this.color.dim, 1); }
+    pen.setLineDash(dash.length ? [3, 2] : []);
+    this.vehicle(pose, run.motors(t), t);
+  }
+
+  vehicle(pose, motors, t) {
+    const turn = rotation(pose.rotation), at = (p) => moved(turn, pose.position, p), { pen } = this, alpha = pen.globalAlpha;
+    this.frame(pose, this.color.text, this.color.flown);
+    UNIT.forEach((axis, i) => this.line([at([0, 0, 0.035]), at(axis.map((c, k) => AXIS * c + (k === 2 ? 0.035 : 0)))], this.color["xyz"[i]], 2.5));
+    ROTORS.forEach(([x, y], i) => {
+      const hub = [ARM * x, ARM * y, 0.055];
+      pen.globalAlpha = 0.16 * alpha;
+      this.area(ROUND.map(([c, s]) => at([hub[0] + ROTOR * c, hub[1] + ROTOR * s, hub[2]])), i === 0 ? this.color.flown : this.color.text);
+      pen.globalAlpha = alpha;
+      // Real propellers turn 80 times a second: a share of it, and the same at the same instant.
+      const angle = motors && motors[i] > 31 ? (i % 2 ? 1 : -1) * t * 9 * (1 + i / 50) : 0.4;
+      const [c, s] = [ROTOR * Math.cos(angle), ROTOR * Math.sin(angle)];
+      this.line([at([hub[0] - c, hub[1] - s, hub[2]]), at([hub[0] + c, hub[1] + s, hub[2]])], this.color.text, 1.5);
+    });
+  }
+
+  // Arms and rims; `front` is the colour of the front arm.
+  frame(pose, color, front) {
+    const turn = rotation(pose.rotation), at = (p) => moved(turn, pose.position, p);
+    ROTORS.forEach(([x, y], i) => {
+      const own = i === 0 && front ? front : color, hub = [ARM * x, ARM * y, 0];
+      this.line([at([0, 0, 0]), at(hub)], own, 3.5);
+      this.line([at(hub), at([hub[0], hub[1], 0.055])], own, 2);
+      this.line(ROUND.map(([c, s]) => at([hub[0] + ROTOR * c, hub[1] + ROTOR * s, 0.055])), own, 1);
+    });
+  }
+
+  ground() {
+    for (let k = -6; k <= 6; k++) {
+      const color = k % 2 ? this.color.line : this.color.strong;
+      this.pen.globalAlpha = k % 2 ? 0.7 : 0.8;
+      this.line([[k, -6, 0], [k, 6, 0]], color, 1);
+      this.line([[-6, k, 0], [6, k, 0]], color, 1);
+    }
+    this.pen.globalAlpha = 1;
+    UNIT.forEach((axis, i) => this.line([[0, 0, 0], axis.map((c) => 0.5 * c)], this.color["xyz"[i]], 2));
+  }
+
+  volume(box) {
+    if (!box) return;
+    const corner = (k) => box.map((side, axis) => side[(k >> axis) & 1]);
+    for (let k = 0; k < 8; k++) for (const bit of [1, 2, 4]) if (!(k & bit)) this.line([corner(k), corner(k | bit)], this.color.stale, 1);
+  }
+
+  beacons(rows) {
+    this.pen.font = "11px system-ui";
+    this.pen.textAlign = "center";
+    for (const [id, x, y, z] of rows) {
+      this.line([[x, y, 0], [x, y, z]], this.color.dim, 1);
+      const at = this.dot([x, y, z], this.color.amber, 4);
+      if (at) this.pen.fillText(String(id), at[0], at[1] - 8);
+    }
+  }
+
+  line(points, color, width) {
+    const { pen, camera } = this;
+    pen.strokeStyle = color;
+    pen.lineWidth = width;
+    pen.beginPath();
+    let isOpen = false;
+    for (let k = 1; k < points.length; k++) {
+      const segment = points[k - 1] && points[k] ? camera.segment(points[k - 1], points[k]) : null;
+      if (!segment) { isOpen = false; continue; }
+      if (!isOpen) pen.moveTo(...segment[0]);
+      pen.lineTo(...segment[1]);
+      isOpen = true;
+    }
+    pen.stroke();
+  }
+
+  area(points, color) {
+    const flat = points.map((point) => this.camera.project(point));
+    if (flat.includes(null)) return;
+    this.pen.fillStyle = color;
+    this.pen.beginPath();
+    for (const point of flat) this.pen.lineTo(...point);
+    this.pen.fill();
+  }
+
+  dot(point, color, radius) {
+    const at = this.camera.project(point);
+    if (!at) return null;
+    this.pen.fillStyle = color;
+    this.pen.beginPath();
+    this.pen.arc(at[0], at[1], radius, 0, 2 * Math.PI);
+    this.pen.fill();
+    return at;
+  }
+}
+
+const point = (run, part, k) => {
+  const i = k * run.track.width + run.place[part], { rows } = run.track;
+  return Number.isNaN(rows[i]) ? null : [rows[i], rows[i + 1], rows[i + 2]];
+};
+
+// All of a path in few points; null parts it.
+function thinned(run) {
+  const step = Math.max(1, Math.ceil(run.track.count / WHOLE)), found = [];
+  for (let k = 0; k < run.track.count; k += step) found.push(point(run, "state", k));
+  return found;
+}
+
+function trail(run, part, t) {
+  const { rate, count } = run.track, last = Math.min(count - 1, Math.floor(t * rate)), found = [];
+  const step = Math.max(1, Math.floor(rate / 25));
+  for (let k = Math.max(0, last - TRAIL * rate | 0); k <= last; k += step) found.push(point(run, part, k));
+  const now = run.pose(part, t);
+  if (now) found.push(now.position);
+  return found;
+}
+
+function rotation([w, x, y, z]) {
+  return [
+    1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+    2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+    2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+  ];
+}
+
+const moved = (r, [px, py, pz], [x, y, z]) => [
+  px + r[0] * x + r[1] * y + r[2] * z, py + r[3] * x + r[4] * y + r[5] * z, pz + r[6] * x + r[7] * y + r[8] * z,
+];

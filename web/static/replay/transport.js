@@ -1,0 +1,90 @@
+// Buttons and keys that move the play-head, and the times it stands at.
+
+import { element } from "../core/format.js";
+import { onKey } from "../core/keys.js";
+import { SPEEDS, stamp } from "./play_head.js";
+import { WIDTHS } from "./range.js";
+
+export const FRAME = 1 / 50; // s, of the track
+const NAMES = { 0.125: "⅛", 0.25: "¼", 0.5: "½" };
+const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
+
+export class Transport {
+  constructor(place, clock, range) {
+    Object.assign(this, { clock, range });
+    this.back = element("button", { ariaLabel: "play backwards", title: "play backwards", onclick: () => this.press(-1) }, "◀");
+    this.forth = element("button", { ariaLabel: "play", title: "play or pause (Space)", onclick: () => this.press(1) }, "▶");
+    this.speed = element("select", { ariaLabel: "speed", title: "speed ([ and ])", onchange: () => clock.setSpeed(Number(this.speed.value)) },
+      ...SPEEDS.map((speed) => element("option", { value: speed }, `${NAMES[speed] ?? speed} ×`)));
+    this.width = element("select", { ariaLabel: "time shown in the charts", onchange: () => range.setWidth(this.width.value ? Number(this.width.value) : null) },
+      ...WIDTHS.map(([label, seconds]) => element("option", { value: seconds ?? "" }, label)), element("option", { value: "zoom", hidden: true }, "zoomed"));
+    const time = (label, title) => { const output = element("output"); return [element("div", { className: "cell", title }, element("label", {}, label), output), output]; };
+    const [own, run] = time("run", "since the recording began"), [since, flight] = time("flight", "since the last take-off"), [clockCell, wall] = time("clock", "time of day at the base station");
+    Object.assign(this, { run, flight, wall });
+    const step = (label, title, act) => element("button", { ariaLabel: title, title, onclick: act }, label);
+    place.append(
+      element("div", { className: "buttons" },
+        step("⇤", "to the beginning (Home)", () => this.seek(clock.start)), step("−1 s", "back 1 s (Shift and ←)", () => clock.step(-1)), step("‹", "back one frame (←)", () => clock.step(-FRAME)),
+        this.back, this.forth, step("›", "on by one frame (→)", () => clock.step(FRAME)), step("+1 s", "on by 1 s (Shift and →)", () => clock.step(1)), step("⇥", "to the end (End)", () => this.seek(clock.end)), this.speed),
+      element("div", { className: "times" }, own, since, clockCell),
+      element("label", { className: "shows" }, "charts show ", this.width));
+    this.keys();
+    clock.addEventListener("time", () => this.show());
+    clock.addEventListener("change", () => this.show());
+    range.addEventListener("range", () => this.showWidth());
+  }
+
+  setRuns(runs) { this.runs = runs; this.show(); this.showWidth(); }
+
+  press(direction) {
+    const { clock } = this;
+    if (clock.playing && clock.direction === direction) clock.pause(); else clock.play(direction);
+  }
+
+  seek(t) { this.clock.pause(); this.clock.seek(t); }
+
+  keys() {
+    const { clock } = this, step = (sign) => (event) => clock.step(sign * (event.shiftKey ? 1 : FRAME));
+    onKey(" ", "play or pause", () => clock.toggle());
+    onKey("ArrowLeft", "back one frame, with Shift 1 s", step(-1));
+    onKey("ArrowRight", "on by one frame, with Shift 1 s", step(1));
+    onKey("Home", "to the beginning", () => this.seek(clock.start));
+    onKey("End", "to the end", () => this.seek(clock.end));
+    onKey("[", "play slower", () => clock.faster(-1));
+    onKey("]", "play faster", () => clock.faster(1));
+    onKey("r", "turn the direction of play", () => clock.play(-clock.direction));
+    // Held arrows run on; onKey acts on the first press only.
+    document.addEventListener("keydown", (event) => {
+      const sign = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (sign && event.repeat && !event.target.closest?.("input, select, textarea")) step(sign)(event);
+    });
+  }
+
+  show() {
+    const { clock, runs } = this;
+    if (!runs) return;
+    const { start_ns: start, airborne } = runs[0].description, since = airborne.filter((t) => t <= clock.t).at(-1);
+    const wall = start / 1e9 + clock.t;
+    set(this.run, stamp(clock.t));
+    set(this.flight, since === undefined ? "–" : stamp(clock.t - since));
+    set(this.wall, wall > EPOCH ? clockTime(wall) : "–");
+    for (const [button, direction, sign] of [[this.forth, 1, "▶"], [this.back, -1, "◀"]]) {
+      const playing = clock.playing && clock.direction === direction;
+      set(button, playing ? "❚❚" : sign);
+      button.setAttribute("aria-pressed", String(playing));
+    }
+    if (this.speed.value !== String(clock.speed)) this.speed.value = String(clock.speed);
+  }
+
+  showWidth() {
+    const value = this.range.isZoomed ? "zoom" : String(this.range.width ?? "");
+    if (this.width.value !== value) this.width.value = value;
+  }
+}
+
+function clockTime(seconds) {
+  const date = new Date(seconds * 1e3);
+  return `${date.toTimeString().slice(0, 8)}.${String(Math.floor((seconds % 1) * 1e3)).padStart(3, "0")}`;
+}
+
+function set(output, text) { if (output.textContent !== text) output.textContent = text; }

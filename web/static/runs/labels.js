@@ -1,0 +1,61 @@
+// Runs in words, and a search in the words of the API.
+
+import { duration, words } from "../core/format.js";
+
+const DAY = 864e5; // ms
+const DATE = /^(\d{4})(?:-(\d{2})(?:-(\d{2}))?)?$/;
+
+const clock = (date) => date.toTimeString().slice(0, 8);
+const day = (date) => [date.getFullYear(), date.getMonth() + 1, date.getDate()].map((n) => String(n).padStart(2, "0")).join("-");
+
+// s since the epoch, or a Date.
+export const moment = (stamp) => { const date = stamp instanceof Date ? stamp : new Date(stamp * 1e3); return `${day(date)} ${clock(date)}`; };
+export const startOf = (run) => moment(run.start_ns / 1e9);
+
+const inSeconds = (value) => (value < 0.05 ? "< 0.1 s" : value < 100 ? `${value.toFixed(1)} s` : duration(value));
+
+// [text, class, why]: complete, filled, missing, recovered, what is wrong; never by colour alone.
+export function state(run) {
+  if (run.recording) return ["● recording", "going", "being recorded now"];
+  if (run.problem) return ["problem", "warn", run.problem];
+  const { state: ticks, missing, filled, line } = run.completeness ?? {};
+  if (ticks === "missing") return [`${inSeconds(missing)} missing`, "warn", line];
+  if (ticks === "filled") return [`filled ${inSeconds(filled)}`, "", line];
+  if (run.recovered) return ["recovered", "", "its end was lost; what was recorded until then is here"];
+  if (run.complete) return ticks === "complete" ? ["complete", "", line] : ["closed", "", line ?? "closed with its index; not compared with the vehicle's own log"];
+  return ["not closed", "warn", "the recording was cut off; it is mended when the station starts"];
+}
+
+export const lasted = (run) => (run.complete || run.duration ? duration(run.duration) : "–");
+export const experiment = (run) => (run.report ? `${words(run.experiment)}: ${run.verdict ? words(run.verdict) : "?"}` : "");
+
+// Query of /api/runs/search: dates (2026, 2026-01, 2026-01-31, first..last) are of this browser's clock.
+export function query(text, tag, vehicle = "") {
+  const given = new URLSearchParams(), rest = [];
+  for (const word of text.trim().split(/\s+/).filter(Boolean)) {
+    const span = spanOf(word);
+    if (!span) { rest.push(word); continue; }
+    given.set("since_ns", `${span[0]}000000`);
+    given.set("until_ns", `${span[1]}000000`);
+  }
+  if (rest.length) given.set("words", rest.join(" ").slice(0, 300));
+  if (tag) given.set("tag", tag);
+  if (vehicle) given.set("vehicle", vehicle);
+  return given;
+}
+
+// [first ms, ms after the last] of a date or of two, or null.
+export function spanOf(word) {
+  const [first, last = first, more] = word.split("..");
+  const from = bounds(first), to = bounds(last);
+  return more === undefined && from && to && from[0] < to[1] ? [from[0], to[1]] : null;
+}
+
+function bounds(word) {
+  const [, year, month, date] = DATE.exec(word) ?? [];
+  if (!year || Number(year) < 2000 || Number(year) > 2200 || Number(month) > 12 || Number(date) > 31) return null;
+  const at = (y, m, d) => new Date(y, m, d).getTime();
+  const y = Number(year), m = month ? Number(month) - 1 : 0, d = date ? Number(date) : 1;
+  const end = date ? new Date(at(y, m, d) + 1.5 * DAY).setHours(0, 0, 0, 0) : month ? at(y, m + 1, 1) : at(y + 1, 0, 1);
+  return [at(y, m, d), end];
+}

@@ -1,0 +1,58 @@
+// The trash: what was deleted, by whom, and how long it can still be brought back.
+
+import { get, request } from "../core/api.js";
+import { bytes, duration, element } from "../core/format.js";
+import { onHold } from "../core/hold_button.js";
+import { lasting } from "./storage.js";
+import { moment } from "./labels.js";
+
+const DAY = 86400; // s
+
+export class Trash {
+  constructor(place, opener, session, say) {
+    this.place = place;
+    this.opener = opener;
+    this.session = session;
+    this.say = say;
+    this.runs = [];
+    opener.addEventListener("click", () => this.open(place.hidden));
+    place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.open(false); opener.focus(); } });
+    const isAdmin = session.role === "admin";
+    this.empty = element("button", { className: "hold", disabled: !isAdmin, title: isAdmin ? "hold for 1 s: removes all of it for good" : "only admins empty the trash before its time" }, "Empty trash");
+    onHold(this.empty, 1000, () => this.act("/api/trash/empty", {}));
+    this.body = element("tbody");
+    this.note = element("p", { className: "empty" });
+    place.append(element("div", { className: "trash-head" }, element("h2", {}, "Trash"), this.note, this.empty),
+      element("table", {}, element("thead", {}, element("tr", {}, ...["run", "duration", "size", "deleted", "by", "removed for good", ""].map((text) => element("th", { scope: "col" }, text)))), this.body));
+  }
+
+  open(wanted) {
+    this.place.hidden = !wanted;
+    this.opener.setAttribute("aria-expanded", String(wanted));
+    document.getElementById("list").hidden = wanted;
+  }
+
+  async refresh() {
+    const [runs, { trash_days: days }] = await Promise.all([get("/api/trash"), get("/api/storage")]);
+    this.opener.textContent = runs.length ? `Trash (${runs.length})` : "Trash";
+    this.empty.hidden = !runs.length;
+    this.note.textContent = runs.length ? `What lies here longer than ${Number(days.toFixed(2))} days is removed for good. The vehicle's own logs are not touched.` : "Nothing is here.";
+    this.body.replaceChildren(...runs.map((run) => this.row(run, days)));
+    this.body.parentElement.hidden = !runs.length;
+  }
+
+  row(run, days) {
+    const deleted = run.deleted_ns / 1e9, left = Math.max(0, deleted + days * DAY - Date.now() / 1e3);
+    const back = element("button", { disabled: this.session.role === "viewer", ariaLabel: `put back ${run.id}`, onclick: () => this.act("/api/trash/restore", { runs: [run.id] }) }, "Put back");
+    return element("tr", {}, ...[run.id, duration(run.duration), bytes(run.bytes), moment(deleted), run.requester || "–", `in ${lasting(left)}`].map((text) => element("td", {}, text)), element("td", {}, back));
+  }
+
+  async act(path, body) {
+    try {
+      const { done, refused } = await request("POST", path, body);
+      const verb = path.endsWith("empty") ? "Removed for good" : "Brought back";
+      this.say([`${verb}: ${done.length === 1 ? done[0] : `${done.length} runs`}.`, ...Object.values(refused)].join(" "));
+      await this.refresh();
+    } catch (error) { this.say(error.message); }
+  }
+}

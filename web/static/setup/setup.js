@@ -1,0 +1,51 @@
+// The Set-up page: what this station has, who may use it, and whether all is as it should be.
+
+import { get } from "../core/api.js";
+import { element } from "../core/format.js";
+import { head } from "../core/page_header.js";
+import { BeaconSection } from "./beacons.js";
+import { CheckSection } from "./checks.js";
+import { SetupParameters } from "./parameters.js";
+import { TrackerSection } from "./tracker.js";
+import { UserSection } from "./users.js";
+import { VehicleSection } from "./vehicles.js";
+import { VolumeSection } from "./volume.js";
+import { Events } from "../core/sockets.js";
+
+const $ = (id) => document.getElementById(id);
+
+async function start() {
+  const session = await get("/api/session");
+  const events = new Events();
+  const isOperator = session.role !== "viewer";
+  head(session, "/setup", events);
+  const parameters = new SetupParameters(events, isOperator);
+  const vehicles = new VehicleSection($("vehicles"), session, events, parameters);
+  new BeaconSection($("beacons"), events, isOperator);
+  new VolumeSection($("volume"), events, parameters);
+  new TrackerSection($("tracker"), events, parameters);
+  new UserSection($("users"), session);
+  new CheckSection($("checks"), $("checks-summary"), isOperator, (checks) => vehicles.showChecks(checks));
+  connection(events);
+  // The sections have their heights now: go where the address points.
+  if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
+}
+
+function connection(events) {
+  const strip = $("offline");
+  const show = async () => {
+    strip.hidden = events.connected;
+    if (events.connected) return;
+    strip.textContent = "No connection to this page's server; reconnecting. What stands here is old.";
+    try { await get("/api/session"); } catch (error) {
+      if (error.status === 401) strip.replaceChildren("Signed out. ", element("a", { href: "/login" }, "Sign in"), " to come back.");
+    }
+  };
+  events.addEventListener("close", () => setTimeout(show, 400));
+  events.addEventListener("open", show);
+}
+
+start().catch((error) => {
+  $("offline").hidden = false;
+  $("offline").textContent = `The page could not start: ${error.message}`;
+});
