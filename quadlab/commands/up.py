@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 WATCH_PERIOD = 0.2
 PROGRESS_PERIOD = 1.5
 """s between two lines while the processes start."""
+ANSWER_TIME = 0.3
+"""s the page has for an answer, else it is still starting."""
 MCU_PORTS = ("mcu0", "mcu1")
 
 
@@ -84,7 +86,7 @@ class Up(PageOptions):
             _require_free("page", self.port, socket.SOCK_STREAM, "--port or --host", self.host)
         with (
             owned(folder),
-            _Progress(self.port),
+            _Progress(self.host, self.port),
             tempfile.TemporaryDirectory(prefix="quadlab-") as run_folder,
             contextlib.nullcontext() if self.real_time else _lockstep(fleet, Path(run_folder)),
         ):
@@ -208,13 +210,14 @@ class Up(PageOptions):
 class _Progress:
     """Says that the start goes on until the page answers, which from then on says it itself."""
 
-    def __init__(self, port: int) -> None:
-        self._port = port
+    def __init__(self, host: str, port: int) -> None:
+        self._address = host, port
         self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
 
     def __enter__(self) -> _Progress:
         print("quadlab: starting simulator, vehicle, station and page", flush=True)
-        threading.Thread(target=self._tell, daemon=True).start()
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -223,10 +226,13 @@ class _Progress:
     def _tell(self) -> None:
         began = time.monotonic()
         while not self._ended.wait(PROGRESS_PERIOD):
-            with socket.socket() as probe:
-                probe.settimeout(0.1)
-                if probe.connect_ex(("127.0.0.1", self._port)) == 0:
-                    return
+            with (
+                contextlib.suppress(OSError),
+                socket.create_connection(self._address, ANSWER_TIME) as page,
+            ):
+                page.sendall(b"GET / HTTP/1.0\r\n\r\n")
+                page.recv(1)  # whatever it is: with TLS it may only close
+                return
             print(f"quadlab: starting, {time.monotonic() - began:.0f} s", flush=True)
 
 
