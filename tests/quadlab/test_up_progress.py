@@ -7,7 +7,7 @@ import socket
 
 import pytest
 
-from quadlab import up
+from quadlab.commands import up
 
 
 def test_the_start_goes_on_until_the_page_answers_and_not_only_listens(
