@@ -21,7 +21,7 @@ from quadrotor.errors import StorageError
 
 VARIABLE = "QUADLAB_LOCKSTEP"
 """Environment variable with the page's path, for the processes of one `quadlab up`."""
-GONE_NS = 10_000_000_000
+GONE_NS = 5_000_000_000
 """More than a busy machine keeps a simulation waiting that lives."""
 EPOCH, OFFSET, LIMIT, FACTOR, VEHICLES = range(5)
 """Index in 8-byte words of the page. EPOCH: the host's epoch time minus its steady clock, at the

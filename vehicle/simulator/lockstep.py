@@ -34,7 +34,7 @@ from vehicle_link.lockstep import (
 from vehicle_link.serial.commands import decode_data
 from vehicle_link.serial.frames import FrameDecoder
 
-PATIENCE_NS = 10_000_000_000
+PATIENCE_NS = 5_000_000_000
 """More than a busy machine keeps a part waiting that lives."""
 LOOK_S, LOOK_SELDOM_S = 0.0002, 0.002
 """s between two looks at who is behind, at first and after a while: looking takes time, too."""

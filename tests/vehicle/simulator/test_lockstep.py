@@ -15,6 +15,7 @@ import pytest
 
 from tests.vehicle.simulator.test_process import BOUND, open_ports
 from vehicle.microcontroller.microcontroller import Microcontroller
+from vehicle.simulator import lockstep
 from vehicle.simulator.lockstep import MADE_UP_NS, PATIENCE_NS, LockstepPace
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.process import run
@@ -220,8 +221,9 @@ def test_the_real_time_factor_is_that_of_the_last_seconds(bench: Bench) -> None:
 
 
 def test_the_simulator_goes_on_while_it_is_answered_and_without_who_left(
-    tmp_path: Path, page: memoryview
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, page: memoryview
 ) -> None:
+    monkeypatch.setattr(lockstep, "PATIENCE_NS", 1000 * MS)
     stop = threading.Event()
     thread = threading.Thread(
         target=run,
