@@ -6,10 +6,10 @@ import contextlib
 import os
 import socket
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from vehicle_link import clock
 from vehicle_link.lane.datagram import (
     HELLO,
     KEY_SIZE,
@@ -55,7 +55,7 @@ class _Lane:
     @property
     def rank(self) -> tuple[bool, int]:
         """Who may send and is there before who only hears, then who was heard last."""
-        is_there = time.monotonic_ns() - self.since_ns < GONE_NS
+        is_there = clock.monotonic_ns() - self.since_ns < GONE_NS
         return len(self.topics) > 1 and is_there, self.since_ns
 
 
@@ -83,7 +83,7 @@ class VehicleLane:
     @property
     def stations(self) -> int:
         """Stations that are sent to."""
-        oldest_ns = time.monotonic_ns() - PATIENCE_NS
+        oldest_ns = clock.monotonic_ns() - PATIENCE_NS
         return sum(_listens(lane, oldest_ns) for lane in self._lanes.values())
 
     def grant(self, instance: int, topics: tuple[str, ...] = TO_VEHICLE) -> Message:
@@ -101,7 +101,7 @@ class VehicleLane:
             while key_id == 0 or key_id in self._lanes:
                 key_id = int.from_bytes(os.urandom(4), "little")
             sealer = Sealer(key_id, to_station)
-            lane = _Lane(instance, topics, key_id, sealer, opener, time.monotonic_ns())
+            lane = _Lane(instance, topics, key_id, sealer, opener, clock.monotonic_ns())
             self._lanes = _with(self._lanes, lane)
         return new(
             f"{SERVICES['lane']}_Response",
@@ -116,7 +116,7 @@ class VehicleLane:
         """To all stations that listen, without waiting; whether there is one."""
         if len(message.payload) > LARGEST_PAYLOAD:
             return False
-        oldest_ns = time.monotonic_ns() - PATIENCE_NS
+        oldest_ns = clock.monotonic_ns() - PATIENCE_NS
         listening = [lane for lane in self._lanes.values() if _listens(lane, oldest_ns)]
         for lane in listening:
             self._socket.send(lane.sealer.seal(topic, message), lane.address)
@@ -139,7 +139,7 @@ class VehicleLane:
             self._forget_others(lane)
         if lane.opener.newest > newest:  # one that was overtaken may be from where it was before
             lane.address = address
-        lane.since_ns = time.monotonic_ns()
+        lane.since_ns = clock.monotonic_ns()
         topic, received = opened
         if topic != HELLO:
             self._deliver(topic, received)

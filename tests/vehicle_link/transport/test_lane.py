@@ -12,10 +12,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
 from quadrotor.errors import LinkError
+from vehicle_link import clock
 from vehicle_link.lane import newest_only, vehicle_lane
 from vehicle_link.lane.datagram import (
     A_HELLO,
@@ -34,6 +36,7 @@ from vehicle_link.lane.newest_only import NewestOnly
 from vehicle_link.lane.replay_window import SIZE, ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.lane.vehicle_lane import VehicleLane
+from vehicle_link.lockstep import Page
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.transport.node import Received
 
@@ -438,3 +441,26 @@ def test_what_stations_may_send_is_the_vehicles_choice(ends: Ends) -> None:
         assert ends.at_vehicle.got.empty()
         ends.vehicle.put("telemetry", message())
         assert looker.recv(2000)
+
+
+def test_a_station_is_not_given_up_while_simulated_time_stands_still(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever reads its datagrams may have no processor for longer."""
+    page = Page(["quad1"], tmp_path)
+    clock.follow(page.path)
+    vehicle = VehicleLane(0, lambda topic, received: None, "127.0.0.1")
+    try:
+        granted = vehicle.grant(5)
+        hello = Sealer(int(granted.key_id), bytes(granted.key_to_vehicle)).seal(HELLO, A_HELLO)
+        vehicle._take(hello, ("127.0.0.1", 9))
+        words = clock.page()
+        assert words is not None
+        words[clock.LIMIT] = clock.monotonic_ns()
+        later_ns = time.monotonic_ns() + vehicle_lane.PATIENCE_NS + 1_000_000_000
+        monkeypatch.setattr(time, "monotonic_ns", lambda: later_ns)
+        assert vehicle.put("telemetry", message())
+    finally:
+        vehicle.close()
+        clock.follow(None)
+        page.close()
