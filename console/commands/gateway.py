@@ -68,9 +68,9 @@ class CommandGateway:
         }
         for name in FORWARDED:
             handler = partial(self._forward, name)
-            node.serve(f"station/{name}", SERVICES[name], handler, threads=AT_ONCE)
+            node.serve(f"station/{name}", SERVICES[name], handler, at_once=AT_ONCE)
         change = "change_parameters"
-        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, threads=AT_ONCE)
+        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, at_once=AT_ONCE)
         self._simulation = node.client("simulator/simulation", SERVICES["simulation"])
         node.serve("station/simulation", SERVICES["simulation"], self._simulate)
         # Only here: a repeated command must reach the vehicle when the first one did not.

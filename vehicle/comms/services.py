@@ -37,20 +37,20 @@ def serve(
     """Declare all services on the node; they answer on threads of their own."""
     commands = _Commands(flight, parameters)
     for service in ("emergency", "disarm", "arm", "start_behavior", "change_parameters", "bench"):
-        threads = EMERGENCIES if service == "emergency" else 1
-        serve_command(node, service, getattr(commands, service), threads)
+        at_once = EMERGENCIES if service == "emergency" else 1
+        serve_command(node, service, getattr(commands, service), at_once)
     serve_command(node, "calibrate", calibrations.answer, CALIBRATIONS)
     serve_time_sync(node, clock.now_ns)
     serve_parameters(node, parameters)
 
 
 def serve_command(
-    node: Node, service: str, handler: Callable[[Message], Message], threads: int
+    node: Node, service: str, handler: Callable[[Message], Message], at_once: int
 ) -> None:
     """Once a request id; what the handler refuses is an answer."""
     srv_type = SERVICES[service]
     _prepare(srv_type)
-    node.serve(service, srv_type, Idempotent(_refusing(srv_type, handler)), threads=threads)
+    node.serve(service, srv_type, Idempotent(_refusing(srv_type, handler)), at_once=at_once)
 
 
 def _prepare(srv_type: str) -> None:

@@ -1,7 +1,8 @@
 """A ROS 2 node over Zenoh without ROS: publishers, subscriptions, services and their clients.
 
-Threads: every subscription and service has a thread of its own, on which Zenoh calls back; a slow
-callback delays only its own topic. With `direct=True` the callback runs on Zenoh's network thread
+Threads: every subscription has a thread of its own, on which Zenoh calls back; a slow callback
+delays only its own topic. Services share threads, made as they are needed, and none waits for
+another. With `direct=True` the callback runs on Zenoh's network thread
 instead, but it must return at once. `put` may take 1 ms (50 ms for large messages),
 so it does not belong into a control thread.
 
@@ -26,6 +27,7 @@ from quadrotor.errors import LinkError, QuadlabError
 from vehicle_link import clock
 from vehicle_link.messages import Message, decode, encode
 from vehicle_link.transport.client import ServiceClient, encoding_of, peer_of, wait_for_match
+from vehicle_link.transport.in_turn import InTurn
 from vehicle_link.transport.misrouted import Topics
 from vehicle_link.transport.rmw_keys import (
     RELIABLE,
@@ -50,6 +52,8 @@ _counters: dict[str, itertools.count[int]] = {}
 _counters_lock = threading.Lock()
 _published = Topics()
 PUT_LONGEST = 2.0  # s
+MOST_THREADS = 64
+"""Of all services of a node: more than the requests they answer at the same time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +136,7 @@ class Node:
         self.domain = domain
         self._identity = NodeIdentity(zid, next(self._ids), self.namespace, name, domain)
         self._entities: list[Any] = []
-        self._pools: list[ThreadPoolExecutor] = []
+        self._pool = ThreadPoolExecutor(MOST_THREADS, thread_name_prefix=self.full_name)
         self._declare_token(self._identity.token)
 
     def publisher(
@@ -221,11 +225,11 @@ class Node:
         handler: Callable[[Message], Message],
         *,
         direct: bool = False,
-        threads: int = 1,
+        at_once: int = 1,
     ) -> None:
         """Answer requests of a service, one after the other; see the module for the threads.
 
-        With `threads` above 1 as many at once: then none waits behind one that is held up.
+        With `at_once` above 1 as many at the same time: then none waits behind one that is slow.
 
         A QuadlabError of the handler is the client's LinkError with the same text, a NoAnswerError
         its NoAnswerError; anything else is logged with its traceback, and the client told of it.
@@ -248,25 +252,18 @@ class Node:
                     told = f"a defect of {peer_of(name)}, see its log: {error!r}"
                     query.reply_err(told.encode())
 
-        handler_of_queries: Any
-        if threads > 1:
-            pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
-            self._pools.append(pool)
+        queries = InTurn(self._pool, answer, at_once)
 
-            def hand_over(query: zenoh.Query) -> None:
-                try:
-                    pool.submit(answer, query)
-                except RuntimeError:  # a query that was on its way while `close` undeclared
-                    log.debug("service %s was asked while it closes", name)
-                    with query:
-                        query.reply_err(f"{peer_of(name)} is closing".encode())
+        def hand_over(query: zenoh.Query) -> None:
+            try:
+                queries.put(query)
+            except RuntimeError:  # a query that was on its way while `close` undeclared
+                log.debug("service %s was asked while it closes", name)
+                with query:
+                    query.reply_err(f"{peer_of(name)} is closing".encode())
 
-            handler_of_queries = Callback(hand_over, indirect=False)
-        else:
-            handler_of_queries = Callback(answer, indirect=not direct)
-        self._entities.append(
-            self.session.declare_queryable(key, handler_of_queries, complete=True)
-        )
+        called_back = Callback(answer if direct else hand_over, indirect=False)
+        self._entities.append(self.session.declare_queryable(key, called_back, complete=True))
 
     def client(
         self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
@@ -286,8 +283,7 @@ class Node:
         """Undeclare all of this node; its session stays open."""
         while self._entities:
             _undeclare(self._entities.pop())
-        for pool in self._pools:
-            pool.shutdown(wait=False, cancel_futures=True)
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _announce(self, kind: EntityKind, name: str, type_name: str, qos: Qos) -> tuple[str, bytes]:
         """The key of a new endpoint and its GID; its token is declared."""

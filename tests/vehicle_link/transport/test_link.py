@@ -283,7 +283,7 @@ def test_a_service_of_several_threads_answers_beside_a_request_that_is_held_up(l
             proceed.wait(WAIT)
         return _ok(request)
 
-    link.vehicle.serve("two", SERVICES["arm"], emergency, threads=2)
+    link.vehicle.serve("two", SERVICES["arm"], emergency, at_once=2)
     client = link.web.client("two", SERVICES["arm"])
     assert client.wait(WAIT)
     answers: list[Message] = []
@@ -302,11 +302,10 @@ def test_a_question_on_its_way_while_its_service_closes_is_a_link_error(
     link: Link, caplog: pytest.LogCaptureFixture
 ) -> None:
     leaving = Node(link.vehicle.session, "/quad1", "leaving")
-    leaving.serve("leaving", SERVICES["arm"], _ok, threads=2)
+    leaving.serve("leaving", SERVICES["arm"], _ok, at_once=2)
     client = link.web.client("leaving", SERVICES["arm"])
     assert client.wait(WAIT)
-    for pool in leaving._pools:  # closed, and the question not yet stopped
-        pool.shutdown()
+    leaving._pool.shutdown()  # closed, and the question not yet stopped
     with caplog.at_level("DEBUG"), pytest.raises(LinkError, match="the vehicle is closing"):
         client.call(new(REQUEST), WAIT)
     assert "leaving was asked while it closes" in caplog.text

@@ -1,0 +1,52 @@
+"""Calls of one kind, one after the other, on threads that many kinds share.
+
+A thread for each service would be idle nearly all the time; a shared one alone would let a slow
+service hold up all others.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class InTurn(Generic[T]):
+    """Handles items in the order in which they came, so many at a time.
+
+    Args:
+        executor: lends threads while items wait.
+        handle: called with each item; must not raise.
+        at_once: items handled at the same time.
+    """
+
+    def __init__(self, executor: Executor, handle: Callable[[T], None], at_once: int = 1) -> None:
+        self._executor, self._handle, self._at_once = executor, handle, at_once
+        self._lock = threading.Lock()
+        self._waiting: deque[T] = deque()
+        self._threads = 0
+
+    def put(self, item: T) -> None:
+        """Add an item; any thread may.
+
+        Raises:
+            RuntimeError: the executor is shut down; the item is not kept.
+        """
+        with self._lock:
+            if self._threads < self._at_once:
+                self._executor.submit(self._run)  # waits for the lock first
+                self._threads += 1
+            self._waiting.append(item)
+
+    def _run(self) -> None:
+        while True:
+            with self._lock:
+                if not self._waiting:
+                    self._threads -= 1
+                    return
+                item = self._waiting.popleft()
+            self._handle(item)
