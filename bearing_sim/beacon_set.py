@@ -68,7 +68,9 @@ class Beacons:
         return Beacons(self.ids, places)
 
     def place(self, id: int) -> tuple[float, float, float]:
-        """Where one stands, m. Raises MeasurementError."""
+        """Return a beacon's position in world axes, in m. Raises MeasurementError for an unknown
+        id.
+        """
         x, y, z = self.positions_w[self._index(id)].tolist()
         return x, y, z
 

@@ -54,7 +54,8 @@ def pair(draws: Draws, degrees_of_freedom: float) -> tuple[float, float]:
 
 
 def hidden(seed: int, beacon_id: int, stamp_ns: int, share: float, spell_ns: int) -> bool:
-    """Whether a beacon is hidden at an instant: `share` of the time, in spells of `spell_ns`.
+    """Return whether a beacon is hidden at an instant: `share` of the time, in spells of
+    `spell_ns`.
 
     Time is cut into periods of spell/share, shifted for each beacon, with one spell in each at a
     random place; two spells may meet.

@@ -43,7 +43,7 @@ class _Layout(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> _Layout:
-        """Raises MeasurementError."""
+        """Raise MeasurementError."""
         beacons = parse_layout(text)
         places = [(x, y, z) for x, y, z in beacons.positions_w.tolist()]
         return cls(text, beacons, tuple(zip(beacons.ids.tolist(), places, strict=True)))
@@ -88,12 +88,12 @@ class BearingEmulator:
             self._take(instant_ns, pose.position_w, pose.quaternion_wb)
 
     def due(self, now_ns: int) -> list[BearingMeasurement]:
-        """What has arrived by `now_ns`, each given once, in order."""
+        """Return the frames that have arrived by `now_ns`, each once, in order."""
         return self._line.due(now_ns)
 
     @property
     def next_ns(self) -> int | None:
-        """When the next frame under way arrives, None when there is none."""
+        """Return the arrival time of the next frame under way, None when there is none."""
         return self._line.next_ns
 
     def _take(self, stamp_ns: int, position_w: Triple, quaternion_wb: Quadruple) -> None:

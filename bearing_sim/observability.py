@@ -56,7 +56,9 @@ class Sight:
 
     @classmethod
     def of(cls, parameters: BearingParameters) -> Sight:
-        """Of the emulated sensor, without its chances (spells, drop-out, swaps)."""
+        """Return the sight of the emulated sensor, without its chances (spells, drop-out,
+        swaps).
+        """
         from bearing_sim.bearing_parameters import parse_lost
 
         p = parameters

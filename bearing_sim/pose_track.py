@@ -93,7 +93,9 @@ def _curvature(first: Pose, second: Pose, third: Pose) -> Triple | None:
 
 
 def slerp(a: Quadruple, b: Quadruple, share: float) -> Quadruple:
-    """From unit quaternion `a` (share 0) to `b` (share 1) along the shorter arc, at even speed."""
+    """Interpolate from unit quaternion `a` (share 0) to `b` (share 1) along the shorter arc, at
+    even speed.
+    """
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = math.copysign(1.0, cosine)
     angle = math.acos(min(1.0, sign * cosine))

@@ -44,7 +44,9 @@ class InstantGrid:
         self._scale, self._per = 1, 1  # the k-th instant is at k · scale / per ns
 
     def between(self, after_ns: int, until_ns: int, rate: float) -> Iterator[int]:
-        """Those after the one stamp and not after the other, in order; rate in Hz."""
+        """Yield the instants later than `after_ns` and not later than `until_ns`, in order; `rate`
+        in Hz.
+        """
         if rate != self._rate:
             exact = Fraction(rate).limit_denominator(1000)
             self._rate = rate
@@ -70,7 +72,7 @@ class DelayLine(Generic[T]):
         self._travelling.append((due_ns, measurement))
 
     def due(self, now_ns: int) -> list[T]:
-        """Those that have arrived by `now_ns`, in the order they were sampled."""
+        """Return the measurements that have arrived by `now_ns`, in the order they were sampled."""
         arrived: list[T] = []
         while self._travelling and self._travelling[0][0] <= now_ns:
             arrived.append(self._travelling.popleft()[1])
@@ -78,5 +80,5 @@ class DelayLine(Generic[T]):
 
     @property
     def next_ns(self) -> int | None:
-        """When the next one arrives."""
+        """Return the arrival time of the next measurement, None when none is under way."""
         return self._travelling[0][0] if self._travelling else None

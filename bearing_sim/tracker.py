@@ -100,12 +100,12 @@ class SimulatedTracker:
         self._line.put(stamp_ns + round(p.delay * SECOND_NS), measurement)
 
     def due(self, now_ns: int) -> list[PoseMeasurement]:
-        """What has arrived by `now_ns`, each given once, in order."""
+        """Return the measurements that have arrived by `now_ns`, each once, in order."""
         return self._line.due(now_ns)
 
     @property
     def next_ns(self) -> int | None:
-        """When the next measurement under way arrives, None when there is none."""
+        """Return the arrival time of the next measurement under way, None when there is none."""
         return self._line.next_ns
 
 

@@ -74,7 +74,7 @@ class Calibrations:
 
     @property
     def is_due(self) -> bool:
-        """Whether what the vehicle keeps is to be read anew."""
+        """Return whether what the vehicle keeps is to be read again."""
         with self._lock:
             return time.monotonic() >= self._due
 

@@ -209,7 +209,7 @@ def step(
     dt: float,
     actuators: Record,
 ) -> None:
-    """From state and reference to actuators, in place; all arrays of records, shape (N,).
+    """Compute the actuators from state and reference, in place; all arrays of records, shape (N,).
 
     `gains` and `model` may have shape (1,) for all. `actuators.wrench` is M f of the thrusts
     commanded, so after the scaling. Integrals move last, by this tick's own verdict.

@@ -121,7 +121,9 @@ def smallest(found: tuple[Margin, ...]) -> Margin:
 
 
 def _margin(loop: str, above: Polynomial, below: Polynomial) -> Margin:
-    """Of the loop above / below; its closed loop is stable when above + below has no root right."""
+    """Return the margin of the loop above / below, which is stable when above + below has no root
+    with a positive real part.
+    """
 
     def response(frequency: Real) -> Complex:
         s = 1j * frequency

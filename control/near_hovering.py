@@ -120,7 +120,7 @@ def step(
     dt: float,
     actuators: Record,
 ) -> None:
-    """As control.controller.step, for arrays of records, shape (N,); gains, model (1,)."""
+    """Compute as control.controller.step, for arrays of records, shape (N,); gains, model (1,)."""
     for k in range(state.shape[0]):
         hover_one(memory[k], state[k], reference[k], gains[0], model[0], airborne, dt, actuators[k])
 

@@ -74,7 +74,9 @@ class ComplementaryEstimator:
 
     @property
     def convergence(self) -> Convergence:
-        """By the time since the start, in time constants, and the size of the innovations."""
+        """Return the convergence, judged by the time since the start in time constants and by the
+        size of the innovations.
+        """
         if not self._initialized:
             return Convergence(False, "no measurement gave it a start yet")
         if self.stale:
@@ -203,5 +205,5 @@ class ComplementaryEstimator:
         report(self._memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
-        """What is wrong with the gains at this rate (Hz) of poses; empty when nothing."""
+        """Return what is wrong with the gains at this rate (Hz) of poses; empty when nothing is."""
         return gain_warnings(self._parameters, rate)

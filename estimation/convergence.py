@@ -44,7 +44,7 @@ class Difference:
         )
 
     def within(self, other: Difference) -> bool:
-        """Each part at most the other's; NaN is not."""
+        """Return whether each part is at most the other's; False for NaN."""
         return (
             self.position <= other.position
             and self.velocity <= other.velocity
@@ -53,7 +53,7 @@ class Difference:
 
 
 def difference(one: Record, other: Record) -> Difference:
-    """Between two STATE records of shape (1,)."""
+    """Return the difference between two STATE records of shape (1,)."""
     share = abs(float(one["quaternion_wb"][0] @ other["quaternion_wb"][0]))
     return Difference(
         float(np.linalg.norm(one["position_w"][0] - other["position_w"][0])),

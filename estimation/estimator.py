@@ -74,7 +74,7 @@ class Estimator(Protocol):
         ...
 
     def warnings(self, rate: float) -> list[str]:
-        """What is wrong with the gains at this rate (Hz) of measurements."""
+        """Return what is wrong with the gains at this rate (Hz) of measurements."""
         ...
 
 

@@ -45,13 +45,13 @@ PRINTED = ContinuousGains(K_p=126.3, K_v=3987.3, K_q=62.8)
 
 
 def continuous_gains(parameters: EstimationParameters) -> ContinuousGains:
-    """Of the poles, biases left out."""
+    """Return the continuous gains of the chosen poles, without the biases."""
     omega = parameters.position_bandwidth
     return ContinuousGains(2.0 * omega, omega * omega, parameters.attitude_bandwidth)
 
 
 def measurement_gains(parameters: EstimationParameters, rate: float) -> MeasurementGains:
-    """What the filter applies to each of `rate` (Hz) measurements, bias poles included."""
+    """Return the gains applied to each of `rate` (Hz) measurements, bias poles included."""
     p, interval = parameters, 1.0 / rate
     position, velocity, _ = translation_gains(
         p.position_bandwidth, p.accelerometer_bias_bandwidth, interval

@@ -7,7 +7,7 @@ from quadrotor.records import MAX_BEACONS, Record
 
 
 def refuse_pose(pose: Record) -> MeasurementError:
-    """Of a POSE_SAMPLE (1,)."""
+    """Return the error that refuses a POSE_SAMPLE (1,)."""
     position, quaternion = pose["position_w"][0].tolist(), pose["quaternion_wb"][0].tolist()
     return MeasurementError(
         f"pose with position {position} m and quaternion {quaternion} cannot be used: "
@@ -16,7 +16,7 @@ def refuse_pose(pose: Record) -> MeasurementError:
 
 
 def refuse_bearings(bearings: Record) -> MeasurementError:
-    """Of a BEARINGS_SAMPLE (1,)."""
+    """Return the error that refuses a BEARINGS_SAMPLE (1,)."""
     frame = bearings[0]
     return MeasurementError(
         f"frame of {int(frame['count'])} bearings with sigma {float(frame['sigma'])} rad cannot "

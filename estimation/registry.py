@@ -66,7 +66,9 @@ def create(name: str, parameters: EstimationParameters) -> Estimator:
 
 
 def ready(name: str, bearings: bool) -> bool:
-    """Whether `prepare` was called for it: no call of it would compile anything."""
+    """Return whether `prepare` was called for the estimator: then no call of it compiles
+    anything.
+    """
     return (name, bearings) in _ready
 
 

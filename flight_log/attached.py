@@ -15,7 +15,7 @@ LONGEST = 100_000
 
 
 def json_value(data: bytes | str) -> Any:
-    """Raises ValueError when it is no JSON."""
+    """Raise ValueError when it is no JSON."""
     try:
         return json.loads(data)
     except RecursionError:

@@ -155,8 +155,10 @@ def _period(name: str, steps: Stamps) -> float:
 
 
 def _unusual(topic: TopicCheck) -> list[tuple[float, float]]:
-    """Of the gaps, those of a topic that mostly comes more seldom than its table says: one of
-    several vehicles' sent less often, a status while nothing happens."""
+    """Return the gaps that are unusual in this topic. One that mostly comes less often than its
+    table says (one of several vehicles, a status while nothing happens) is compared with its own
+    median.
+    """
     if 2 * len(topic.gaps) <= topic.count - 1:
         return topic.gaps
     usual = float(np.median([length for _, length in topic.gaps]))
@@ -180,7 +182,7 @@ def _compare_with_index(found: LogCheck) -> None:
 
 
 def _why_backwards(name: str) -> str:
-    """Why the stamps of a sound log may go back in this topic; "" where they may not."""
+    """Return why the stamps of a sound log may go back in this topic; "" where they may not."""
     topic = name.rsplit("/", 1)[-1]
     if topic in OVERTAKEN:
         return "datagrams overtook one another"

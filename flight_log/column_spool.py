@@ -81,7 +81,7 @@ class ColumnSpool:
         return np.frombuffer(self._publish_ns, np.int64)
 
     def give_up_stamps(self) -> None:
-        """After their last use: of a long log they are most of it."""
+        """Free the stamps after their last use: of a long log they are most of the memory."""
         self._log_ns, self._publish_ns = array("q"), array("q")
 
     @property
@@ -105,7 +105,7 @@ def gather(
     received: bool = True,
     most_bytes: float = math.inf,
 ) -> dict[str, ColumnSpool]:
-    """Everything that `reader` gives, by topic.
+    """Collect everything that `reader` gives, by topic.
 
     Raises as it does, and LogFormatError when it is more than `most_bytes`.
     """
@@ -130,7 +130,7 @@ def gather(
 def read_spools(
     log: Path, vehicle: str, wanted: Mapping[str, Collection[str]], whole: tuple[str, ...] = ()
 ) -> dict[str, ColumnSpool]:
-    """Of one vehicle, by name without namespace; a topic without messages is empty.
+    """Read the topics of one vehicle, by name without namespace; a topic without messages is empty.
 
     Args:
         wanted: paths of numbers and texts by topic.

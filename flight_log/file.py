@@ -26,7 +26,7 @@ class LogFile:
     """
 
     def __init__(self, path: Path, *, replace: bool = False) -> None:
-        """Raises StorageError when the file exists (unless `replace`) or cannot be made."""
+        """Raise StorageError when the file exists (unless `replace`) or cannot be made."""
         self.path = path
         self.size = 0
         # Without a name: gone with its process, however that ends.
@@ -68,7 +68,7 @@ class LogFile:
         return len(data)
 
     def put_aside(self, data: bytes) -> None:
-        """For the end of the file, without holding it in memory. Raises StorageError."""
+        """Keep data for the end of the file, without holding it in memory. Raises StorageError."""
         try:
             self._aside.write(data)
         except OSError as error:
@@ -90,7 +90,7 @@ class LogFile:
         )
 
     def sync(self) -> None:
-        """To the disk itself (0.4 ms for 64 kB); from any thread. Raises StorageError."""
+        """Flush to the disk itself (0.4 ms for 64 kB); from any thread. Raises StorageError."""
         with self._closing:
             try:
                 if self._fd >= 0:
@@ -106,7 +106,7 @@ class LogFile:
             return False
 
     def close(self) -> None:
-        """Raises StorageError when the disk tells only now that it could not."""
+        """Raise StorageError when the disk tells only now that it could not."""
         with suppress(OSError):
             self._aside.close()
         with self._closing:
@@ -119,7 +119,9 @@ class LogFile:
 
 
 def open_log(path: Path) -> BinaryIO:
-    """For reading. Raises StorageError, also for what is no file: a pipe would wait for ever."""
+    """Open a log for reading. Raises StorageError, also for what is not a regular file: a pipe
+    would wait for ever.
+    """
     try:
         descriptor = os.open(path, READING)
     except OSError as error:
@@ -148,7 +150,7 @@ def is_being_written(path: Path) -> bool:
 
 
 def sync_folder(folder: Path) -> None:
-    """So that a new name in it outlives a power cut. Raises OSError."""
+    """Flush a folder to the disk, so that a new name in it outlives a power cut. Raises OSError."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

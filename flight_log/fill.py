@@ -53,14 +53,16 @@ def write_filled(
 
 
 def remove_leftovers(run: Path) -> None:
-    """What a writer that was killed left beside the run."""
+    """Remove what a writer that was killed left next to the run."""
     for path in run.parent.glob(f"{run.stem}.*.filling"):
         if not is_being_written(path):
             path.unlink(missing_ok=True)
 
 
 def filled_before(index: RunIndex) -> dict[str, Any]:
-    """Of the run's own record: names of files, numbers of messages and ticks filled in so far."""
+    """Return what the run's own record says was filled in so far: names of files, numbers of
+    messages and ticks.
+    """
     told = index.metadata.get(FILLED_METADATA, {})
     try:
         return {
@@ -129,7 +131,7 @@ def _copy(
 
 
 def _register(writer: McapWriter, topic: str, type_name: str) -> int:
-    """For a topic of which the run had nothing."""
+    """Register a channel for a topic of which the run had nothing."""
     schema = writer.register_schema(
         messages.ros_name(type_name), "ros2msg", messages.definition(type_name).encode()
     )
@@ -138,7 +140,9 @@ def _register(writer: McapWriter, topic: str, type_name: str) -> int:
 
 
 def _take_place(new: Path, run: Path, before: os.stat_result) -> None:
-    """Nobody records into the run, deletes or fills it between the look and the move."""
+    """Replace the run by the new file, unless another process records into, deletes or fills it
+    between the look and the move.
+    """
     try:
         descriptor = os.open(run, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:

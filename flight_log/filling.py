@@ -81,7 +81,7 @@ class Filling:
         self._since_ns, self._until_ns = since_ns, until_ns
 
     def look(self) -> Found:
-        """Reads the sources; changes nothing. Raises StorageError."""
+        """Read the sources, changing nothing. Raises StorageError."""
         damage = Damage([])
         found = Found()
         missing: dict[str, list[Stamps]] = defaultdict(list)
@@ -124,7 +124,9 @@ class Filling:
         return after
 
     def placed(self) -> Iterator[Placed]:
-        """What the run lacks, in the order in which it is to stand there. Raises StorageError."""
+        """Yield what the run lacks, in the order in which it is to be placed there. Raises
+        StorageError.
+        """
         waiting: list[Placed] = []
         taken: set[tuple[str, int, bytes]] = set()  # of OTHER_TOPICS: the same twice on board
         number, newest = 0, _EARLIEST
@@ -172,7 +174,7 @@ class Filling:
         return wanted
 
     def _receptions(self, topic: str, stamps: Stamps) -> Stamps:
-        """As they would have been, ns of the station's clock."""
+        """Return the reception times these stamps would have had, ns of the station's clock."""
         usual = stamps + self._index.delay_ns
         had = self._index.topics.get(topic, _NOTHING)
         behind = np.searchsorted(had.stamps_ns, stamps, side="right")

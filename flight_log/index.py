@@ -64,7 +64,7 @@ def is_closed(path: Path) -> bool:
 
 
 def holds_nothing(path: Path) -> bool:
-    """Whether its writer was killed before the first record. Raises StorageError."""
+    """Return whether its writer was killed before the first record. Raises StorageError."""
     try:
         with path.open("rb") as stream:
             return MAGIC.startswith(stream.read(len(MAGIC) + 1))
@@ -78,7 +78,7 @@ def begins_as_log(file: int) -> bool:
 
 
 def index_problem(path: Path) -> str:
-    """What is wrong with it; nothing when it is sound, or the log was closed without one.
+    """Return what is wrong with the index; "" when it is sound, or the log was closed without one.
 
     Raises StorageError.
     """
@@ -231,7 +231,10 @@ class FileIndex:
 
 
 def read_index(path: Path, *, chunks: bool = True) -> FileIndex:
-    """Of a file with its index; without `chunks` and channels in a tenth of a millisecond.
+    """Read a file's index; without `chunks` and channels in a tenth of a millisecond.
+
+    Next to a thread that must not wait, the walk over the chunks gives up the interpreter again and
+    again. Raises LogFormatError when there is no index, or StorageError.
 
     Beside a thread that must not wait the walk over the chunks gives the interpreter away again
     and again. Raises LogFormatError when there is no index, or StorageError.

@@ -34,7 +34,7 @@ def check_record(name: str, size: int, place: int) -> None:
 
 
 def check_chunk(name: str, stored: int, claimed: int) -> None:
-    """Before a chunk is opened.
+    """Check a chunk before it is opened.
 
     Args:
         stored: its bytes in the file, compressed.

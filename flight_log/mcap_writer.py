@@ -141,7 +141,7 @@ class McapWriter:
         return channel.id
 
     def add_attachment(self, record: Attachment) -> None:
-        """At the present place of the file, before the chunk being filled."""
+        """Write an attachment at the present place of the file, before the chunk being filled."""
         data = _packed(record)
         self._attachments.append(
             AttachmentIndex(
@@ -157,7 +157,7 @@ class McapWriter:
         self._file.write(data)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """As `add_attachment`."""
+        """Write metadata at the present place of the file, as `add_attachment` does."""
         data = _packed(Metadata(metadata=values, name=name))
         self._metadata.append(MetadataIndex(offset=self._file.size, length=len(data), name=name))
         self._file.write(data)
@@ -165,7 +165,7 @@ class McapWriter:
     def add_message(
         self, channel_id: int, log_ns: int, payload: bytes, publish_ns: int, sequence: int = 0
     ) -> None:
-        """Into the chunk being filled; times in ns."""
+        """Add a message to the chunk being filled; times in ns."""
         self._count(channel_id, 1, log_ns, log_ns)
         chunk = self._chunk
         self._entries[channel_id] += INDEX_ENTRY.pack(log_ns, len(chunk))
@@ -176,7 +176,7 @@ class McapWriter:
             self.flush()
 
     def add_messages(self, messages: Sequence[OneMessage], sequence: int) -> None:
-        """At least one, in this order, numbered from `sequence` on: 1 µs each.
+        """Add at least one message, in this order, numbered from `sequence` on: 1 µs each.
 
         A chunk is closed behind the last one only.
         """
@@ -304,7 +304,7 @@ class McapWriter:
         self._file.write(end + zlib.crc32(end, checksum).to_bytes(4, "little") + MAGIC)
 
     def _count(self, channel_id: int, count: int, first_ns: int, last_ns: int) -> None:
-        """Into the statistics of file and chunk."""
+        """Count messages in the statistics of file and chunk."""
         statistics = self._statistics
         if statistics.message_count == 0 or first_ns < statistics.message_start_time:
             statistics.message_start_time = first_ns

@@ -19,7 +19,7 @@ PIECE = 100_000
 
 
 def common_stamps(log_ns: Stamps, publish_ns: Stamps) -> Stamps:
-    """When each message was true, ns of the recorder's clock, shape (N,).
+    """Return when each message was true, ns of the recorder's clock, shape (N,).
 
     The source's stamps are the finer ones (five samples come in one packet). A vehicle with a
     clock of its own is brought onto the recorder's by the shortest delay seen.

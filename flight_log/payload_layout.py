@@ -47,7 +47,7 @@ class PayloadLayout:
     texts: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # offset, bytes
 
     def fits(self, rows: npt.NDArray[np.uint8]) -> npt.NDArray[np.bool_]:
-        """Which of the payloads (N, size) have this layout, shape (N,)."""
+        """Return which of the payloads (N, size) have this layout, shape (N,)."""
         same = np.ones(len(rows), bool)
         for offset, value in self.lengths:
             words = np.ascontiguousarray(rows[:, offset : offset + 4]).view("<u4")[:, 0]
@@ -101,7 +101,7 @@ class SchemaLayouts:
         ]
 
     def _grows(self, name: str) -> bool:
-        """Whether a message may have more numbers than another one."""
+        """Return whether a message may have more numbers than another one."""
         return any(
             (kind == Nodetype.SEQUENCE and details[0] != (Nodetype.BASE, ("string", 0)))
             or (kind == Nodetype.NAME and self._grows(str(details)))
@@ -115,7 +115,7 @@ class SchemaLayouts:
         )
 
     def of(self, payload: bytes) -> PayloadLayout:
-        """Raises LogFormatError when the bytes are no such message."""
+        """Raise LogFormatError when the bytes are no such message."""
         if len(payload) < 4 or payload[1] != 1:
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
         walk = _Walk(payload, self._types)

@@ -117,7 +117,9 @@ def read_topic(path: Path, name: str) -> Iterator[bytes]:
 
 
 def _chunk_with(index: bytes, wanted: Collection[int]) -> int | None:
-    """Its place if the chunk has messages of these channels, or does not tell."""
+    """Return the chunk's place if it has messages of these channels, or its index does not say;
+    otherwise None.
+    """
     _, _, place, _, length = CHUNK_INDEX.unpack_from(index)
     channels = {
         channel

@@ -129,7 +129,7 @@ class ReadState(WalkState):
 
 
 def records(path: Path, state: ReadState | None = None) -> Iterator[LogRecord]:
-    """Everything before the index of the file, chunks opened.
+    """Yield everything before the index of the file, with chunks opened.
 
     Raises:
         LogFormatError: this is no MCAP file, or of a kind not read here.
@@ -218,7 +218,7 @@ def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
 
 
 def _message(data: bytes, begin: int, end: int) -> RawMessage:
-    """Raises ValueError when there is no room for its head."""
+    """Raise ValueError when there is no room for its head."""
     if end - begin < MESSAGE.size:
         raise ValueError("message shorter than its head")
     channel, sequence, log_ns, publish_ns = MESSAGE.unpack_from(data, begin)

@@ -87,7 +87,9 @@ def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
 
 
 def _holds_more(path: Path, whole_bytes: int) -> bool:
-    """Whether more is behind the tear than the piece a killed writer leaves, and than zeros."""
+    """Return whether more is behind the tear than the piece a killed writer leaves, and than
+    zeros.
+    """
     with open_log(path) as stream:
         stream.seek(whole_bytes + PIECE)
         return any(stream.read(PIECE))

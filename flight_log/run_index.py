@@ -90,7 +90,7 @@ class RunIndex:
 
     @property
     def period_ns(self) -> int:
-        """Between two ticks, as it mostly is; 0 for less than two."""
+        """Return the usual time between two ticks, in ns; 0 when there are fewer than two."""
         return int(np.median(np.diff(self.ticks))) if len(self.ticks) > 1 else 0
 
     def holes(self) -> list[tuple[int, int]]:
@@ -98,7 +98,7 @@ class RunIndex:
         return holes_of(self.ticks, self.period_ns)
 
     def is_armed_after(self, stamp_ns: int) -> bool:
-        """Whether the vehicle was armed when its status was heard next."""
+        """Return whether the vehicle was armed in the next status received."""
         after = [armed for stamp, armed in self.armed.items() if stamp >= stamp_ns]
         return bool(after) and after[0]
 
@@ -194,7 +194,9 @@ def _delay(topics: dict[str, TopicIndex], offset_ns: int | None) -> int:
 
 
 def _armed(block: Block, stamps: Stamps, places: Stamps) -> dict[int, bool]:
-    """Nothing of a run of another version, whose messages have other fields."""
+    """Return whether the vehicle was armed, by stamp; empty for a run of another version, whose
+    messages have other fields.
+    """
     found = {}
     with suppress(LinkError):
         for stamp_ns, place in zip(stamps.tolist(), places.tolist(), strict=True):

@@ -61,7 +61,7 @@ class Columns:
 
 
 def layouts_of(vehicle: str) -> dict[str, FixedLayout]:
-    """Of `TICK_TOPICS`, as vehicle_link.topics.ticks encodes them."""
+    """Return the layouts of `TICK_TOPICS`, as vehicle_link.topics.ticks encodes them."""
     body = body_frame(vehicle)
     return {
         "state": layout("nav_msgs/Odometry", WORLD, body),
@@ -98,7 +98,7 @@ def read_columns(
     rows: int,
     offset: int = 0,
 ) -> Columns:
-    """At most `rows` ticks with start_ns <= stamp <= end_ns, the earliest first.
+    """Read at most `rows` ticks with start_ns <= stamp <= end_ns, the earliest first.
 
     Args:
         offset: a record's place in the file before which no such tick stands.
@@ -144,7 +144,7 @@ class _Reader:
         return min(self._newest.values())
 
     def read(self, file: int, channels: dict[int, str], place: int) -> bool:
-        """Whether the file's end was reached, and it is closed."""
+        """Read on; return whether the file's end was reached and it is closed."""
         size = os.fstat(file).st_size
         while place + RECORD.size <= size and not self._enough():
             head = os.pread(file, RECORD.size, place)

@@ -222,7 +222,9 @@ class _TopicReader:
             left &= ~here
 
     def _bounded(self, layout: PayloadLayout) -> PayloadLayout:
-        """Without numbers and texts that no message before it had, where these are many."""
+        """Return the layout without numbers and texts that no message before it had, where these
+        are many.
+        """
         paths = self._seen | layout.numbers.keys() | layout.texts.keys()
         if len(paths) <= MOST_NUMBERS:
             self._seen = paths
@@ -231,7 +233,7 @@ class _TopicReader:
         return _narrowed(layout, frozenset(self._seen))
 
     def _changes(self, path: str, column: npt.NDArray[Any]) -> list[tuple[int, str]]:
-        """Where a text differs from the one before; None stands for no text."""
+        """Return where a text differs from the one before, as (row, text); None means no text."""
         found = []
         begins = np.flatnonzero(np.concatenate([[True], column[1:] != column[:-1]]))
         for index in begins.tolist():
@@ -247,7 +249,7 @@ def _values(columns: Columns) -> int:
 
 
 def _narrowed(layout: PayloadLayout, paths: frozenset[str] | None) -> PayloadLayout:
-    """With these numbers and texts alone."""
+    """Return the layout with these numbers and texts alone."""
     if paths is None:
         return layout
     return PayloadLayout(

@@ -156,7 +156,7 @@ class LogWriter:
             self._close_old_chunk(max(int(batch.log_ns[-1]) for batch in batches))
 
     def close_chunk(self) -> None:
-        """What was written so far is the kernel's: a killed process does not lose it."""
+        """Hand everything written so far to the kernel: a killed process does not lose it."""
         with self._guarded():
             self._writer.flush()
 
@@ -212,7 +212,7 @@ class LogWriter:
 
     @contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Once the disk has refused, every call raises what it refused with."""
+        """Raise in every call the first error with which the disk refused."""
         if self._broken is not None:
             raise self._broken
         try:

@@ -72,7 +72,7 @@ class StationClient:
         return heard
 
     def newest(self, topic: str) -> Callable[[], Any]:
-        """Gives the newest message of a topic, decoded when it is asked for; None before one."""
+        """Return the newest message of a topic, decoded when it is asked for; None before one."""
         row, payloads = TOPICS[topic], deque[bytes](maxlen=1)
         self._node.subscribe(
             row.name,
@@ -88,7 +88,7 @@ class StationClient:
         return self._parameters.values()
 
     def close(self) -> None:
-        """Gives up control, should it be ours."""
+        """Give up control, should we have it, and close."""
         self._closing.set()
         self._thread.join(2.0)
         with suppress(RefusedError, LinkError):
@@ -116,7 +116,7 @@ def _user() -> str:
 
 @contextmanager
 def station(loopback_port: int, vehicle: str) -> Iterator[StationClient]:
-    """Raises LinkError when none runs."""
+    """Raise LinkError when none runs."""
     try:
         session: Any = loopback_session(loopback_port, REACH)
     except LinkError:

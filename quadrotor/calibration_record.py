@@ -62,7 +62,9 @@ class CalibrationRecord(BaseModel):
 
 
 def parse_record(text: str) -> CalibrationRecord:
-    """From JSON. Raises MeasurementError that names the first field that is wrong."""
+    """Parse a record from JSON. Raises MeasurementError that names the first field that is
+    wrong.
+    """
     try:
         return CalibrationRecord.model_validate_json(text)
     except ValidationError as error:

@@ -85,7 +85,7 @@ def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) 
 
 
 def digest(module: str) -> str:
-    """Of the sources of `module` and of all that it imports from this project."""
+    """Return the digest of the sources of `module` and of all that it imports from this project."""
     found: set[str] = set()
     waiting = [module]
     while waiting:
@@ -116,7 +116,9 @@ def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
 
 @cache
 def _folder(module: str, chosen: str) -> Path:
-    """Where this module's machine code is; `chosen` is the user's NUMBA_CACHE_DIR or empty."""
+    """Return the folder of this module's machine code; `chosen` is the user's NUMBA_CACHE_DIR or
+    empty.
+    """
     root = Path(chosen) if chosen else _default_root()
     folder = root / f"{module}-{digest(module)}"
     if not folder.exists():
@@ -128,7 +130,9 @@ def _folder(module: str, chosen: str) -> Path:
 
 @cache
 def _default_root() -> Path:
-    """Beside Python's own compiled files, or in the user's cache where those cannot be written."""
+    """Return a folder next to Python's own compiled files, or in the user's cache where those
+    cannot be written.
+    """
     root = ROOT / "__pycache__" / "kernels"
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -147,5 +151,7 @@ def _age(folder: Path) -> float:
 
 
 def kept(module: str) -> bool:
-    """Whether machine code of this very source of `module` is kept: its functions will load."""
+    """Return whether machine code of this very source of `module` is kept: its functions will
+    load.
+    """
     return any(_folder(module, numba.config.CACHE_DIR).glob("*/*.nbc"))  # type: ignore[attr-defined]

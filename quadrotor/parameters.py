@@ -27,7 +27,8 @@ class Parameters(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     def check_together(self) -> None:
-        """What no field can say alone; a store calls it when all values of a change are in place.
+        """Check what no field can check alone; a store calls it when all values of a change are in
+        place.
 
         Raises OutOfBoundsError.
         """
@@ -96,7 +97,7 @@ class ParameterStore:
         return tuple(self._places)
 
     def description(self, name: str) -> ParameterDescription:
-        """Raises UnknownParameterError."""
+        """Raise UnknownParameterError."""
         self._require(name)
         return self._descriptions[name]
 
@@ -104,7 +105,7 @@ class ParameterStore:
         return tuple(self._descriptions.values())
 
     def get(self, name: str) -> ParameterValue:
-        """Raises UnknownParameterError."""
+        """Raise UnknownParameterError."""
         self._require(name)
         owner, field = self._places[name]
         value: ParameterValue = getattr(owner, field)
@@ -134,7 +135,7 @@ class ParameterStore:
         return checked
 
     def preset(self, values: Mapping[str, object]) -> None:
-        """As `set`, before the start: read-only parameters included."""
+        """Set values as `set` does, before the start: read-only parameters included."""
         for name in values:
             self._require(name)
         self._apply({n: coerce(self._descriptions[n], v) for n, v in values.items()})

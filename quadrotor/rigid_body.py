@@ -194,7 +194,7 @@ def store_motion(motion: Motion, x: Array) -> None:
 
 @compiled(inner=True)
 def motor_share(time_constant: float, dt: float) -> float:
-    """How much of the way to a held reference a rotor goes in dt (s): exact for any dt."""
+    """Return how much of the way to a held reference a rotor goes in dt (s): exact for any dt."""
     return 1.0 - math.exp(-dt / time_constant)
 
 

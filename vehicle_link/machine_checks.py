@@ -40,7 +40,9 @@ class _Timex(ctypes.Structure):
 
 
 def kernel_clock() -> tuple[bool, float]:
-    """Whether the kernel calls its clock synchronised, and its error bound, s. Raises OSError."""
+    """Return whether the kernel calls its clock synchronised, and its error bound in s. Raises
+    OSError.
+    """
     timex = _Timex()  # modes = 0: only asks
     if ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.byref(timex)) < 0:
         raise OSError(ctypes.get_errno(), "adjtimex")
@@ -74,7 +76,7 @@ def clock_check(place: Place, ask: Callable[[], tuple[bool, float]] = kernel_clo
 
 
 def governor_check(place: Place, root: Path = ROOT) -> Check:
-    """How the processor chooses its frequency."""
+    """Check how the processor chooses its frequency."""
     paths = sorted((root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     name, wanted = "processor", "governor performance"
     try:
@@ -90,7 +92,7 @@ def governor_check(place: Place, root: Path = ROOT) -> Check:
 
 
 def disk_check(place: Place, name: str, folder: Path, keep_free: float) -> Check:
-    """Whether logs can be written into `folder`; `keep_free` in bytes."""
+    """Check whether logs can be written into `folder`; `keep_free` in bytes."""
     wanted = f"writable, {_size(keep_free)} free"
     there = next((one for one in (folder, *folder.parents) if one.exists()), folder)
     try:
@@ -110,7 +112,7 @@ def disk_check(place: Place, name: str, folder: Path, keep_free: float) -> Check
 def real_time_check(
     place: Place, priority: int, attempt: Callable[[int], str] | None = None
 ) -> Check:
-    """Whether SCHED_FIFO may be had: tried by a thread that gives it back at once."""
+    """Check whether SCHED_FIFO may be had: a thread tries it and gives it back at once."""
     refusal = (attempt or _try_priority)(priority)
     name, wanted = "real-time rights", f"SCHED_FIFO {priority}"
     if not refusal:
@@ -125,7 +127,9 @@ def real_time_check(
 def memory_lock_check(
     place: Place, limit: int | None = None, *, capable: bool | None = None
 ) -> Check:
-    """Whether memory may be locked, so that no page is swapped out. limit: bytes, -1 = none."""
+    """Check whether memory may be locked, so that no page is swapped out. limit: bytes, -1 =
+    none.
+    """
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0] if limit is None else limit
     capable = _has_capability(_LOCK_MEMORY) if capable is None else capable
     name, wanted = "locked memory", "no limit"

@@ -33,7 +33,7 @@ class EndSignal:
             signal.signal(number, self._note)
 
     def wait(self, timeout: float) -> bool:
-        """Whether one came, waiting for it for at most `timeout` seconds."""
+        """Wait for a signal for at most `timeout` seconds, and return whether one came."""
         if not self._is_set:
             select.select([self._reader], [], [], timeout)
         return self._is_set

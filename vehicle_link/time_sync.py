@@ -68,7 +68,7 @@ class ClockOffset:
 
     @property
     def round_trip_ns(self) -> int:
-        """Of the newest exchange; 0 before the first."""
+        """Return the round trip of the newest exchange in ns; 0 before the first."""
         exchanges = self._exchanges
         return exchanges[-1].round_trip_ns if exchanges else 0
 
@@ -95,7 +95,9 @@ class ClockOffset:
         self._exchanges, self._offset_ns = (), 0
 
     def _agrees(self, exchange: Exchange) -> bool:
-        """Both offsets are right to half their round trip, and a little drift."""
+        """Return whether an exchange agrees with the best one: both offsets are right to half their
+        round trip, and a little drift.
+        """
         best = min(self._exchanges, key=lambda e: e.round_trip_ns)
         allowed = (best.round_trip_ns + exchange.round_trip_ns) // 2 + 10_000_000
         return abs(exchange.offset_ns - best.offset_ns) <= allowed
@@ -121,7 +123,7 @@ def exchange(
 
 
 def answers(client: ServiceClient, timeout: float) -> bool:
-    """Whether the server does within `timeout` seconds."""
+    """Return whether the server answers within `timeout` seconds."""
     try:
         exchange(client, timeout=timeout)
     except LinkError:

@@ -204,7 +204,7 @@ def _add_view(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/view/follow")
     async def follow(body: commands.FollowBody) -> dict[str, bool]:
-        """Keeps one page's camera on the vehicle."""
+        """Keep one page's camera on the vehicle."""
         parts.scene.follow(body.view, body.follow)
         return {"follow": body.follow}
 

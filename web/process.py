@@ -40,7 +40,7 @@ def run_web(
     open_browser: bool = False,
     tls: Tls | None = None,
 ) -> None:
-    """Serves the page until SIGINT or SIGTERM. Runs in the main thread.
+    """Serve the page until SIGINT or SIGTERM. Runs in the main thread.
 
     Args:
         data: the data folder; sign-in tokens in `web/`, recorded runs in `runs/`.

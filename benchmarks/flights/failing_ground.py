@@ -184,7 +184,7 @@ class Ground:
         self.do("start_behavior", name=behavior, arguments=to_parameters(arguments))
 
     def change_simulator(self, **values: Any) -> None:
-        """Raises LinkError."""
+        """Raise LinkError."""
         request = messages.new(
             "quadlab_msgs/srv/ChangeParameters_Request",
             request_id=secrets.token_hex(6),
@@ -194,7 +194,7 @@ class Ground:
         self._simulator.call(request, 2.0)
 
     def told(self, **wanted: Any) -> bool:
-        """Whether a status younger than a second says so."""
+        """Return whether a status younger than a second reports it."""
         status = self.status
         return time.monotonic() - self.status_at < 1.0 and all(
             getattr(status, name) == value for name, value in wanted.items()

@@ -249,7 +249,7 @@ def _when_off(
 
 
 def _off(folder: Path) -> bool:
-    """Whether the microcontroller, read at its first port, says that its motors are off."""
+    """Return whether the microcontroller, read at its first port, says that its motors are off."""
     try:
         port = SerialPort(folder / "mcu0")
     except LinkError:

@@ -93,7 +93,7 @@ class Pilot:
 
 
 def run(quick: bool = False) -> Report:
-    """Raises QuadlabError when the vehicles do not come up."""
+    """Raise QuadlabError when the vehicles do not come up."""
     count, hover = (QUICK_COUNT, QUICK_HOVER) if quick else (COUNT, HOVER)
     report = Report(
         "fleet",
@@ -144,7 +144,7 @@ def shares(pilot: Pilot) -> dict[str, float | str]:
 
 
 def hovering(up: int, pilots: list[Pilot], duration: float) -> tuple[dict[str, float], float]:
-    """Looks at all of them; CPU by process in % of a core, and what the host took."""
+    """Look at all of them; CPU by process in % of a core, and what the host took."""
     before, stolen, began = cpu_ticks(up), taken(), time.monotonic()
     while time.monotonic() < began + duration:
         for pilot in pilots:

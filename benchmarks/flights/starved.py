@@ -106,7 +106,7 @@ class Laboratory:
         self.until(lambda: self.status().get("mode") == "ready")
 
     def until(self, look: Any) -> Any:
-        """Raises QuadlabError."""
+        """Raise QuadlabError."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end and self._up.poll() is None:
             if found := look():
@@ -265,7 +265,7 @@ def page(address: str) -> Iterator[None]:
 
 
 def flights(count: int, words: tuple[str, ...], *, starved: bool) -> list[Flight]:
-    """Raises QuadlabError."""
+    """Raise QuadlabError."""
     found = []
     with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
         laboratory = Laboratory(Path(data), *words)
@@ -290,7 +290,7 @@ def run(quick: bool = False) -> Report:
 
 
 def measure(count: int, words: tuple[str, ...]) -> Report:
-    """Raises QuadlabError when a laboratory or the page does not come up."""
+    """Raise QuadlabError when a laboratory or the page does not come up."""
     report = Report(
         "starved",
         "Figure 8s on a machine with too much to do",

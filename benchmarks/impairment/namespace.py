@@ -41,7 +41,7 @@ class End(NamedTuple):
 
 
 def make_end(address: str) -> End:
-    """Raises StorageError with the reason where it is not allowed."""
+    """Raise StorageError with the reason where it is not allowed."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     with ours, theirs:
         child = os.fork()

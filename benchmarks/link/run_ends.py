@@ -65,7 +65,7 @@ class Running:
 
 @contextmanager
 def running(plan: Plan, seed: int = 11) -> Iterator[Running]:
-    """Raises StorageError where namespaces are not allowed, QuadlabError when an end fails."""
+    """Raise StorageError where namespaces are not allowed, QuadlabError when an end fails."""
     with tempfile.TemporaryDirectory() as name, ImpairedLink(seed) as link:
         ensure_certificates(Path(name), [A])
         yield Running(link, Path(name), plan)

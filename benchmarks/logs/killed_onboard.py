@@ -161,7 +161,7 @@ def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after
 
 
 def _dead(data: Path, log: Path, flight: Flight) -> Dead:
-    """Mends it as the next start does, and looks at what is left."""
+    """Mend the log as the next start does, and look at what is left."""
     taken = flight.taken
     problems = ["it was closed before it was killed"] if is_closed(log) else []
     problems += [line for line in recover_logs(torn_logs(data)) if "not recovered" in line]

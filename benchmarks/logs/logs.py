@@ -84,7 +84,7 @@ def _report(taken: dict[str, Taken], duration: float, size: float) -> Report:
 
 
 def _taken(*words: str) -> Taken:
-    """Raises RuntimeError when the process fails."""
+    """Raise RuntimeError when the process fails."""
     began = time.monotonic()
     process = subprocess.Popen(words, cwd=ROOT, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

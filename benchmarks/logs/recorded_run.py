@@ -74,7 +74,7 @@ def position_at(run: MadeRun, t: Any) -> Any:
 
 
 def write_run(path: Path, run: MadeRun, seed: int = 1) -> Path:
-    """Writes the log. Raises StorageError."""
+    """Write the log. Raises StorageError."""
     random = np.random.default_rng(seed)
     behavior, sensor = BehaviorParameters(), BearingParameters()
     parameters = {

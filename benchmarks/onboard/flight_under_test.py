@@ -123,7 +123,7 @@ class FlightUnderTest:
         self.ask(lambda id: mailbox.StartBehavior(id, "benchmark", behavior, dict(arguments)))
 
     def ask(self, command: Callable[[str], mailbox.Command]) -> None:
-        """Raises RefusedError."""
+        """Raise RefusedError."""
         self._asked += 1
         request = str(self._asked)
         self._rings.inbox.push(mailbox.encode(command(request)))

@@ -84,7 +84,7 @@ class PipedTruth:
 
 
 def run(quick: bool = False) -> Report:
-    """Raises QuadlabError when the vehicle does not fly."""
+    """Raise QuadlabError when the vehicle does not fly."""
     seconds = QUICK_SECONDS if quick else SECONDS
     with tempfile.TemporaryDirectory() as name:
         flight, robot, window, rights = _fly(Path(name), seconds)

@@ -48,7 +48,7 @@ SAID = "window.noticed.splice(0)"
 
 
 def run(quick: bool = False) -> Report:
-    """Raises QuadlabError when the laboratory or the page does not come up."""
+    """Raise QuadlabError when the laboratory or the page does not come up."""
     from playwright.sync_api import sync_playwright
 
     count = QUICK_COUNT if quick else COUNT

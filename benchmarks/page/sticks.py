@@ -248,7 +248,7 @@ def _quantile(values: list[float], share: float) -> float:
 
 
 def _row(report: Report, name: str, values: list[float]) -> float:
-    """Returns the largest."""
+    """Return the largest."""
     report.rows.append(
         Row(
             name,

@@ -46,7 +46,7 @@ class Completeness:
 
 
 def keep_completeness(catalogue: Catalogue, run_id: str, found: Completeness) -> None:
-    """Raises StorageError."""
+    """Raise StorageError."""
     with catalogue.session() as session:
         session.merge(CompletenessRow(run_id=run_id, stamp_ns=time.time_ns(), **asdict(found)))
 

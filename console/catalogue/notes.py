@@ -40,7 +40,7 @@ class Written:
 def write_notes(
     catalogue: Catalogue, run_id: str, text: str, author: str = "", seen: int | None = None
 ) -> Written:
-    """Sets the notes; the text before stays in `notes_history`.
+    """Set the notes; the text before stays in `notes_history`.
 
     Args:
         seen: the version the writer had before the eyes; None does not ask.

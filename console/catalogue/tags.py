@@ -41,7 +41,7 @@ def tags_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, list[str]
 def change_tags(
     catalogue: Catalogue, run_ids: Sequence[str], add: Sequence[str], remove: Sequence[str]
 ) -> dict[str, list[str]]:
-    """Adds and removes the same tags of several runs, all or nothing; run → tags afterwards.
+    """Add and remove the same tags of several runs, all or nothing; return run → tags afterwards.
 
     Raises StorageError for an unknown run, ParameterError for something that is no tag.
     """

@@ -67,7 +67,7 @@ class Preflight:
         self._thread.join(2.0)
 
     def before_arming(self, requester: str) -> None:
-        """Raises RefusedError with all the reasons why the vehicle is not to be armed now."""
+        """Raise RefusedError with all the reasons why the vehicle is not to be armed now."""
         facts = self._gather()
         if facts.armed or not self._limits.blocks:
             return  # armed already: its own answer is the better one

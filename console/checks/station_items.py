@@ -62,7 +62,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
 
 
 def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
-    """Writes a little, to the disk itself, and takes it away again.
+    """Measure the disk: write a little to the disk itself, and remove it again.
 
     Not beside a flight: only of a vehicle that says now that it is disarmed.
     """

@@ -149,7 +149,7 @@ class CommandGateway:
         )
 
     def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
-        """Raises ParameterError, LinkError."""
+        """Raise ParameterError, LinkError."""
         others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
             raise ParameterError(

@@ -46,7 +46,7 @@ class ControlLease:
         return LeaseView(self._holder, self._asking, max(left, 0.0))
 
     def may_command(self, who: str, now: float) -> bool:
-        """Whether `command` would let this requester."""
+        """Return whether `command` would allow this requester."""
         self.expire(now)
         return self._holder in ("", who)
 

@@ -59,7 +59,7 @@ class ControlDesk:
         self._tell()
 
     def steers(self, requester: str, enabled: bool) -> bool:
-        """Whether these sticks count; sticks that are let go ask for nothing.
+        """Return whether these sticks count; released sticks ask for nothing.
 
         Nobody's (a joystick at the base, through ROS 2) are of whoever has control.
         """

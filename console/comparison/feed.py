@@ -120,7 +120,7 @@ class ComparisonFeed:
         self._queue.clear()
 
     def _alive(self) -> bool:
-        """Starts the process, again if it has ended."""
+        """Start the process, again if it has ended."""
         child = self._child
         if child is not None and child.poll() is None:
             return True

@@ -45,7 +45,7 @@ class Kernels:
         self._closing = threading.Event()
 
     def ready(self, name: str) -> bool:
-        """Whether an estimator can be made; if not, and nobody has, this asks for it."""
+        """Return whether an estimator can be made; if not, and no one has asked yet, ask for it."""
         if name in self._ready:
             return True
         busy = self._thread is not None and self._thread.is_alive()

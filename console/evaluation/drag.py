@@ -88,7 +88,7 @@ class DragFlight:
         return {**known, "spread_N_s_m": SPREAD_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Raises MeasurementError when the model takes no such coefficient."""
+        """Raise MeasurementError when the model takes no such coefficient."""
         low, high = DRAG_BOUNDS
         if not low - SPREAD_MAX <= self.found <= high:
             raise MeasurementError(
@@ -126,7 +126,7 @@ class DragFlight:
 
 
 def read_drag(log: Path, vehicle: str) -> DragFlight:
-    """Raises LogFormatError without the topics, MeasurementError without circles in it."""
+    """Raise LogFormatError without the topics, MeasurementError without circles in it."""
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     start, end = _circled(columns["status"])

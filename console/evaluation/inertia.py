@@ -108,7 +108,7 @@ class InertiaFlight:
         return {**known, "spread_share": SPREAD_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Raises MeasurementError for an axis that was hardly excited, or beyond the model's."""
+        """Raise MeasurementError for an axis that was hardly excited, or beyond the model's."""
         for axis, value, torque, (low, high) in zip(
             AXES, self.found_b, self.torque_b, BOUNDS, strict=True
         ):
@@ -159,7 +159,7 @@ class InertiaFlight:
 
 
 def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
-    """Raises LogFormatError without the topics, MeasurementError when nothing was excited."""
+    """Raise LogFormatError without the topics, MeasurementError when nothing was excited."""
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     start, end = _excited(columns["status"])

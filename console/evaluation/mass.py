@@ -104,7 +104,7 @@ class MassFlight:
         return {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Raises MeasurementError when the model takes no such mass."""
+        """Raise MeasurementError when the model takes no such mass."""
         low, high = MASS_BOUNDS
         if not low <= self.found <= high:
             raise MeasurementError(
@@ -157,7 +157,7 @@ class MassFlight:
 
 
 def read_mass(log: Path, vehicle: str) -> MassFlight:
-    """Raises LogFormatError without the topics, MeasurementError when it never left the ground."""
+    """Raise LogFormatError without the topics, MeasurementError when it never left the ground."""
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     estimator, status = columns["estimator"], columns["status"]

@@ -76,7 +76,9 @@ class Decisions:
             ) from error
 
     def _is_kept(self, record: CalibrationRecord) -> bool:
-        """Whether the vehicle took it over, though its answer was lost. Raises RefusedError."""
+        """Return whether the vehicle took the record over, though its answer was lost. Raises
+        RefusedError.
+        """
         try:
             history = self._calibrations.read()
         except LinkError as error:

@@ -156,7 +156,7 @@ def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
 
 
 def _pickled(job: Job) -> bytes:
-    """Raises StorageError for an experiment that cannot be given to another process."""
+    """Raise StorageError for an experiment that cannot be given to another process."""
     try:
         return pickle.dumps(job)
     except Exception as error:  # of a person's own file anything may come

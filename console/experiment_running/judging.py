@@ -26,7 +26,7 @@ class Judging:
         self._module, self._cancelled = module, cancelled
 
     def judge(self, experiment: Experiment) -> None:
-        """Waits for the run's file, then for the process."""
+        """Wait for the run's file, then for the judging process."""
         board = self._board
         run_id, started = board.state.run_id, board.state.started
         board.set(phase=phases.EVALUATING, step="waiting for the run's file")

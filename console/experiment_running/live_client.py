@@ -57,7 +57,7 @@ class LiveClient(LiveCommands):
 
     @property
     def has_begun(self) -> bool:
-        """Whether it has done anything, on the ground or in the air."""
+        """Return whether the experiment has done anything, on the ground or in the air."""
         return self.armed or self._is_recorded
 
     def confirmed(self) -> None:

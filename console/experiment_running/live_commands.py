@@ -101,7 +101,7 @@ class LiveCommands:
 
     @property
     def taken_over(self) -> bool:
-        """Whether a person has commanded since, or flies with the sticks."""
+        """Return whether a person has commanded since, or flies with the sticks."""
         return self._taken_over.is_set()
 
     def tick(self) -> None:

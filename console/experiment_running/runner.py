@@ -103,7 +103,7 @@ class ExperimentRunner:
 
     # ------------------------------------------------------------------ the service
     def check_free(self) -> None:
-        """Raises RefusedError while one runs."""
+        """Raise RefusedError while one runs."""
         with self._lock:
             if self._state.running:
                 raise RefusedError(
@@ -187,7 +187,9 @@ class ExperimentRunner:
         self.asked(command, requester)
 
     def passes(self, order: StickOrder) -> bool:
-        """Whether a person's stick order goes to the vehicle; deflected ones take over, once."""
+        """Return whether a person's stick order goes to the vehicle; deflected sticks take over,
+        once.
+        """
         takes_over, client = self._takeover.seen(order), self._client
         if client is None or client.taken_over:
             return True

@@ -66,7 +66,7 @@ class SimulatedHand:
             self._hold("bench", {}, requester)
 
     def let_go(self, requester: str) -> None:
-        """Raises RefusedError."""
+        """Raise RefusedError."""
         if self._held != FREE:
             self._hold(FREE, {}, requester)
 

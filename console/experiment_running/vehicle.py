@@ -97,7 +97,7 @@ class VehicleFeed:
             return "" if self._status is None or old else str(self._status.mode).lower()
 
     def view(self) -> VehicleView:
-        """Raises LinkError before the first status."""
+        """Raise LinkError before the first status."""
         mass, mass_deviation = self._flown_mass()
         with self._news:
             status = self._status
@@ -134,7 +134,7 @@ class VehicleFeed:
             self._behind_since = None
 
     def parameter(self, name: str) -> ParameterValue:
-        """Raises UnknownParameterError, or LinkError when a missed change cannot be fetched."""
+        """Raise UnknownParameterError, or LinkError when a missed change cannot be fetched."""
         with self._news:
             since = self._behind_since
         if since is not None and monotonic() - since > MISSED:

@@ -86,7 +86,7 @@ class BearingsExperiment:
         return 25.0 + (len(self._sticks()) / RATE if file else p.duration)
 
     def check(self) -> None:
-        """Raises UsageError for options that do not go together, StorageError for no file."""
+        """Raise UsageError for options that do not go together, StorageError for no file."""
         p = self.parameters
         if p.gains not in ("auto", "as_set") and p.estimator != "complementary":
             raise UsageError(
@@ -98,7 +98,7 @@ class BearingsExperiment:
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not, or as `check`.
+        """Raise RefusedError with the vehicle's reason when it will not, or as `check`.
 
         A vehicle that goes back to the tracker or lands by itself ends the manoeuvre.
         """
@@ -210,7 +210,9 @@ class BearingsExperiment:
             client.wait(2.0)
 
     def _over(self, client: Client) -> bool:
-        """Whether the manoeuvre is to end: asked for, or no longer on bearings."""
+        """Return whether the manoeuvre is to end: on request, or because the vehicle no longer
+        flies on bearings.
+        """
         return client.finished or not self._on_bearings(client)
 
     def _sticks(self) -> npt.NDArray[np.float64]:

@@ -40,12 +40,12 @@ class Client(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Whether the manoeuvre is to end now; conditions of waits may look at it."""
+        """Return whether the manoeuvre is to end now; conditions of waits may look at it."""
         ...
 
     @property
     def has_pilot(self) -> bool:
-        """Whether a person could fly with sticks."""
+        """Return whether a person could fly with sticks."""
         ...
 
     def pilot_flies(self, on: bool) -> None:
@@ -79,7 +79,7 @@ class Client(Protocol):
     # ------------------------------------------------------------------ guided procedures
     @property
     def simulated(self) -> bool:
-        """Whether the vehicle is a simulated one, which turns by itself when told to."""
+        """Return whether the vehicle is a simulated one, which turns by itself on command."""
         ...
 
     def tell(self, progress: Progress) -> None:

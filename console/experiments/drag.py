@@ -54,7 +54,7 @@ class DragExperiment:
         return missing_place(view)
 
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not."""
+        """Raise RefusedError with the vehicle's reason when it will not."""
         p = self.parameters
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.confirm(CLEAR)
@@ -92,7 +92,7 @@ class DragExperiment:
         come_down(client)
 
     def evaluate(self, log: Path) -> Result:
-        """Raises LogFormatError without what it needs, MeasurementError without circles."""
+        """Raise LogFormatError without what it needs, MeasurementError without circles."""
         flight = read_drag(log, self._vehicle)
         return judged(flight.metrics(), flight.limits())
 

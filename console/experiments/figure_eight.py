@@ -58,7 +58,7 @@ class FigureEight:
         self._window: tuple[float, float] | None = None
 
     def check(self) -> None:
-        """Raises UsageError for a yaw that one lap from rest to rest cannot have."""
+        """Raise UsageError for a yaw that one lap from rest to rest cannot have."""
         p = self.parameters
         if p.laps == REST_TO_REST and p.yaw_amplitude > YAW_MAX + 1e-9:
             raise UsageError(
@@ -67,7 +67,7 @@ class FigureEight:
             )
 
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not, or as `check`."""
+        """Raise RefusedError with the vehicle's reason when it will not, or as `check`."""
         self.check()
         one_lap = self.parameters.laps == REST_TO_REST
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)

@@ -51,7 +51,7 @@ class Gyroscope:
         """Nothing can be chosen wrongly."""
 
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason: it moved, or motors are on."""
+        """Raise RefusedError with the vehicle's reason: it moved, or motors are on."""
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.tell(Progress(KEEP_STILL, 1, 2))
         before = client.parameter(SAMPLES)

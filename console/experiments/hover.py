@@ -28,7 +28,7 @@ class Hover:
         """Nothing can be chosen wrongly."""
 
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not."""
+        """Raise RefusedError with the vehicle's reason when it will not."""
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.wait(0.5)
         client.arm()

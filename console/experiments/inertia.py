@@ -115,7 +115,7 @@ class InertiaExperiment:
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not, or ended by itself."""
+        """Raise RefusedError with the vehicle's reason when it will not, or ended by itself."""
         self._place = None
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.confirm(CLEAR)
@@ -183,7 +183,7 @@ class InertiaExperiment:
 
     # ------------------------------------------------------------------ judgement
     def evaluate(self, log: Path) -> Result:
-        """Raises LogFormatError without what it needs, MeasurementError when never excited."""
+        """Raise LogFormatError without what it needs, MeasurementError when never excited."""
         flight = read_inertia(log, self._vehicle)
         return judged(flight.metrics(), flight.limits())
 

@@ -82,7 +82,7 @@ class MassExperiment:
 
     # ------------------------------------------------------------------ flight
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason when it will not.
+        """Raise RefusedError with the vehicle's reason when it will not.
 
         What the law flies on is put back after landing, also when the flight failed. When a person
         took over nothing more may be sent: the law stays on the estimate, begun as it was set.
@@ -200,7 +200,7 @@ class MassExperiment:
 
     # ------------------------------------------------------------------ judgement
     def evaluate(self, log: Path) -> Result:
-        """Raises LogFormatError without what it needs, MeasurementError when it never flew."""
+        """Raise LogFormatError without what it needs, MeasurementError when it never flew."""
         flight = read_mass(log, self._vehicle)
         return judged(flight.metrics(), flight.limits())
 

@@ -103,8 +103,9 @@ class MotorBench:
         return BenchSchedule(p.first, p.last, p.step, p.hold, p.rest, p.rest_reference)
 
     def check(self) -> None:
-        """Raises UsageError for references that do not go together, StorageError or
-        MeasurementError for a file that cannot be used."""
+        """Raise UsageError for references that do not go together, StorageError or MeasurementError
+        for a file that cannot be used.
+        """
         p = self.parameters
         if p.csv:
             read_bench_file(Path(p.csv))
@@ -117,7 +118,7 @@ class MotorBench:
 
     # ------------------------------------------------------------------ the procedure
     def fly(self, client: Client) -> None:
-        """Raises RefusedError with the vehicle's reason, or when the sensor falls silent."""
+        """Raise RefusedError with the vehicle's reason, or when the sensor falls silent."""
         p = self.parameters
         self.check()
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
@@ -187,7 +188,7 @@ class MotorBench:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Raises LogFormatError, StorageError, or MeasurementError with what is missing."""
+        """Raise LogFormatError, StorageError, or MeasurementError with what is missing."""
         found = self._found(log)
         law, lag = found.law, found.lag
         torque_miss = law.torque_residual / max(float(abs(law.steps.torque).max()), 1e-9)
@@ -212,7 +213,7 @@ class MotorBench:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Raises as `evaluate`."""
+        """Raise as `evaluate`."""
         p = self.parameters
         conditions = {"motor": MOTORS[p.motor - 1]}
         if p.csv:

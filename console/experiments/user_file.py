@@ -47,7 +47,7 @@ class UserFileError(QuadlabError):
 
 
 def is_file(name: str) -> bool:
-    """Whether this is meant as a file and not as the name of a built-in experiment."""
+    """Return whether this is meant as a file and not as the name of a built-in experiment."""
     return name.endswith(".py") or "/" in name or "\\" in name
 
 

@@ -63,7 +63,7 @@ class KnownVehicles:
         self._write({**vehicles, name: KnownVehicle(name, address, today)})
 
     def forget(self, name: str) -> None:
-        """Raises UsageError: no such vehicle."""
+        """Raise UsageError: no such vehicle."""
         vehicles = self.all()
         if name not in vehicles:
             known = ", ".join(vehicles) or "none"

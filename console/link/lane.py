@@ -37,7 +37,7 @@ class LaneDoor:
         self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
 
     def ask(self) -> Message:
-        """Raises LinkError."""
+        """Raise LinkError."""
         door = self._pilot if self._pilot.wait(SHOWN_WITHIN) else self._observer
         return door.call(self._request)
 

@@ -96,7 +96,7 @@ class LinkMonitor:
 
     @property
     def stands(self) -> bool:
-        """Whether there is a link, heartbeats or not."""
+        """Return whether there is a link, heartbeats or not."""
         if self.radio is not None:
             return self.radio.connected
         return self.state() is not LinkState.LOST

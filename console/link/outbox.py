@@ -99,7 +99,7 @@ class Outbox:
         return self._heard
 
     def is_heard(self, name: str) -> bool:
-        """Whether anybody subscribes to it."""
+        """Return whether any node subscribes to it."""
         return self._publishers[name].is_heard
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:

@@ -61,13 +61,16 @@ class Standing:
 
     @property
     def beats(self) -> bool:
-        """Whether the vehicle is to hear that we are here: not while it listens to another."""
+        """Return whether the vehicle is to hear that we are here: not while it listens to
+        another.
+        """
         return self._holder in (0, self.instance) and self.access != OBSERVER
 
     @property
     def speaks(self) -> bool:
-        """Whether it takes poses, bearings and sticks from us: not before it has said so. One that
-        does not say whom it listens to (no instance) takes them from anybody."""
+        """Return whether it takes poses, bearings and sticks from us: not before it has said so.
+        One that does not say whom it listens to (no instance) takes them from anybody.
+        """
         return self._holder == self.instance or self._newest == 0
 
     def problem(self, now_ns: int) -> str:

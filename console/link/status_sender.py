@@ -37,7 +37,7 @@ class StatusSender:
 
     @property
     def link_changed(self) -> bool:
-        """Whether the link's state is another than was said last."""
+        """Return whether the link's state differs from the one published last."""
         return self._link.state() is not self._said
 
     def send(self) -> None:

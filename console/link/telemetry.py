@@ -36,7 +36,7 @@ class TelemetryIn:
         self._experiments, self._newest = experiments, heard
 
     def received(self, received: Received) -> None:
-        """Raises LinkError for what is no telemetry."""
+        """Raise LinkError for what is no telemetry."""
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())

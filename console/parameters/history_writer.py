@@ -139,7 +139,7 @@ class ParameterWitness:
             self._heard = heard
 
     def wait_idle(self, bound: float) -> bool:
-        """Whether all that was told is written."""
+        """Return whether everything reported is written."""
         return self._idle.wait(bound)
 
     def close(self) -> None:

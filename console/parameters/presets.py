@@ -73,7 +73,7 @@ class ParameterPresets:
             return [_preset(row) for row in session.scalars(query.order_by(PresetRow.name))]
 
     def get(self, preset_id: int) -> Preset:
-        """Raises RefusedError for one that is not there."""
+        """Raise RefusedError for one that is not there."""
         with self._session() as session:
             return _preset(self._row(session, preset_id, deleted=False))
 
@@ -85,7 +85,7 @@ class ParameterPresets:
         *,
         replaces: bool = False,
     ) -> Preset:
-        """Raises RefusedError when the name is taken and `replaces` is not said."""
+        """Raise RefusedError when the name is taken and `replaces` is not said."""
         with self._session() as session:
             taken = self._named(session, name)
             if taken is not None and not replaces:
@@ -107,7 +107,7 @@ class ParameterPresets:
             return _preset(row)
 
     def delete(self, preset_id: int) -> None:
-        """Raises RefusedError for one that is not there."""
+        """Raise RefusedError for one that is not there."""
         with self._session() as session:
             self._row(session, preset_id, deleted=False).deleted = True
 

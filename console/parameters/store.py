@@ -54,7 +54,7 @@ class StationStore:
         return self._store.values()
 
     def check(self, values: Mapping[str, object]) -> None:
-        """Raises ParameterError when `change` would, but for `before_change`."""
+        """Raise ParameterError when `change` would, but for `before_change`."""
         self._checked(values)
 
     def preset(self, values: Mapping[str, object]) -> None:

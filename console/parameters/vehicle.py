@@ -44,7 +44,7 @@ class VehicleParameters:
 
     @property
     def in_step(self) -> bool:
-        """Whether what we have is what the vehicle shows. Never waits."""
+        """Return whether our values are those the vehicle shows, without waiting."""
         return self._values is not None and self._revision == self.shown_revision
 
     def newest(self, name: str) -> ParameterValue | None:

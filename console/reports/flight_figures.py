@@ -169,7 +169,7 @@ def _health(log: RunLog, rows: list[str]) -> Picture:
 
 
 def _shown(log: RunLog, topic: str) -> bool:
-    """Whether it has numbers that say something."""
+    """Return whether the figure has numbers worth showing."""
     if not log.has(topic):
         return False
     series = log.topics[topic]

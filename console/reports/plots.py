@@ -56,7 +56,7 @@ STYLE: Any = {
 
 
 def require_matplotlib() -> None:
-    """Raises UsageError when it is not installed."""
+    """Raise UsageError when it is not installed."""
     try:
         import matplotlib
     except ImportError:

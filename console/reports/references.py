@@ -33,7 +33,7 @@ class ReferenceFigure:
     when: tuple[tuple[str, str], ...] = ()
 
     def fits(self, options: Mapping[str, object]) -> bool:
-        """Whether a run with these options may stand beside it."""
+        """Return whether a run with these options may be compared with it."""
         return bool(self.metric) and all(str(options.get(k)) == value for k, value in self.when)
 
 

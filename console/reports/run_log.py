@@ -170,7 +170,7 @@ class RunLog:
 
 
 def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
-    """Raises StorageError or LogFormatError when there is nothing in it to report on."""
+    """Raise StorageError or LogFormatError when there is nothing in it to report on."""
     reader = ColumnReader(path, LINES, wanted)
     spools = gather(reader, MOST_LINES, most_bytes=MOST_BYTES)
     if not spools:

@@ -49,7 +49,7 @@ class RunFile:
         return None
 
     def close(self) -> bool:
-        """Whether it has its index and is still where it was begun. Raises StorageError."""
+        """Return whether it has its index and is still where it was begun. Raises StorageError."""
         in_place = self.writer.is_in_place()
         return self.writer.close() and in_place
 

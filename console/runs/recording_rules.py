@@ -30,7 +30,7 @@ class RecordingPolicy:
 
     @property
     def goes_on(self) -> bool:
-        """Whether a run is to go on, armed or for the while after."""
+        """Return whether a run is to go on, armed or for the while after."""
         return self._armed or self._disarmed_at is not None
 
     def status(self, armed: bool, now: float) -> Decision:

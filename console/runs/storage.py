@@ -35,7 +35,7 @@ class Storage:
 
 
 def storage(catalogue: Catalogue) -> Storage:
-    """Raises StorageError."""
+    """Raise StorageError."""
     size = func.coalesce(func.sum(RunRow.bytes), 0)
     listed = select(func.count(), size).select_from(RunRow).where(NOT_DELETED)
     deleted = select(func.count(), size).select_from(RunRow)

@@ -106,7 +106,7 @@ def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
 
 
 def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
-    """Removes for good what was deleted more than `older_than` s ago; what cannot be stays.
+    """Remove for good what was deleted more than `older_than` s ago; what cannot be stays.
 
     Raises StorageError when the catalogue cannot be used at all.
     """
@@ -124,18 +124,18 @@ def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
 
 
 def is_deleted(catalogue: Catalogue, run_id: str) -> bool:
-    """Whether the catalogue says so. Raises StorageError."""
+    """Return whether the catalogue says so. Raises StorageError."""
     with catalogue.session() as session:
         return session.get(TrashRow, run_id) is not None
 
 
 def is_in_trash(catalogue: Catalogue, file: str) -> bool:
-    """Whether the log lies there; `file`: its name."""
+    """Return whether the log lies there; `file`: its name."""
     return (catalogue.folder / TRASH / file).exists()
 
 
 def finish_moves(catalogue: Catalogue) -> list[str]:
-    """Moves that a crash cut off, or somebody is about to end; one line for each.
+    """Move that a crash cut off, or somebody is about to end; one line for each.
 
     A listed run whose log lies in the trash is deleted, a deleted one whose log lies among the
     runs is listed again. Raises StorageError.

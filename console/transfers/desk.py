@@ -119,7 +119,7 @@ class TransferDesk:
         self._wake.set()
 
     def cancel(self, name: str) -> None:
-        """Raises RefusedError when nothing of that name is under way."""
+        """Raise RefusedError when nothing of that name is under way."""
         with self._lock:
             found = [job for job in self._jobs if job.name == name and not job.is_over]
             for job in found:
@@ -286,8 +286,9 @@ class TransferDesk:
         check_folder(self.folder, 0)
 
     def _room(self, count: int) -> None:
-        """Raises NoRoomError when so many more bytes leave less than the recorder keeps free, and
-        NotYetError when the folder has vanished meanwhile."""
+        """Raise NoRoomError when so many more bytes leave less than the recorder keeps free, and
+        NotYetError when the folder has vanished meanwhile.
+        """
         keep = round(self._parameters.keep_free * 1e6)
         found, advice = folder_problem(self.folder)
         if found:

@@ -54,7 +54,7 @@ class Job:
         self.phase = phase
 
     def check(self) -> None:
-        """Raises CancelledError when it is not wanted any more."""
+        """Raise CancelledError when it is not wanted any more."""
         if self.cancelled.is_set():
             raise CancelledError("cancelled")
 

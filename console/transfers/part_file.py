@@ -139,7 +139,7 @@ class PartFile:
         _write(self._lines, line.encode(), os.fstat(self._lines).st_size)
 
     def _add(self, begin: int, end: int) -> None:
-        """Joins what it touches."""
+        """Add a range and join what it touches."""
         first = bisect_left(self._ranges, (begin, begin))
         if first and self._ranges[first - 1][1] >= begin:
             first -= 1

@@ -108,7 +108,7 @@ def look(job: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def fill(job: Mapping[str, Any], progress: Callable[[float], None]) -> dict[str, Any]:
-    """Fills what `sources` have; nothing is written when there is nothing to fill."""
+    """Fill what `sources` have; nothing is written when there is nothing to fill."""
     from flight_log.fill import filled_before, write_filled
     from flight_log.fill_source import FillSource
     from flight_log.filling import Filling

@@ -103,7 +103,7 @@ class Startable(Protocol):
 
     @classmethod
     def start(cls, context: Context, given: Mapping[str, ParameterValue]) -> Behavior:
-        """From the present reference, with the given arguments.
+        """Start the behavior from the present reference, with the given arguments.
 
         Raises ParameterError for the arguments, RefusedError for where they lead.
         """
@@ -172,7 +172,7 @@ def check_inside(
     parameters: BehaviorParameters,
     start_w: Sequence[float] | None = None,
 ) -> None:
-    """Raises RefusedError with the numbers when a point (N, 3) is outside the flight volume.
+    """Raise RefusedError with the numbers when a point (N, 3) is outside the flight volume.
 
     A path that starts outside (`start_w`) may lead back in.
     """

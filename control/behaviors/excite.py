@@ -109,7 +109,7 @@ class Excite(TrajectoryBehavior):
         return super().step(stamp_ns, dt, state, joy, thrust, reference)
 
     def _breach(self, state: Record) -> str:
-        """Which limit the vehicle has left, and by what."""
+        """Return which limit the vehicle has left, and by how much; "" while it keeps to all."""
         position = state["position_w"][0].tolist()
         for i, axis in enumerate(POSITION):
             # Written so that a NaN is outside.
@@ -130,7 +130,7 @@ class Excite(TrajectoryBehavior):
 
 
 def _check_amplitude(a: ExciteArguments, context: Context) -> None:
-    """Raises RefusedError when it is above the parameter's bound, or too small to be seen."""
+    """Raise RefusedError when it is above the parameter's bound, or too small to be seen."""
     p, size = context.parameters, abs(a.amplitude)
     if a.axis == "yaw":
         name, unit, most = "excite_yaw_max", "rad", p.excite_yaw_max
@@ -149,7 +149,7 @@ def _check_amplitude(a: ExciteArguments, context: Context) -> None:
 
 
 def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
-    """Raises RefusedError when the jump alone, through these gains, asks for too much.
+    """Raise RefusedError when the jump alone, through these gains, asks for too much.
 
     The law answers a jump e with the acceleration k_p e (eq. 4) within one tick.
     """
@@ -194,7 +194,7 @@ def _too_much(
 
 
 def _check_rest(context: Context) -> None:
-    """Raises RefusedError when the vehicle is not at rest at its reference."""
+    """Raise RefusedError when the vehicle is not at rest at its reference."""
     state = context.state
     if state is None:
         return

@@ -100,7 +100,9 @@ class External:
         return ""
 
     def _breach(self, wanted: Record, present: Record) -> str:
-        """What is wrong with a reference, both REFERENCE (1,) of one instant."""
+        """Return what is wrong with a reference, "" for nothing; both are REFERENCE (1,) of one
+        instant.
+        """
         step = np.linalg.norm(wanted["position_w"][0] - present["position_w"][0])
         # Written so that a NaN is a breach.
         if not step <= self._step_max:

@@ -77,7 +77,9 @@ class FollowTrajectory(TrajectoryBehavior):
 
 
 def limits_of(p: BehaviorParameters, model: Record) -> Limits:
-    """What trajectories may ask for, by the parameters and the vehicle's MODEL (shape (1,))."""
+    """Return the limits of trajectories, from the parameters and the vehicle's MODEL (shape
+    (1,)).
+    """
     low, high = with_margin(
         float(model["thrust_min"][0]), float(model["thrust_max"][0]), p.trajectory_thrust_margin
     )

@@ -29,7 +29,8 @@ TOUCH_DOWN = np.dtype(
 
 @compiled
 def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> bool:
-    """Whether the vehicle stands: low thrust for a while, and yet its velocity does not change.
+    """Return whether the vehicle is on the ground: thrust is low for a while, and yet its velocity
+    does not change.
 
     In the air, thrust at 0.6 of the weight changes the velocity by 0.2 m/s in 50 ms. It is the
     change that counts, not the velocity: a dead-reckoned estimate drifts, but slowly.

@@ -115,11 +115,13 @@ class BehaviorMachine:
 
     @property
     def level(self) -> Level | None:
-        """What the microcontroller is to hold, in a behavior that it flies."""
+        """Return what the microcontroller is to hold, in a behavior that it flies itself; None in
+        others.
+        """
         return self._behavior if isinstance(self._behavior, Level) else None
 
     def reset(self) -> None:
-        """To the ground at once: disarmed or cut."""
+        """Return to the ground state at once: the motors are disarmed or cut."""
         self._behavior = Ground()
         self.landed = False
 

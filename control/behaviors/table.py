@@ -143,7 +143,7 @@ def behavior_of(name: str) -> BehaviorName:
 def check_transition(
     present: BehaviorName, wanted: BehaviorName, armed: bool, airborne: bool
 ) -> None:
-    """Raises RefusedError with the reason when `wanted` may not follow `present`."""
+    """Raise RefusedError with the reason when `wanted` may not follow `present`."""
     name = wanted.name.lower()
     if not armed:
         raise RefusedError(f"{name} refused: the motors are off; arm the vehicle first")

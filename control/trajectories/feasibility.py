@@ -225,7 +225,9 @@ def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibilit
 
 
 def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
-    """Whether all samples keep to the limits; a quicker look than `examine`, for searches."""
+    """Return whether all samples keep to the limits; a quicker look than `examine`, for
+    searches.
+    """
     look = _Look(trajectory, model, limits)
     look.survey(look.grid()[0], stop=True)
     return bool((look.first < 0).all())

@@ -17,7 +17,7 @@ from quadrotor.vehicle_model import GRAVITY
 
 @compiled(inner=True)
 def wrench_of_reference(reference: Any, model: Any) -> tuple[Axes, Vector, Vector, Quaternion]:
-    """What one REFERENCE record asks of the vehicle of one MODEL record.
+    """Return what one REFERENCE record demands of a vehicle with this MODEL record.
 
     Returns the columns of R_wb, the body rate (rad/s) and its derivative in body axes, and the
     wrench: thrust (N) and torques (N m) about body axes. Not finite in free fall, r'' = -g z_W.

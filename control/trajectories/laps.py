@@ -11,7 +11,7 @@ PER_LAP = 160
 
 
 def check_ramp(laps: int, period: float, ramp: float) -> None:
-    """Raises ValueError for a ramp that does not fit into the laps."""
+    """Raise ValueError for a ramp that does not fit into the laps."""
     if not 0.0 < ramp <= laps * period:
         raise ValueError(
             f"a ramp of {ramp:g} s does not fit into {laps} laps of {period:g} s: "

@@ -64,6 +64,6 @@ class Line:
         sample_phase_curve(self._line, t, references, step)
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Both ramps: between them nothing changes but the place."""
+        """Return both ramps: between them nothing changes but the position."""
         end = self.duration
         return (0.0, self._ramp, 100), (end - self._ramp, end, 100)

@@ -38,7 +38,9 @@ _YAW_ACCELERATION = _cost(2)
 
 
 def check_way_points(waypoints: Array, times: Array) -> tuple[Array, Array]:
-    """Both as arrays of floats. Raises ValueError for shapes, values or times that do not fit."""
+    """Return both as arrays of floats. Raises ValueError for shapes, values or times that do not
+    fit.
+    """
     points, at = np.asarray(waypoints, dtype=float), np.asarray(times, dtype=float)
     if points.ndim != 2 or points.shape != (len(at), 4) or len(at) < 2:
         raise ValueError(

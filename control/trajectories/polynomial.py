@@ -149,7 +149,9 @@ class Polynomial:
         sample_polynomial(self._times, self._coefficients, t, references, step)
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Each segment where they are few; an even grid, finer at known extremes, where many."""
+        """Return each segment where there are few; an even grid, finer at known extremes, where
+        there are many.
+        """
         if len(self._coefficients) <= 20:
             return tuple((a, b, 48) for a, b in pairwise(self._times.tolist()))
         if not self.extremes:
@@ -159,7 +161,8 @@ class Polynomial:
 
 
 def to_rest(start: Record, end: tuple[float, float, float, float], duration: float) -> Polynomial:
-    """From the reference `start`, moving or not, to rest at (x, y, z, yaw) in `duration` s.
+    """Return a polynomial from the reference `start`, moving or not, to rest at (x, y, z, yaw) in
+    `duration` s.
 
     Turns the short way.
     """
@@ -171,7 +174,7 @@ def to_rest(start: Record, end: tuple[float, float, float, float], duration: flo
 
 
 def through(waypoints: Array, times: Array) -> Polynomial:
-    """From rest through way-points to rest.
+    """Return a polynomial from rest through the way-points to rest.
 
     Velocities in between are those of a Catmull-Rom spline, higher derivatives zero there.
 

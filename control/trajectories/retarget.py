@@ -22,7 +22,8 @@ STOP_MIN = 0.6
 
 
 def stop(start: Record, duration: float) -> tuple[Polynomial, tuple[float, float, float, float]]:
-    """From the motion of the reference `start` to rest in `duration` s, and where: x, y, z, yaw.
+    """Return a polynomial from the motion of the reference `start` to rest in `duration` s, and its
+    end: x, y, z, yaw.
 
     The end is the one that needs no ninth power: each axis' last coefficient is affine in it.
     """

@@ -46,7 +46,7 @@ def join(times: Array, motion: Array) -> Polynomial:
 
 
 def check_rest(name: str, times: Array, motion: Array) -> None:
-    """Raises RefusedError when a table (see `join`) does not start and end at rest.
+    """Raise RefusedError when a table (see `join`) does not start and end at rest.
 
     What is within REST of it is set to rest.
     """
@@ -98,7 +98,9 @@ def _check_finite(name: str, times: Array, samples: Record, field: str) -> None:
 
 
 def _check_derivative(name: str, times: Array, samples: Record, low: str, high: str) -> None:
-    """By Simpson's rule over each piece of the table."""
+    """Check by Simpson's rule, over each piece of the table, that `high` is the derivative of
+    `low`.
+    """
     value = samples[low].reshape(len(times), -1)
     rate = samples[high].reshape(len(times), -1)
     span = float(times[2])

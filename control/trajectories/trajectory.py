@@ -71,7 +71,9 @@ def grid_sampler(trajectory: Trajectory) -> Callable[[float, float, Record], Non
 
 
 def stretches_of(trajectory: Trajectory) -> tuple[Stretch, ...]:
-    """Where to look for the extremes of a trajectory. Raises ValueError when it has no end."""
+    """Return where to look for the extremes of a trajectory. Raises ValueError when it has no
+    end.
+    """
     if isinstance(trajectory, Surveyed):
         return trajectory.stretches()
     end = trajectory.duration

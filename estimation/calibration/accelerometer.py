@@ -74,7 +74,7 @@ class Coverage:
 
 
 def coverage(measured: Array, condition_max: float = CONDITION_MAX) -> Coverage:
-    """Of poses (N, 3) in m/s^2; N may be 0."""
+    """Return the coverage of the poses (N, 3) in m/s^2; N may be 0."""
     rank, condition = _condition(measured)
     missing = len(measured) < POSES_MIN or rank < 4 or condition > condition_max
     return Coverage(rank, condition, _best_face(measured) if missing else "")

@@ -71,8 +71,8 @@ class BenchSteps:
 
 
 def average_steps(schedule: BenchSchedule, time: Array, force: Array, torque: Array) -> BenchSteps:
-    """What a recording of (N,) samples came to; force and torque are relative to the sensor's
-    reading with the motor off.
+    """Average a recording of (N,) samples step by step; force and torque are relative to the
+    sensor's reading with the motor off.
 
     Raises MeasurementError when a step has too few samples: the sensor was unplugged, or the
     recording ended early.
@@ -98,7 +98,7 @@ def average_steps(schedule: BenchSchedule, time: Array, force: Array, torque: Ar
 
 
 def held_steps(time: Array, reference: Array, force: Array, torque: Array) -> BenchSteps:
-    """What a recording of (N,) samples without a known schedule came to.
+    """Find and average the steps of a recording of (N,) samples whose schedule is not known.
 
     A step is a reference held for longer than it takes to settle; held several times, as a rest
     is, its means are put together. Raises MeasurementError when nothing was held long enough.

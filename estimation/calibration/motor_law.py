@@ -63,7 +63,7 @@ class MotorCalibration:
 
 
 def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> MotorCalibration:
-    """Raises MeasurementError when the steps are too few or their forces do not rise."""
+    """Raise MeasurementError when the steps are too few or their forces do not rise."""
     inside = (steps.reference >= usable[0]) & (steps.reference <= usable[1])
     used = BenchSteps(
         steps.reference[inside],

@@ -109,14 +109,18 @@ class ErrorStateEstimator:
 
     @property
     def deviations(self) -> Deviations:
-        """Of position, velocity and attitude, by the filter's own covariance."""
+        """Return the standard deviations of position, velocity and attitude, from the filter's own
+        covariance.
+        """
         variances = np.diag(self._memory["covariance"][0])
         position, attitude, velocity = np.sqrt(variances[:9].reshape(3, 3).sum(axis=1)).tolist()
         return Deviations(position, velocity, attitude)
 
     @property
     def convergence(self) -> Convergence:
-        """By measurements applied, their age, covariance and normalised innovations."""
+        """Return the convergence, judged by the measurements applied, their age, covariance and
+        normalised innovations.
+        """
         if not self._initialized:
             return Convergence(False, "no measurement gave it a start yet")
         if self.stale:
@@ -242,7 +246,7 @@ class ErrorStateEstimator:
         kernels.report(self._memory, estimate)
 
     def warnings(self, rate: float) -> list[str]:
-        """Nothing depends on the rate (Hz) of measurements; said when none comes at all."""
+        """Return a warning when no measurement comes; no gain depends on their rate (Hz)."""
         if math.isfinite(rate) and rate > 0.0:
             return []
         return ["no measurement comes: position and velocity are only predicted"]

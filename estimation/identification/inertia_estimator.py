@@ -243,7 +243,7 @@ class InertiaEstimator:
 
     @property
     def converged(self) -> bool:
-        """On all three axes; False until a flight has shown it."""
+        """Return whether all three axes have converged; False until a flight has shown it."""
         limit = self._parameters.converged_deviation * self.inertia_b
         return bool((self.deviation_b < limit).all())
 

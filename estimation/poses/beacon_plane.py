@@ -117,7 +117,7 @@ def _widest_four(plane: Array) -> tuple[Four, float]:
 
 
 def _areas(points: Array, i: int, j: int) -> Array:
-    """Of the triangles of points i, j and each point (N,)."""
+    """Return the areas of the triangles of points i, j and each point, shape (N,)."""
     u, v = points[j] - points[i], points - points[i]
     areas: Array = 0.5 * np.abs(u[0] * v[:, 1] - u[1] * v[:, 0])
     return areas
@@ -147,7 +147,7 @@ def _checked(beacons_w: npt.ArrayLike, ids: Sequence[int] | None) -> Array:
 
 
 def require_distinct(ids: Sequence[int]) -> None:
-    """Raises DegenerateGeometryError when a beacon's id comes more than once."""
+    """Raise DegenerateGeometryError when a beacon's id comes more than once."""
     if len(set(ids)) < len(ids):
         twice = sorted(one for one, times in Counter(ids).items() if times > 1)
         raise DegenerateGeometryError(

@@ -61,7 +61,8 @@ NEAREST = 1e-9
 def refine(
     frame: Array, r: Vector, q: Quaternion, sigma: float, steps: int
 ) -> tuple[bool, float, Vector, Quaternion]:
-    """Whether the pose is determined, cost (rad^2), r and q_wb of the best pose near (r, q).
+    """Return whether the pose is determined, the cost (rad^2), and r and q_wb of the best pose near
+    (r, q).
 
     Steps are clamped; one that raises the cost is halved.
 
@@ -169,7 +170,9 @@ def nearest2(frame: Array, r: Vector) -> float:
 def inverse(
     A: tuple[Vector, Vector], B: Rows, D: tuple[Vector, Vector]
 ) -> tuple[bool, Rows, Rows, Rows]:
-    """Whether [A B; B^T D] has one, the inverse of S = A - B D^-1 B^T, E = B D^-1, and D^-1."""
+    """Return whether [A B; B^T D] has an inverse, the inverse of S = A - B D^-1 B^T, E = B D^-1,
+    and D^-1.
+    """
     (xx, yy, zz), (xy, xz, yz) = D
     D_x, D_y, D_z, det = symmetric_inverse(xx, xy, xz, yy, yz, zz)
     seen = det > UNSEEN * (xx + yy + zz) ** 3
@@ -205,7 +208,7 @@ def apply(rows: Rows, v: Vector) -> Vector:
 
 @compiled(inner=True)
 def transposed(rows: Rows, v: Vector) -> Vector:
-    """Its transpose on v."""
+    """Return the product of the transposed matrix and v."""
     return add(add(scale(v[0], rows[0]), scale(v[1], rows[1])), scale(v[2], rows[2]))
 
 

@@ -47,7 +47,7 @@ def chi_square(freedom: float) -> float:
 
 @compiled
 def solve_frame(bearings_b: Array, frame: Array, sigma: float) -> int:
-    """Writes the pose into `frame` (13 + N, 6), see `bearing_frame`; says what came of it.
+    """Write the pose into `frame` (13 + N, 6), see `bearing_frame`; return what came of it.
 
     Args:
         bearings_b: (N, 3) unit vectors, body axes. sigma: rad on each of two tangent axes.

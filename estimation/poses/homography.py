@@ -49,7 +49,8 @@ EDGE_ON = 1e-9
 
 @compiled(inner=True)
 def homography_pose(frame: Array) -> tuple[bool, Vector, Quaternion]:
-    """Whether there is one, position from the plane's centre (m, world axes), and q_wb.
+    """Return whether there is a pose, its position from the plane's centre (m, world axes), and
+    q_wb.
 
     Args:
         frame: (13 + N, 6), see `bearing_frame`; bearings are read, nothing is written.

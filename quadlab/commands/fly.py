@@ -226,7 +226,7 @@ def with_experiment(parameters: FlightParameters, experiment: Experiment) -> Fli
 
 
 def check_report() -> None:
-    """Raises UsageError when no report can be written, before a flight is flown for it."""
+    """Raise UsageError when no report can be written, before a flight is flown for it."""
     from importlib.util import find_spec
 
     try:

@@ -86,7 +86,7 @@ def _list(vehicle: str, answer: Any) -> int:
 
 
 def _fetch(client: StationClient, name: str) -> int:
-    """Follows it to its end. Raises LinkError when the station falls silent."""
+    """Follow it to its end. Raises LinkError when the station falls silent."""
     heard = client.listen("transfers")
     began = time.monotonic()
     client.ask("transfer", action="download", name=name)

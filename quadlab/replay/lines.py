@@ -40,7 +40,7 @@ class Run:
         )
 
     def uses(self, kind: str) -> bool:
-        """Whether poses, or bearings, are given to it."""
+        """Return whether poses, or bearings, are given to it."""
         return self.source in (kind, "both")
 
 

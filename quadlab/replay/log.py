@@ -86,7 +86,7 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Raises StorageError or LogFormatError that say what is missing or how to mend it."""
+    """Raise StorageError or LogFormatError that say what is missing or how to mend it."""
     vehicle, found = _messages(path)
     [samples] = found.records("imu")
     samples = _newest(samples["stamp_ns"], samples)
@@ -141,7 +141,7 @@ def _messages(path: Path) -> tuple[str, Gathered]:
 
 
 def _check_whole(path: Path, read: ReadState) -> None:
-    """Raises LogFormatError when something of the log could not be read."""
+    """Raise LogFormatError when something of the log could not be read."""
     if not read.closed:
         raise LogFormatError(
             f"{path} is torn: it {read.tear}; "

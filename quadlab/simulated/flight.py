@@ -90,7 +90,7 @@ class SimulatedFlight(SimulatedGuide):
     has_pilot = False
 
     def pilot_flies(self, on: bool) -> None:
-        """Raises UsageError: simulated time waits for nobody."""
+        """Raise UsageError: simulated time waits for no pilot."""
         raise UsageError("nobody can fly by hand in simulated time; play sticks from a file")
 
     def view(self) -> VehicleView:
@@ -120,7 +120,7 @@ class SimulatedFlight(SimulatedGuide):
             self._simulated.configure(self.parameters.simulator)
 
     def parameter(self, name: str) -> ParameterValue:
-        """Raises UnknownParameterError."""
+        """Raise UnknownParameterError."""
         return self.stack.store.get(name)
 
     def sticks(self, axes: Sequence[float]) -> None:

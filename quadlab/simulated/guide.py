@@ -119,7 +119,7 @@ class SimulatedGuide:
         return TrackedAttitude(pose.stamp_ns * 1e-9, pose.quaternion_wb)
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
-        """Raises RefusedError with the vehicle's reason."""
+        """Raise RefusedError with the vehicle's reason."""
         request_id = self._request_id()
         self._command(mailbox.CalibrateGyroscope(request_id, REQUESTER))
         end = self.stack.stamp_ns + round(PATIENCE * 1e9)

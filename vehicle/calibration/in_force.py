@@ -90,7 +90,7 @@ def _check(
     before: Mapping[str, ParameterValue],
     given: Mapping[str, ParameterValue],
 ) -> None:
-    """Raises ParameterError when values may not be set, or not stand beside the others."""
+    """Raise ParameterError when values may not be set, or not together with the others."""
     store = ParameterStore(new_parameters())
     for name, value in values.items():
         store.check(name, value)

@@ -69,7 +69,7 @@ class BearingPose:
         )
 
     def _look_for(self, ids: list[int]) -> None:
-        """Prepares for frames of these ids. Raises MeasurementError, and stays as it was."""
+        """Prepare for frames of these ids. Raises MeasurementError, and then stays as it was."""
         known = [k for k, one in enumerate(ids) if one in self._places]
         if not known:
             raise MeasurementError(f"no known beacon among {ids}; known are {sorted(self._places)}")

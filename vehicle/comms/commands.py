@@ -93,7 +93,7 @@ class ParameterMirror:
 
     @property
     def complete(self) -> bool:
-        """Whether it holds flight's values, not only those of the start."""
+        """Return whether it holds flight's values, not only those of the start."""
         return self._fetched.is_set()
 
     def values(self) -> dict[str, ParameterValue]:

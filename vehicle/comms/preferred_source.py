@@ -17,7 +17,9 @@ class FirstHeard(Generic[Key]):
         self._heard_ns = 0
 
     def heard(self, key: Key, now_ns: int) -> bool:
-        """Whether this one is listened to; it is from now on, if nobody else is."""
+        """Return whether this source is listened to; it is from now on, if there is no other
+        one.
+        """
         if self.current(now_ns) not in (None, key):
             return False
         self._key, self._heard_ns = key, now_ns

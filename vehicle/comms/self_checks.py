@@ -119,7 +119,7 @@ class SelfChecks:
         return None if told is None or self._clock() - told[0] > HEARD else told[1]
 
     def answer(self, request: Message) -> Message:
-        """Looks each time: the station keeps what was found."""
+        """Look each time: the station keeps what was found."""
         kind, armed = f"{SERVICES['checks']}_Response", self.armed
         if armed:
             reason = "the vehicle is armed; checks are made on the ground"

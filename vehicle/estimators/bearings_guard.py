@@ -71,7 +71,7 @@ class BearingsGuard:
 
     # ------------------------------------------------------------------ gates
     def check_take_off(self) -> None:
-        """Raises RefusedError when the vehicle would take off on bearings."""
+        """Raise RefusedError when the vehicle would take off on bearings."""
         if self._stack.navigation.source == BEARINGS:
             height = self._stack.parameters.beacons.height_min
             raise RefusedError(
@@ -81,7 +81,7 @@ class BearingsGuard:
             )
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
-        """Raises RefusedError when a change of parameters may not act now."""
+        """Raise RefusedError when a change of parameters may not act now."""
         stack = self._stack
         p, source = stack.parameters.beacons, stack.navigation.source
         if not armed:

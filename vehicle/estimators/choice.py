@@ -158,5 +158,5 @@ def _compile(seats: Seats, choice: Choice, armed: bool) -> None:
 
 
 def hands_over(active_source: str, values: Mapping[str, ParameterValue]) -> bool:
-    """Whether a change leaves the tracker."""
+    """Return whether a change moves the vehicle from the tracker to another source."""
     return active_source != BEARINGS and values.get(SOURCE) == BEARINGS

@@ -39,7 +39,7 @@ class Runner:
         return self.name == name and self.source == source
 
     def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
-        """Whether this POSE_SAMPLE or BEARINGS_SAMPLE is for it.
+        """Return whether the estimator takes this POSE_SAMPLE or BEARINGS_SAMPLE.
 
         A filter of fixed gains would take bearings for as good as poses: only without them.
         """

@@ -171,7 +171,7 @@ class CommandHandler:
             stack.move(Mode.BENCH, f"{stack.bench} by {command.requester}")
 
     def _require_rest(self, refused: str) -> None:
-        """Raises RefusedError unless the vehicle stands with its motors off."""
+        """Raise RefusedError unless the vehicle is on the ground with its motors off."""
         stack = self._stack
         if stack.airborne:
             why = "the vehicle is in flight; land and disarm first"

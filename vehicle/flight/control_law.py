@@ -75,7 +75,7 @@ class Steering:
         self.configure(control, model)
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
-        """Raises RefusedError when a change of parameters may not act now."""
+        """Raise RefusedError when a change of parameters may not act now."""
         if armed and values.get(LAW, self._name) != self._name:
             raise RefusedError(
                 f"{LAW} stays {self._name} while armed: land and disarm to change it"

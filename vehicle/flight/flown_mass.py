@@ -36,7 +36,7 @@ class FlownMassParameters(MassParameters):
     )
 
     def check_together(self) -> None:
-        """Raises OutOfBoundsError."""
+        """Raise OutOfBoundsError."""
         if self.initial and not self.mass_min <= self.initial <= self.mass_max:
             raise OutOfBoundsError(
                 f"mass.initial = {self.initial:g} kg is not between mass.mass_min = "
@@ -60,7 +60,7 @@ class FlownMass(MassEstimator):
         super().__init__(self._start if self.used else model_mass, parameters)
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
-        """Raises RefusedError when a change of parameters may not act now."""
+        """Raise RefusedError when a change of parameters may not act now."""
         present = ESTIMATE if self.used else MODEL
         if armed and values.get(USED_BY, present) != present:
             raise RefusedError(

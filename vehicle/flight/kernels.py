@@ -117,7 +117,7 @@ class Later:
 
     @property
     def arrived(self) -> bool:
-        """Whether compiling beside has ended and `load` has not been called since."""
+        """Return whether compiling in parallel has ended and `load` has not been called since."""
         return self._process is not None and self._process.poll() is not None
 
     def load(self) -> list[str]:

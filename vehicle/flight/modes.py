@@ -34,7 +34,7 @@ MOTORS_ON = (*FLYING, Mode.BENCH)
 
 
 def check_move(current: Mode, wanted: Mode) -> None:
-    """Raises RefusedError when the table has no such move."""
+    """Raise RefusedError when the table has no such move."""
     if wanted not in LEGAL_MOVES[current]:
         allowed = ", ".join(sorted(m.name.lower() for m in LEGAL_MOVES[current]))
         raise RefusedError(
@@ -58,7 +58,7 @@ CONTROL_MOVES: dict[ControlMode, frozenset[ControlMode]] = {
 
 
 def check_control_move(current: ControlMode, wanted: ControlMode) -> None:
-    """Raises RefusedError when the table has no such move."""
+    """Raise RefusedError when the table has no such move."""
     if wanted is not current and wanted not in CONTROL_MOVES[current]:
         raise RefusedError(
             f"cannot go from {_words(current)} to {_words(wanted)} mode: "

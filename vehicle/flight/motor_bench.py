@@ -22,7 +22,7 @@ TURN_TIME = 1.0
 
 
 def check_bench(motor: int, reference: int) -> None:
-    """Raises RefusedError when no motor could be turned so."""
+    """Raise RefusedError when no motor could be turned so."""
     if not 1 <= motor <= len(MOTORS):
         known = ", ".join(f"{k} {name}" for k, name in enumerate(MOTORS, 1))
         raise RefusedError(f"bench refused: there is no motor {motor}: {known}; 0 ends the bench")

@@ -181,7 +181,8 @@ class FlightStack(StackOnGround):
 
     # ------------------------------------------------------------------ parts of the tick
     def _weighs(self, airborne: bool) -> bool:
-        """Whether the commanded thrust is all that carries, as the mass estimate needs it.
+        """Return whether the commanded thrust alone carries the vehicle, as the mass estimate
+        requires.
 
         An estimate that is only shown goes by the ground alone.
         """

@@ -132,7 +132,7 @@ class StackParts:
 
     @property
     def has_pose(self) -> bool:
-        """Whether the pose measurement is present and fresh."""
+        """Return whether the pose measurement is present and fresh."""
         return not self.estimator.stale
 
     @property

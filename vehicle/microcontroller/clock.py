@@ -75,7 +75,7 @@ class MicrocontrollerClock:
 
     @property
     def settled(self) -> bool:
-        """Whether stamps can be given; until then samples only serve to find the epoch."""
+        """Return whether stamps can be given; until then samples only serve to find the epoch."""
         return self._epoch_ns is not None
 
     def elapsed_ns(self, ms: int) -> int | None:

@@ -120,7 +120,9 @@ class Microcontroller:
 
     @property
     def connected(self) -> bool:
-        """Whether it is the right microcontroller, mirrors the IMU and flies in direct mode."""
+        """Return whether it is the right microcontroller, mirrors the IMU and flies in direct
+        mode.
+        """
         return not self._handshake.open
 
     @property

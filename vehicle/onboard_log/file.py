@@ -179,7 +179,7 @@ class OnboardFile:
         return self._writer.is_in_place()
 
     def check(self) -> None:
-        """Raises StorageError when what was written did not reach the disk."""
+        """Raise StorageError when what was written did not reach the disk."""
         if self._sync.problem:
             raise StorageError(self._sync.problem)
 

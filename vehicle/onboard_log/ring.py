@@ -30,7 +30,7 @@ def free_bytes(folder: Path) -> int:
 
 
 def is_clock_right() -> bool:
-    """Whether the kernel calls its clock synchronised."""
+    """Return whether the kernel calls its clock synchronised."""
     try:
         return kernel_clock()[0]
     except (OSError, AttributeError):
@@ -77,7 +77,7 @@ class Ring:
         self._free, self._now, self._clock_right = free, now, clock_right
 
     def tidy(self, keep: OnboardLogParameters) -> Iterator[str]:
-        """Removes; a line for each. Raises StorageError."""
+        """Remove; a line for each. Raises StorageError."""
         try:
             logs = self._logs()
             total = sum(log.size for log in logs)

@@ -124,9 +124,10 @@ class Supervisor:
         return verdict
 
     def _without_pose(self, stamp_ns: int, pose_age: float) -> bool:
-        """Whether poses fail on a link that works. When it comes back after a second, a heartbeat
-        may be there a moment before the first pose: that one has `link_timeout` to follow, but no
-        link that comes and goes stretches the flight without poses further than silence does.
+        """Return whether poses fail on a link that works. When it comes back after a second, a
+        heartbeat may be there a moment before the first pose: that one has `link_timeout` to
+        follow, but no link that comes and goes stretches the flight without poses further than
+        silence does.
         """
         p = self._parameters
         if pose_age <= p.pose_land_after or self._heard_since_ns is None:
@@ -187,7 +188,7 @@ class Supervisor:
         return voltage < p.battery_land
 
     def _lasts(self, cause: str, holds: bool, stamp_ns: int, delay: float) -> bool:
-        """Whether a condition has held for `delay` (s)."""
+        """Return whether a condition has held for `delay` (s)."""
         if not holds:
             self._since.pop(cause, None)
             return False

@@ -321,6 +321,6 @@ class SimulatorParameters(VehicleModel):
 
     @property
     def unplugged(self) -> tuple[bool, bool]:
-        """Whether the first and the second serial port's adapter is pulled out."""
+        """Return whether the first and the second serial port's adapter is pulled out."""
         which = self.unplugged_port
         return which in ("first", "both"), which in ("second", "both")

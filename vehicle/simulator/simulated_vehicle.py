@@ -237,7 +237,7 @@ class SimulatedVehicle:
 
     @property
     def held(self) -> bool:
-        """Whether a hand or the bench has it; setting it down takes a while."""
+        """Return whether a hand or the bench holds the vehicle; setting it down takes a while."""
         return bool(self._holder["held"][0] != FREE)
 
     def bench_reading(self) -> ForceReading | None:

@@ -79,7 +79,7 @@ class Sealer:
         self._counter = itertools.count(1)  # `next` is atomic
 
     def seal(self, topic: str, message: Received) -> bytes:
-        """At most LARGEST_PAYLOAD bytes of payload."""
+        """Seal a message, at most LARGEST_PAYLOAD bytes of payload, into a datagram."""
         counter = next(self._counter)
         header = _HEADER.pack(VERSION, self._key_id, counter)
         content = _CONTENT.pack(_NUMBERS[topic], message.sequence, message.source_ns, message.gid)
@@ -134,7 +134,7 @@ class Opener:
 
 
 def key_id_of(datagram: bytes) -> int | None:
-    """Which keys it says it is of; None when it is no datagram of a lane."""
+    """Return the id of the keys that a datagram names; None when it is not a datagram of a lane."""
     if not _SMALLEST <= len(datagram) <= LARGEST or datagram[0] != VERSION:
         return None
     key_id: int = _HEADER.unpack_from(datagram)[1]

@@ -22,7 +22,7 @@ class FirstOnly:
         self.again = 0
 
     def is_first(self, topic: str, received: Received) -> bool:
-        """Whether this one did not come before; counted in `again` when it did."""
+        """Return whether this sample did not come before; counted in `again` when it did."""
         mark = (received.gid, received.sequence)
         with self._lock:
             known, order = self._known.setdefault(topic, (set(), deque()))

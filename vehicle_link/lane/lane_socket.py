@@ -29,7 +29,7 @@ class LaneSocket:
     """
 
     def __init__(self, family: int, host: str, port: int) -> None:
-        """Raises OSError: the port is in use, or there is no such address."""
+        """Raise OSError: the port is in use, or there is no such address."""
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
@@ -51,7 +51,7 @@ class LaneSocket:
                 self._socket.setsockopt(level, option, value)
 
     def send(self, datagram: bytes, address: Address) -> bool:
-        """At once or not at all; any thread."""
+        """Send at once or not at all, and return whether it was sent; from any thread."""
         try:
             self._socket.sendto(datagram, address)
         except OSError:  # its buffer is full, or no way leads there just now

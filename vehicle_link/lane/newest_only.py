@@ -23,7 +23,9 @@ class NewestOnly:
         self.late = 0
 
     def is_newer(self, topic: str, received: Received) -> bool:
-        """Whether nothing as new came from its publisher; counted in `late` when it did."""
+        """Return whether no sample as new came from its publisher; counted in `late` when one
+        did.
+        """
         with self._lock:
             newest = self._newest.setdefault(topic, OrderedDict())
             if received.sequence <= newest.get(received.gid, 0):

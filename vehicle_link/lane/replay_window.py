@@ -21,7 +21,7 @@ class ReplayWindow:
         return counter > 0 and behind < SIZE and not self._came >> behind & 1
 
     def take(self, counter: int) -> None:
-        """It came, and is what it says."""
+        """Mark the counter of an authentic datagram as received."""
         if counter > self.newest:
             # A jump of 2⁶³ must not shift by as much.
             ahead = min(counter - self.newest, SIZE)

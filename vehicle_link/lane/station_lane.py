@@ -78,7 +78,7 @@ class StationLane:
 
     @property
     def stands(self) -> bool:
-        """Whether the vehicle is heard by it."""
+        """Return whether we receive from the vehicle by this lane."""
         heard = self._heard
         return heard is not None and clock.monotonic() - heard < SILENT_AFTER
 
@@ -87,7 +87,7 @@ class StationLane:
         self._vehicle, self._vehicle_heard = instance, clock.monotonic()
 
     def put(self, topic: str, message: Received, *, greets: bool = False) -> bool:
-        """Whether it left, by a lane that stands or not; never waits.
+        """Send without waiting, and return whether it left, by a lane that is connected or not.
 
         Args:
             greets: the vehicle takes it from us as surely as a hello, which need not be sent then.
@@ -141,7 +141,7 @@ class StationLane:
             self._asking = False
 
     def _use(self, vehicle: int, answer: Message) -> None:
-        """Raises LinkError or OSError; the keys used until now stay then."""
+        """Use these keys. Raises LinkError or OSError; the keys used until now stay then."""
         if not answer.accepted:
             raise LinkError(f"the vehicle gives no lane: {answer.reason}")
         to_station, to_vehicle = bytes(answer.key_to_station), bytes(answer.key_to_vehicle)

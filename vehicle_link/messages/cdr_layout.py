@@ -73,7 +73,7 @@ class FixedLayout:
         return payloads_of(records)
 
     def fits(self, payload: bytes) -> bool:
-        """Whether the payload has exactly these texts and lengths, hence this layout."""
+        """Return whether the payload has exactly these texts and lengths, hence this layout."""
         return len(payload) == self.size and all(
             payload.startswith(constant, offset) for offset, constant in self._constants
         )

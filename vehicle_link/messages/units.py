@@ -96,7 +96,9 @@ _UNITS: dict[str, dict[str, str]] = {
 
 
 def unit_of_path(type_name: str, path: str) -> str:
-    """Of one of `numbers`' fields by its path without places in arrays (`pose.pose.position.x`)."""
+    """Return the unit of one of `numbers`' fields by its path without places in arrays
+    (`pose.pose.position.x`).
+    """
     return _units_of(type_name).get(path, "")
 
 

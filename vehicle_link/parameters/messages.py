@@ -36,7 +36,7 @@ def to_value(value: object) -> Message:
 
 
 def from_value(message: Message) -> ParameterValue:
-    """Raises WrongTypeError for a value that is not set, or an array."""
+    """Raise WrongTypeError for a value that is not set, or an array."""
     if message.type == BOOL:
         return bool(message.bool_value)
     if message.type == INTEGER:
@@ -58,7 +58,7 @@ def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
 
 
 def from_parameters(messages: Iterable[Message]) -> dict[str, ParameterValue]:
-    """Raises WrongTypeError, naming the parameter."""
+    """Raise WrongTypeError, naming the parameter."""
     values = {}
     for message in messages:
         try:
@@ -99,7 +99,7 @@ def to_descriptor(description: ParameterDescription) -> Message:
 
 
 def from_descriptor(message: Message) -> ParameterDescription:
-    """Raises LinkError when the descriptor is not one of quadlab's."""
+    """Raise LinkError when the descriptor is not one of quadlab's."""
     try:
         kind = {number: name for name, number in ROS_TYPES.items()}[int(message.type)]
         constraints = json.loads(message.additional_constraints)

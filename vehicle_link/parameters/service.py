@@ -70,7 +70,9 @@ class _ParameterService:
         return new("rcl_interfaces/srv/GetParameters_Response", values=found)
 
     def set_parameters(self, request: Message) -> Message:
-        """Each on its own, as ROS 2 says: one refused does not stop the others."""
+        """Set each parameter on its own, as ROS 2 specifies: one refused does not stop the
+        others.
+        """
         results = [self._set([parameter]) for parameter in request.parameters]
         return new("rcl_interfaces/srv/SetParameters_Response", results=results)
 
@@ -79,7 +81,7 @@ class _ParameterService:
         return new("rcl_interfaces/srv/SetParametersAtomically_Response", result=result)
 
     def list_parameters(self, request: Message) -> Message:
-        """Names below any of the prefixes, at most `depth` levels deep (0 = all)."""
+        """List the names below any of the prefixes, at most `depth` levels deep (0 = all)."""
         names = [
             name
             for name in self._backend.values()
@@ -141,7 +143,7 @@ class ParameterClient:
         return list(self._list.call(request, self._timeout).result.names)
 
     def describe(self) -> list[ParameterDescription]:
-        """Raises LinkError."""
+        """Raise LinkError."""
         descriptions: list[ParameterDescription] = []
         for names in _portions(self.names()):
             request = new("rcl_interfaces/srv/DescribeParameters_Request", names=names)
@@ -150,7 +152,7 @@ class ParameterClient:
         return descriptions
 
     def values(self) -> dict[str, ParameterValue]:
-        """Raises LinkError."""
+        """Raise LinkError."""
         values: dict[str, ParameterValue] = {}
         for names in _portions(self.names()):
             request = new("rcl_interfaces/srv/GetParameters_Request", names=names)

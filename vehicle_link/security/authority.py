@@ -92,7 +92,10 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
 
 
 def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
-    """As `ensure_certificates`, and a certificate of the page for these names.
+    """Return the files of `ensure_certificates`, with a certificate of the page for these names.
+
+    It is a server's only: the link, where both ends show a certificate, does not take it for a
+    client's. It is renewed for a new name and when it ends within `WEB_RENEWED` days.
 
     It is a server's only: the link, where both ends show a certificate, does not take it for a
     client's. Made anew for a new name and when it ends within `WEB_RENEWED` days.
@@ -116,7 +119,7 @@ def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
 
 
 def check_certificate(files: TlsFiles, role: Role, host: str = "") -> None:
-    """That a role's certificate will be accepted: Zenoh itself does not say why it is not.
+    """Check that a role's certificate will be accepted: Zenoh itself does not say why it is not.
 
     Args:
         host: a name or address the certificate must hold; "" = any.
@@ -221,7 +224,9 @@ def _names(files: TlsFiles, role: Role) -> set[str]:
 
 
 def _make_authority(files: TlsFiles) -> None:
-    """In a folder without any file, or with the key alone, where its making was cut off."""
+    """Make an authority in a folder without any file, or with the key alone, where its making was
+    cut off.
+    """
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -250,7 +255,9 @@ def _make_certificate(
     subject: str = "",
     owner: str = "",
 ) -> None:
-    """For the key that is there, so that being cut off leaves no pair that does not fit."""
+    """Make a certificate for the key that exists, so that being cut off leaves no pair that does
+    not fit.
+    """
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
     from cryptography.x509.oid import ExtendedKeyUsageOID

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def signing_key(files: TlsFiles) -> EllipticCurvePrivateKey:
-    """Raises LinkError: there is none here, or it is not that of this ca.pem."""
+    """Raise LinkError: there is none here, or it is not that of this ca.pem."""
     if not is_there(files.authority_key):
         raise LinkError(
             f"{files.folder} has no authority's key (it is a copy of another machine's); "
@@ -29,7 +29,7 @@ def signing_key(files: TlsFiles) -> EllipticCurvePrivateKey:
 
 
 def authority_key(files: TlsFiles) -> EllipticCurvePrivateKey:
-    """Raises LinkError: it cannot be used."""
+    """Raise LinkError: it cannot be used."""
     from cryptography.hazmat.primitives.asymmetric import ec
 
     remedy = (
@@ -43,7 +43,9 @@ def authority_key(files: TlsFiles) -> EllipticCurvePrivateKey:
 
 
 def is_of_another_authority(files: TlsFiles) -> bool:
-    """Whether ca.key is that of another ca.pem: a vehicle that had made its own was enrolled."""
+    """Return whether ca.key is that of another ca.pem: a vehicle that had made its own was
+    enrolled.
+    """
     try:
         key = read_key(files.authority_key, "")
         return read_certificate(files.authority, "").public_key() != key.public_key()

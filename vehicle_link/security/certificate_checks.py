@@ -39,7 +39,7 @@ def validity_check(
     hosts: list[str],
     now: datetime.datetime | None = None,
 ) -> Check:
-    """Of a certificate known to be sound: how long it goes on, and for whom."""
+    """Check how long a certificate known to be sound stays valid, and report for which hosts."""
     left = end - (now or datetime.datetime.now(datetime.UTC))
     state: State = "ok" if left > datetime.timedelta(days=SOON) else "warn"
     if left <= datetime.timedelta(0):

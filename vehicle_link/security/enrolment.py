@@ -10,7 +10,7 @@ from vehicle_link.security.authority import LOCAL_NAMES, TlsFiles, ensure_certif
 
 
 def issue_vehicle(base: Path, folder: Path, name: str, hosts: Sequence[str]) -> TlsFiles:
-    """For a vehicle that is dialled as one of `hosts`.
+    """Issue a vehicle's certificate, for one that is dialled as one of `hosts`.
 
     Args:
         base: the base's folder of certificates; its authority is made when missing.
@@ -22,7 +22,8 @@ def issue_vehicle(base: Path, folder: Path, name: str, hosts: Sequence[str]) -> 
 
 
 def issue_station(base: Path, folder: Path, name: str, access: Access) -> TlsFiles:
-    """For a station of this person or machine: ca.pem, station.pem, station.key in `folder`.
+    """Issue the certificate of a person's or machine's station: ca.pem, station.pem, station.key in
+    `folder`.
 
     Raises StorageError or LinkError.
     """

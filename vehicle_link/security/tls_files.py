@@ -46,7 +46,7 @@ class TlsFiles:
         return self.folder / f"{role}.key"
 
     def present(self) -> list[Path]:
-        """Those that are there, the authority's first."""
+        """Return the files that exist, the authority's first."""
         files = [self.authority, self.authority_key]
         for role in (*ROLES, "web"):
             files += [self.certificate(role), self.key(role)]
@@ -54,7 +54,9 @@ class TlsFiles:
 
 
 def is_there(path: Path) -> bool:
-    """Also as a link that leads nowhere, to a disk that is not mounted for instance."""
+    """Return whether the path exists, also as a link that leads nowhere, to a disk that is not
+    mounted for instance.
+    """
     return os.path.lexists(path)
 
 
@@ -75,7 +77,7 @@ def readable_keys(files: TlsFiles) -> list[str]:
 
 
 def read_certificate(path: Path, remedy: str) -> Certificate:
-    """Raises LinkError: the file, what is wrong with it, and `remedy`."""
+    """Raise LinkError: the file, what is wrong with it, and `remedy`."""
     from cryptography.exceptions import UnsupportedAlgorithm
 
     text = _content(path, remedy)
@@ -88,7 +90,7 @@ def read_certificate(path: Path, remedy: str) -> Certificate:
 
 
 def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
-    """Raises LinkError: the file, what is wrong with it, and `remedy`."""
+    """Raise LinkError: the file, what is wrong with it, and `remedy`."""
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
@@ -141,7 +143,7 @@ def _content(path: Path, remedy: str) -> bytes:
 
 
 def _no(kind: str, text: bytes) -> str:
-    """What a file holds that is no certificate, or no private key."""
+    """Return what a file holds that is no certificate, or no private key."""
     if f"{kind.upper()}-----".encode() in text:
         return f"holds a damaged {kind}"
     if b"PRIVATE KEY-----" in text or b"CERTIFICATE-----" in text:

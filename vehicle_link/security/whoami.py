@@ -17,7 +17,9 @@ DOORS: dict[Access, str] = {"pilot": PILOT_WHOAMI, "observer": WHOAMI}
 
 
 def serve_whoami(node: Node, name: str, instance: int, identity: Identity) -> None:
-    """At two doors: an observer's question reaches one of them only."""
+    """Serve who the vehicle is under two services, as an observer's question reaches only one of
+    them.
+    """
     for access, door in DOORS.items():
         answer = new(
             f"{TYPE}_Response",
@@ -45,7 +47,7 @@ class WhoAmI:
 
     @property
     def is_there(self) -> bool:
-        """Whether the vehicle has the question in our version."""
+        """Return whether the vehicle has this service in our version."""
         return self._clients[1].wait(0.0)
 
     def ask(self, timeout: float = 1.0) -> Message:

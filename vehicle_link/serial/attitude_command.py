@@ -53,7 +53,7 @@ class AttitudeCommand(msgspec.Struct, frozen=True):
 
 
 def decode_attitude_command(counts: Sequence[int]) -> AttitudeCommand:
-    """What four command bytes (0…255) mean in near-hovering mode, within its limits."""
+    """Decode four command bytes (0…255) of the near-hovering mode, within its limits."""
     pitch, roll, yaw_rate, thrust = counts
     return AttitudeCommand(
         roll=_from_byte(roll) / ANGLE_COUNTS,

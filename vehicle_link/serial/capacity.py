@@ -15,7 +15,7 @@ DEFAULT_RATE = 500
 
 
 def samples_a_second(ports: int) -> int:
-    """What so many ports carry at most."""
+    """Return how many samples so many ports carry a second, at most."""
     return ports * BYTES_PER_SECOND // DATA_FRAME
 
 

@@ -58,7 +58,7 @@ def encode_mirror(references: Sequence[int], ids: Sequence[int]) -> bytes:
 
 
 def decode_instruction(frame: Frame) -> Instruction | None:
-    """What a frame to the microcontroller says; None when it is none of b, s, u, l."""
+    """Decode a frame to the microcontroller; None when it is none of b, s, u, l."""
     kind, payload = frame.command, frame.payload
     if frame.address != FLIGHT_CONTROLLER or len(payload) != _PADDED.get(kind):
         return None

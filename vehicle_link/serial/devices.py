@@ -46,7 +46,9 @@ def await_devices(
     patience_s: float = PATIENCE_S,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[Device]:
-    """What is behind these devices; those worth it are asked anew until `patience_s` is over."""
+    """Find what is behind these devices; those worth it are asked again until `patience_s` is
+    over.
+    """
     deadline_s = time.monotonic() + patience_s
     found: dict[str, Device] = {}
     waited = False

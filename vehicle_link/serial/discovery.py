@@ -66,7 +66,9 @@ class Clock(msgspec.Struct, frozen=True):
     high: float = -math.inf
 
     def updated(self, value_ms: int, asked_s: float, answered_s: float) -> Clock:
-        """With one more answer; bounds are taken modulo 60 s, near those there are."""
+        """Return the clock narrowed by one more answer; bounds are taken modulo 60 s, near the
+        present ones.
+        """
         low, high = value_ms - 1e3 * answered_s, value_ms - 1e3 * asked_s + STALE_MS
         if math.isfinite(self.low):
             turns = TIME_PERIOD_MS * round((self.low - low) / TIME_PERIOD_MS)
@@ -74,7 +76,7 @@ class Clock(msgspec.Struct, frozen=True):
         return Clock(max(low, self.low), max(high, self.high))
 
     def agrees(self, other: Clock) -> bool:
-        """Whether both may be one clock."""
+        """Return whether both may be one clock."""
         low, high = self.low - other.high, self.high - other.low
         return TIME_PERIOD_MS * math.floor(high / TIME_PERIOD_MS) >= low
 
@@ -94,7 +96,7 @@ class Device(msgspec.Struct, frozen=True):
         return f"{self.path}: {self.text}"
 
     def is_of(self, other: Device) -> bool:
-        """Whether both are ports of one microcontroller."""
+        """Return whether both are ports of one microcontroller."""
         return (
             self.clock is not None
             and other.clock is not None
@@ -156,7 +158,7 @@ class _Probe:
 
     @property
     def done(self) -> bool:
-        """Whether there is no more to be learnt."""
+        """Return whether there is nothing more to learn."""
         return self._problem is not None or self._running or not self._exchange.open
 
     def fileno(self) -> int:
@@ -218,7 +220,7 @@ class _Probe:
 
     # ------------------------------------------------------------------ what it comes to
     def device(self, robot_id: int, firmware: int, limit_s: float) -> Device:
-        """What was found."""
+        """Return the device that was found."""
         finding, text = self._judge(robot_id, firmware, limit_s)
         known = self._questions > 0
         robot, revision = (self._answers.get(id) for id in _IDENTITY)
@@ -274,7 +276,7 @@ class _Probe:
 
 
 def _motors_run(values: tuple[int, ...]) -> bool:
-    """Whether this is a sample as quadlab has it mirrored, and says that motors turn."""
+    """Return whether this is a sample as quadlab has it mirrored, and motors turn in it."""
     sample = dict(zip(MIRROR, values, strict=True))
     for id, value in sample.items():
         low, high = QUANTITIES[id].bounds

@@ -19,7 +19,7 @@ class Identity(msgspec.Struct, frozen=True):
         return f"robot {self.robot_id} with firmware {self.firmware}"
 
     def check(self) -> None:
-        """Raises UsageError when no microcontroller can answer that."""
+        """Raise UsageError when no microcontroller can answer that."""
         for option, value in (("--robot-id", self.robot_id), ("--firmware", self.firmware)):
             if not 0 <= value <= LARGEST:
                 raise UsageError(f"{option} {value} is not allowed; allowed are 0 to {LARGEST}")

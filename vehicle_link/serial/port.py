@@ -47,13 +47,17 @@ class Port(Protocol):
     """One serial line, read and written without ever waiting."""
 
     def read(self) -> bytes:
-        """Everything that has arrived, maybe nothing. Raises LinkError when the line is gone."""
+        """Return everything that has arrived, maybe nothing. Raises LinkError when the line is
+        gone.
+        """
 
     def write(self, data: bytes) -> None:
         """Send, or drop when the line is congested. Raises LinkError when the line is gone."""
 
     def fileno(self) -> int:
-        """For poll(); raises LinkError when there is no file behind this port."""
+        """Return the file descriptor for poll(). Raises LinkError when there is no file behind this
+        port.
+        """
 
     def close(self) -> None: ...
 
@@ -233,7 +237,7 @@ def _number(error: BaseException | None) -> int | None:
 
 
 def _permission(path: str) -> str:
-    """What gives the right to open it."""
+    """Return the advice that gives the right to open the device."""
     group, opens = "dialout", True
     try:
         about = os.stat(path)

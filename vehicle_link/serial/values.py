@@ -37,7 +37,7 @@ class Quantity(msgspec.Struct, frozen=True):
 
     @property
     def signed(self) -> bool:
-        """How the 16 bits are read."""
+        """Return whether the 16 bits are read as a signed number."""
         return self.bounds[0] < 0
 
     @property
@@ -74,7 +74,7 @@ def to_raw(id: int, value: float) -> int:
 
 
 def quantity_of(id: int) -> Quantity:
-    """What an id means. Raises OutOfBoundsError when there is no such id."""
+    """Return the quantity of an id. Raises OutOfBoundsError when there is no such id."""
     try:
         return QUANTITIES[Id(id)]
     except ValueError:

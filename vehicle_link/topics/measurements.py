@@ -63,7 +63,7 @@ def encode_poses(samples: Record) -> list[bytes]:
 
 
 def pose_messages(samples: Record) -> Records:
-    """As `encode_poses`, as records of shape (N,)."""
+    """Encode as `encode_poses`, as records of shape (N,)."""
     poses = layout("geometry_msgs/PoseStamped", WORLD)
     out = poses.new(len(samples))
     set_stamps(out, samples["stamp_ns"])
@@ -142,7 +142,7 @@ def encode_bearings(
 
 
 def decode_bearings(payload: bytes) -> Bearings:
-    """Raises LinkError; MeasurementError when numbers are not usable as bearings."""
+    """Raise LinkError; MeasurementError when numbers are not usable as bearings."""
     message = decode(payload, "quadlab_msgs/BearingArray")
     ids = tuple(int(one) for one in message.beacon_ids)
     bearings = tuple(xyz(one) for one in message.bearings)
@@ -241,6 +241,6 @@ def encode_heartbeat(sequence: int, stamp_ns: int, instance: int = 0, holder: in
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    """Raises LinkError."""
+    """Raise LinkError."""
     record = _heartbeat_layout().decode(payload)
     return Heartbeat(*(int(record[name]) for name in Heartbeat._fields))

@@ -40,7 +40,7 @@ _STATUS_FIELDS = (
 
 @cache
 def _status_layout(mode: str, behavior: str, control_mode: str) -> FixedLayout:
-    """Of a status without flags."""
+    """Return the layout of a status without flags."""
     strings = {
         "header.frame_id": WORLD,
         "mode": mode,

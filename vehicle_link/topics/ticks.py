@@ -46,7 +46,7 @@ def encode_odometries(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) ->
 
 
 def odometry_messages(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> Records:
-    """As `encode_odometries`, shape (N,)."""
+    """Encode as `encode_odometries`, as records of shape (N,)."""
     odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
     out = odometry.new(len(states))
     set_stamps(out, stamps_ns)
@@ -64,7 +64,7 @@ def encode_states(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
 
 
 def state_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
-    """As `encode_states`, shape (N,)."""
+    """Encode as `encode_states`, as records of shape (N,)."""
     return odometry_messages(ticks["imu"]["stamp_ns"], ticks["state"], vehicle)
 
 
@@ -95,7 +95,7 @@ def encode_references(ticks: Record) -> list[bytes]:
 
 
 def reference_messages(ticks: Record) -> Records:
-    """As `encode_references`, shape (N,)."""
+    """Encode as `encode_references`, as records of shape (N,)."""
     reference = layout("quadlab_msgs/Reference", WORLD)
     out, source = reference.new(len(ticks)), ticks["reference"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -123,7 +123,7 @@ def encode_imus(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
 
 
 def imu_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
-    """As `encode_imus`, shape (N,)."""
+    """Encode as `encode_imus`, as records of shape (N,)."""
     imu = layout("sensor_msgs/Imu", body_frame(vehicle))
     out, source = imu.new(len(ticks)), ticks["imu"]
     set_stamps(out, source["stamp_ns"])
@@ -149,7 +149,7 @@ def encode_actuators(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
 
 
 def actuator_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
-    """As `encode_actuators`, shape (N,)."""
+    """Encode as `encode_actuators`, as records of shape (N,)."""
     actuators = layout("quadlab_msgs/Actuators", body_frame(vehicle))
     out, source = actuators.new(len(ticks)), ticks["actuators"]
     set_stamps(out, ticks["imu"]["stamp_ns"])

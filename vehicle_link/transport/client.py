@@ -40,7 +40,9 @@ def peer_of(name: str) -> str:
 
 
 def wait_for_match(entity: zenoh.Querier | zenoh.Publisher, timeout: float) -> bool:
-    """Whether a querier has a service, or a publisher a subscription, waiting at most `timeout`."""
+    """Wait at most `timeout` seconds until a querier has a service, or a publisher a subscription;
+    return whether it has.
+    """
     matched = threading.Event()
 
     def changed(status: zenoh.MatchingStatus) -> None:
@@ -73,7 +75,9 @@ class ServiceClient:
         self._sequence = itertools.count(1)
 
     def wait(self, timeout: float) -> bool:
-        """Whether the service can be reached, waiting for it for at most `timeout` seconds."""
+        """Wait for the service for at most `timeout` seconds, and return whether it can be
+        reached.
+        """
         return wait_for_match(
             self._session.declare_querier(self._key, target=zenoh.QueryTarget.ALL_COMPLETE), timeout
         )

@@ -71,7 +71,7 @@ def measure(
     name: str = "",
     progress: Callable[[str], None] = lambda text: None,
 ) -> Figures:
-    """Connects, measures for `seconds` and hangs up.
+    """Connect, measure for `seconds` and hang up.
 
     While nobody else has the vehicle and it is not armed, we take it, so that telemetry comes at
     its full rate.
@@ -155,7 +155,7 @@ class _Test:
         self._heartbeats = node.advertise(TOPICS["station_heartbeat"])
 
     def introduce(self) -> None:
-        """Raises LinkError when nobody says who the vehicle is."""
+        """Raise LinkError when no one answers who the vehicle is."""
         deadline = time.monotonic() + CONNECT
         while True:
             try:

@@ -30,7 +30,7 @@ class Topics:
         self.refused = 0
 
     def belongs(self, gid: bytes, key: str) -> bool:
-        """Whether a sample of this publisher may have come under this key."""
+        """Return whether a sample of this publisher may have come under this key."""
         # Without the lock, as nearly always: threads of all subscriptions would queue up behind
         # whoever holds it and waits for the interpreter.
         known = self._known.get(gid, (key, 0, 0))

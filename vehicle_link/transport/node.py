@@ -105,7 +105,7 @@ class Publisher:
 
     @property
     def is_heard(self) -> bool:
-        """Whether anybody listens; False when the session is closed."""
+        """Return whether any node subscribes; False when the session is closed."""
         try:
             status: Any = self._publisher.matching_status
         except zenoh.ZError:
@@ -113,7 +113,7 @@ class Publisher:
         return bool(status.matching)
 
     def wait(self, timeout: float) -> bool:
-        """Whether anybody listens, waiting for it for at most `timeout` seconds."""
+        """Wait for a subscriber for at most `timeout` seconds, and return whether there is one."""
         return wait_for_match(self._publisher, timeout)
 
 
@@ -300,13 +300,13 @@ class Node:
 
 
 def _each(samples: Any, deliver: Callable[[zenoh.Sample], None]) -> None:
-    """Until the subscription is undeclared."""
+    """Deliver each sample until the subscription is undeclared."""
     for sample in samples:
         deliver(sample)
 
 
 def _undeclare(entity: Any) -> None:
-    """Waits for a `put` of another thread, during which Zenoh's object cannot be closed."""
+    """Wait for a `put` of another thread, during which Zenoh's object cannot be closed."""
     until = time.monotonic() + PUT_LONGEST
     while True:
         try:

@@ -6,7 +6,9 @@ import zenoh
 
 
 def namespaces(session: zenoh.Session, timeout: float = 1.0) -> set[str]:
-    """Of the nodes there (`quad1`), as far as they show themselves to us; asks over the link."""
+    """Return the namespaces of the nodes there (`quad1`), as far as we may see them; asks over the
+    link.
+    """
     found: set[str] = set()
     try:
         links = session.info.links()

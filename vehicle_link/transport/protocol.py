@@ -35,7 +35,7 @@ def protocol() -> str:
 
 @cache
 def version() -> str:
-    """Of this software."""
+    """Return the version of this software."""
     try:
         return importlib.metadata.version("quadlab")
     except importlib.metadata.PackageNotFoundError:
@@ -43,7 +43,9 @@ def version() -> str:
 
 
 def disagreement(their_protocol: str, their_version: str) -> str:
-    """What keeps this station from understanding a vehicle, and what to update; "" for nothing."""
+    """Return what keeps this station from understanding a vehicle, and what to update; "" for
+    nothing.
+    """
     if their_protocol == protocol():
         return ""
     ours, theirs = _number(version()), _number(their_version)

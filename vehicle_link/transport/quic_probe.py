@@ -40,7 +40,7 @@ WHY = {
 
 
 def knock(host: str, port: int, timeout: float = 0.3) -> Door:
-    """Waits at most three times `timeout` seconds, and for the resolver."""
+    """Wait at most three times `timeout` seconds, and for the resolver."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[
             0
@@ -67,7 +67,7 @@ def knock(host: str, port: int, timeout: float = 0.3) -> Door:
 
 
 def knock_at_all(places: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Door]:
-    """As `knock`, at many (host, port) at once; in their order."""
+    """Probe many (host, port) at once, as `knock` does; the answers are in their order."""
     if not places:
         return {}
     with ThreadPoolExecutor(min(AT_ONCE, len(places))) as pool:

@@ -38,7 +38,9 @@ def never() -> float:
 
 
 def is_hanging_up() -> bool:
-    """Whether a session of any radio is still being closed: then only os._exit ends a process."""
+    """Return whether a session of any radio is still being closed: then only os._exit ends a
+    process.
+    """
     return any(thread.name.startswith(ABANDONED) for thread in threading.enumerate())
 
 
@@ -108,7 +110,9 @@ class Radio:
 
     @property
     def connected(self) -> bool:
-        """Whether the link stands: certificates are accepted, and the other end is alive."""
+        """Return whether the link is connected: certificates are accepted, and the other end is
+        alive.
+        """
         return self._stands.is_set()
 
     @property
@@ -117,7 +121,7 @@ class Radio:
         return time.monotonic() - self._stands_since if self._stands.is_set() else 0.0
 
     def wait(self, timeout: float) -> bool:
-        """Whether the link stands, waiting for it for at most `timeout` seconds."""
+        """Wait for the link for at most `timeout` seconds, and return whether it is connected."""
         return self._stands.wait(timeout)
 
     def names(self) -> set[str]:
@@ -126,7 +130,9 @@ class Radio:
         return set() if session is None else namespaces(session)
 
     def problem(self) -> str:
-        """Why no session can be opened, or which of our files no vehicle accepts; reads them."""
+        """Return why no session can be opened, or which of our files no vehicle accepts; reads the
+        files.
+        """
         try:
             check_station(self._endpoint, self._tls)
         except LinkError as error:
@@ -162,7 +168,7 @@ class Radio:
                 abandoned.join()
 
     def _watch(self, session: zenoh.Session, patience: float) -> float:
-        """Until the session has to go; the patience for the next."""
+        """Watch until the session has to be closed, and return the patience for the next."""
 
         def changed(event: zenoh.LinkEvent) -> None:
             if not event.link.dst.startswith("quic/"):

@@ -30,7 +30,9 @@ class Qos:
 
     @property
     def text(self) -> str:
-        """As in liveliness tokens: a field is empty where it is rmw_zenoh's default."""
+        """Return the text of liveliness tokens: a field is empty where it is rmw_zenoh's
+        default.
+        """
         depth = "" if self.depth == 42 else str(self.depth)
         reliability, durability = "" if self.reliable else "2", "1" if self.latched else ""
         return f"{reliability}:{durability}:,{depth}:,:,:,,"

@@ -56,7 +56,7 @@ _QUEUES = {
 
 
 def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Session:
-    """Listens for the station on UDP `port`, and never dials.
+    """Listen for the station on UDP `port`, and never dials.
 
     Raises:
         LinkError: the port is in use, or the vehicle's certificate cannot be used.
@@ -93,7 +93,7 @@ def station_session(
 
 
 def hub_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
-    """Where the station's nodes, radios, page, tools and ROS 2 meet; it never dials.
+    """Open the hub, where the station's nodes, radios, page, tools and ROS 2 meet; it never dials.
 
     Raises LinkError: the loopback port is in use.
     """
@@ -133,7 +133,7 @@ def radio_session(
 
 
 def check_station(vehicle_endpoint: str, tls: TlsFiles) -> None:
-    """That the certificates let us dial this vehicle, as far as it can be known here.
+    """Check that the certificates let us dial this vehicle, as far as it can be known here.
 
     Raises LinkError or UsageError.
     """
@@ -181,8 +181,9 @@ def connected_to(session: zenoh.Session) -> list[str]:
 
 
 def wait_connected(session: zenoh.Session, timeout: float) -> bool:
-    """Whether the QUIC link of a vehicle's or a station's session stands; waits at most `timeout`
-    seconds for it."""
+    """Wait at most `timeout` seconds for the QUIC link of a vehicle's or a station's session, and
+    return whether it is connected.
+    """
     import zenoh
 
     stands = threading.Event()
@@ -210,7 +211,9 @@ def parse_endpoint(text: str) -> tuple[str, int]:
 
 
 def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") -> dict[str, Any]:
-    """What all routing sessions share; with `tls`, the certificates of an end of the radio link."""
+    """Return what all routing sessions share; with `tls`, the certificates of an end of the radio
+    link.
+    """
     attempt = round(1e3 * OPEN_S)
     link: dict[str, Any] = {
         "tx": {

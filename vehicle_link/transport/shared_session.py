@@ -17,7 +17,7 @@ class SharedSession:
         self._users = 0
 
     def open(self) -> Any:
-        """To be given back with `close`. Raises LinkError."""
+        """Open the session or share the open one; give it back with `close`. Raises LinkError."""
         with self._lock:
             if self._session is None:
                 self._session = self._open_session()

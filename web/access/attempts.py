@@ -54,7 +54,7 @@ class Attempts:
         return 0.0
 
     def succeeded(self, address: str, name: str) -> None:
-        """Forgives address and name."""
+        """Forgive address and name."""
         for key in _keys(address, name):
             self._records.pop(key, None)
 

@@ -178,7 +178,7 @@ def _wants_page(scope: Scope, headers: dict[str, str]) -> bool:
 
 
 def _with_policy(send: Send) -> Send:
-    """Adds the headers every answer carries; an answer may bring its own content policy.
+    """Add the headers every answer carries; an answer may bring its own content policy.
 
     No Strict-Transport-Security: it would keep a browser from this computer's other ports, and
     from this one once TLS is off again; with a private authority not yet trusted it would forbid

@@ -26,7 +26,7 @@ class Hashing:
         self._under_way = 0
 
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Raises BusyError rather than letting a queue grow."""
+        """Raise BusyError rather than letting a queue grow."""
         if self._under_way >= WAITING:
             raise BusyError("too many people sign in at once; try again in a few seconds")
         self._under_way += 1

@@ -45,7 +45,7 @@ class OpenSockets:
             guard.close()
 
     def check(self) -> None:
-        """Ends sockets whose session is over."""
+        """End sockets whose session is over."""
         for guard in list(self._guards):
             if not guard.is_over and not self._sessions.holds(guard.session):
                 guard.end()
@@ -91,7 +91,7 @@ class _Guard:
         self._deadline = loop.call_later(GRACE, self._cut_off)
 
     def cut_off(self) -> bool:
-        """Whether the cancellation being handled is ours; it is then taken back."""
+        """Return whether the cancellation being handled is ours; it is then taken back."""
         if self._was_cut_off and self._serving is not None:
             self._serving.uncancel()
         return self._was_cut_off

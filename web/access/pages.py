@@ -55,7 +55,7 @@ autocomplete="off"{focus}><button>Sign in</button></form>""",
 
 
 def signed_in_page() -> str:
-    """Goes on to the page by itself.
+    """Go on to the page by itself.
 
     A page and not a redirect: a SameSite=Strict cookie is not sent along a redirect that
     began at another site (a link in a mail), but is on a navigation that begins here.

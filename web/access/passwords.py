@@ -17,7 +17,7 @@ LONGEST = 500
 
 
 def check_password(name: str, password: str) -> None:
-    """Raises RefusedError with the reason."""
+    """Raise RefusedError with the reason."""
     plain = _normal(password)
     if len(plain) < SHORTEST:
         came = f"it has {len(plain)}" if plain else "it is empty"
@@ -53,8 +53,9 @@ class Passwords:
         return self._hasher.hash(_normal(password))
 
     def matches(self, encoded: str | None, password: str) -> bool:
-        """Whether the password fits. Without a hash (nobody of that name) the same work is done
-        in vain, so that the time taken does not tell which names exist."""
+        """Return whether the password fits. Without a hash (nobody of that name) the same work is
+        done in vain, so that the time taken does not tell which names exist.
+        """
         from argon2.exceptions import InvalidHashError, VerificationError
 
         try:

@@ -37,7 +37,7 @@ class People:
     sockets: OpenSockets
 
     async def run(self) -> None:
-        """Keeps when each was last seen; a disk that is full for a while is no reason to end."""
+        """Keep when each was last seen; a disk that is full for a while is no reason to end."""
         while True:
             await asyncio.sleep(SEEN_PERIOD)
             with contextlib.suppress(StorageError):

@@ -9,7 +9,7 @@ from quadrotor.errors import UsageError
 
 
 def is_loopback(host: str) -> bool:
-    """Whether a server on `host` is reached from this computer only."""
+    """Return whether a server on `host` is reached from this computer only."""
     if not host:
         return False
     try:

@@ -14,7 +14,7 @@ class Role(StrEnum):
     ADMIN = "admin"  # also: users, invitations of operators, ending sessions
 
     def may(self, least: Role) -> bool:
-        """Whether this role is `least` or more. (`<` would compare the words.)"""
+        """Return whether this role is `least` or more. (`<` would compare the words.)"""
         return _RANK[self] >= _RANK[least]
 
 

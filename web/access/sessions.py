@@ -91,7 +91,7 @@ class Sessions:
             transaction.execute(delete(SessionRow).where(SessionRow.id == session.id))
 
     def end_guests(self, label: str) -> None:
-        """Ends the session that came by a link as `label`. Raises RefusedError if there is none."""
+        """End the session that came by a link as `label`. Raises RefusedError if there is none."""
         with self._database.session() as transaction:
             guests = SessionRow.label == label, SessionRow.generation == 0
             ended = transaction.scalars(select(SessionRow.id).where(*guests)).all()
@@ -113,7 +113,7 @@ class Sessions:
         ]
 
     def write_seen(self) -> None:
-        """Keeps when each was last seen, and drops sessions that are over."""
+        """Write when each was last seen, and drop sessions that are over."""
         seen, self._seen = self._seen, {}
         oldest = int(self._clock()) - SESSION_AGE
         with self._database.session() as transaction:

@@ -58,7 +58,7 @@ class SignedLinks:
         return f"{FOLDER}{run_id}{SUFFIX}?{query}"
 
     def opens(self, scope: Scope, methods: frozenset[str] = METHODS) -> bool:
-        """Whether this request carries a valid signature for exactly what it asks."""
+        """Return whether this request carries a valid signature for exactly what it asks."""
         path = scope["path"]
         if scope["type"] != "http" or scope["method"] not in methods:
             return False
@@ -94,7 +94,7 @@ class SignedLinks:
 
 
 def with_sharing(headers: dict[str, str], send: Send) -> Send:
-    """Adds what lets the pages of SITES read the answer."""
+    """Add what lets the pages of SITES read the answer."""
     shared = _shared_with(headers)
 
     async def sending(message: Message) -> None:

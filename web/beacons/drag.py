@@ -133,7 +133,7 @@ class BeaconDrags:
         self._wishes.clear()
 
     def stop(self) -> None:
-        """Ends every drag."""
+        """End every drag."""
         self._wishes.clear()
         self._offsets.clear()
 

@@ -44,7 +44,8 @@ class BoundSlice:
         self.scale: Scale | None = None
 
     def update(self, wish: Wish | None, now: float) -> bool:
-        """Begins what is to be computed, shows what is ready; True when the scale has changed.
+        """Begin what is to be computed and show what is ready; return whether the scale has
+        changed.
 
         None hides the map.
         """

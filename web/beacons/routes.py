@@ -195,7 +195,7 @@ def csv_of(beacons: Beacons) -> str:
 
 
 def check_estimate(name: str, mirror: ParameterMirror, live: Live) -> None:
-    """Raises OutOfBoundsError for an estimate that nobody computes."""
+    """Raise OutOfBoundsError for an estimate that is not computed."""
     message = live.newest("comparison")
     allowed = dict.fromkeys(ALWAYS_SHOWN)
     allowed |= dict.fromkeys(str(mirror.value(COMPARED) or "").split())

@@ -43,7 +43,7 @@ class Control:
         return str(status.holder) if status is not None else ""
 
     def may(self, label: str) -> bool:
-        """Whether this person has control or could take it by a command."""
+        """Return whether this person has control or could take it by a command."""
         return self.holder in ("", label)
 
     def summary(self) -> dict[str, Any] | None:
@@ -74,7 +74,7 @@ def add_control(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/control")
     async def control(body: ControlBody, session: Operator) -> dict[str, bool]:
-        """Asks for control, answers who asks, gives it up; an admin may take it."""
+        """Ask for control, answers who asks, gives it up; an admin may take it."""
         if body.action == "take" and not session.role.may(Role.ADMIN):
             raise HTTPException(
                 403, f"{session.label} may ask for control; admins alone may take it"

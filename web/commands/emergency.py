@@ -43,7 +43,7 @@ Message = dict[str, Any]
 
 class Commander(Protocol):
     async def command(self, service: str, requester: str, **fields: Any) -> Any:
-        """Raises RefusedError with the vehicle's reason, LinkError when it did not answer."""
+        """Raise RefusedError with the vehicle's reason, LinkError when it did not answer."""
         ...
 
 
@@ -148,7 +148,7 @@ class EmergencyDesk:
             self._finish(press, "acknowledged")
 
     async def _try(self, press: Press) -> None:
-        """Raises RefusedError, or the last LinkError."""
+        """Raise RefusedError, or the last LinkError."""
         # A cut under the id of a landing would get the landing's answer, and not be done.
         request_id = uuid.uuid5(uuid.NAMESPACE_OID, f"{press.action} {press.id}").hex
         for number in range(1, TRIES + 1):
@@ -181,7 +181,7 @@ class EmergencyDesk:
                 self._finish(press, "failed")
 
     def _shows(self, press: Press) -> bool:
-        """Whether a status that came after the press shows it."""
+        """Return whether a status that came after the press shows it."""
         if self._live.age("status") >= self._clock() - press.pressed:
             return False
         status = self._live.newest("status")

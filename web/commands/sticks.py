@@ -62,7 +62,7 @@ class Frame:
 
 
 def read_frame(raw: bytes) -> Frame:
-    """Raises ValueError for what is no frame."""
+    """Raise ValueError for what is no frame."""
     if len(raw) != _FRAME.size:
         raise ValueError(f"{len(raw)} bytes; a stick frame has {_FRAME.size}")
     *axes, button, number, cause = _FRAME.unpack(raw)
@@ -83,7 +83,7 @@ class Hand:
         self._last = -math.inf
 
     def take(self, frame: Frame, now: float) -> bool:
-        """Whether the sticks are on with this frame."""
+        """Return whether the sticks are on with this frame."""
         silence, self._last = now - self._last, now
         if not frame.held:
             self.on, self.why = False, ""
@@ -126,7 +126,7 @@ class StickOutput:
         self._loop = loop
 
     def send(self, hand: object, axes: Axes, requester: str, answered: Answered) -> bool:
-        """Whether this hand has the sticks now."""
+        """Return whether this hand has the sticks now."""
         now = self._clock()
         if self._owner is not hand and self._owner is not None and now <= self._until:
             return False

@@ -66,13 +66,13 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/experiments/start")
     async def start(body: StartExperimentBody, session: Operator) -> dict[str, bool]:
-        """Arms and flies; the station checks the options."""
+        """Arm and fly; the station checks the options."""
         options = to_parameters(body.options)
         return await ask(body, session.label, "start", name=body.name, options=options)
 
     @app.post("/api/experiments/finish")
     async def finish(body: ExperimentBody, session: Operator) -> dict[str, bool]:
-        """Ends the manoeuvre now: handed back, landed, judged."""
+        """End the manoeuvre now: handed back, landed, judged."""
         return await ask(body, session.label, "finish")
 
     @app.post("/api/experiments/stop")

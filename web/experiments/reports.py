@@ -42,7 +42,7 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/report")
     def make(run_id: str, _: Operator) -> dict[str, Any]:
-        """Begins to make the report with figures, anew if there is one; how it stands."""
+        """Begin to make the report with figures, again if there is one; return its progress."""
         log = catalogue.resolve(run_id)
         return reports.ask(run_id, log).as_json(log)
 

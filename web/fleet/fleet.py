@@ -71,7 +71,7 @@ class Fleet:
         return list(await asyncio.gather(*landings))
 
     async def run(self) -> None:
-        """Keeps what is taken of each vehicle at what is looked at."""
+        """Keep what is taken of each vehicle at what is looked at."""
         if len(self._sides) == 1:
             return  # its station takes everything
         loop = asyncio.get_running_loop()

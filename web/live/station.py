@@ -106,7 +106,7 @@ class Station:
         self._urgent.shutdown(wait=False, cancel_futures=True)
 
     def watch(self, topics: Collection[str]) -> None:
-        """Takes these of the topics in `FAST`, and no others of them. Blocks for some ms."""
+        """Take these of the topics in `FAST`, and no others of them. Blocks for some ms."""
         wanted = frozenset(topics)
         with self._making:
             if wanted == self._watched and (self._view is not None or not wanted):
@@ -116,7 +116,7 @@ class Station:
                 self._renew_view(self._node.session)
 
     async def command(self, service: str, requester: str, **fields: Any) -> Reply:
-        """Calls one of the station's services. Raises RefusedError with the reason, LinkError."""
+        """Call one of the station's services. Raises RefusedError with the reason, LinkError."""
         response = await self._call(service, requester, **fields)
         return Reply(run_id=str(getattr(response, "run_id", "")))
 
@@ -147,7 +147,7 @@ class Station:
         )
 
     async def has_parameters(self, remote: str) -> bool:
-        """Whether that node answers."""
+        """Return whether that node answers."""
         try:
             await asyncio.get_running_loop().run_in_executor(
                 self._callers, lambda: self._parameter_client(remote).names()

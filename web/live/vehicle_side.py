@@ -118,7 +118,7 @@ class VehicleSide:
 
     @property
     def is_looked_at(self) -> bool:
-        """Whether a page of this vehicle is open."""
+        """Return whether a page of this vehicle is open."""
         return bool(self.hub.pages or self.parts.feed.pages or self._view_server.watched)
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:

@@ -99,7 +99,7 @@ class GainPath:
         return {name: applied}, revision
 
     async def _drain(self, name: str, requester: str, slot: _Slot) -> None:
-        """Sends until nobody waits: values that came meanwhile count only by the newest."""
+        """Send until nothing waits: of values that came meanwhile only the newest counts."""
         while slot.waiting:
             pause = slot.last_call + SHORTEST_PERIOD - time.monotonic()
             if pause > 0.0:

@@ -101,7 +101,9 @@ class ParameterFollower:
         return self._is_first or is_lower or revision > self._mirror.revision
 
     async def is_simulator_news(self) -> bool:
-        """Whether it came, or went: one that does not answer once may only be late."""
+        """Return whether the simulator came or went: one that does not answer once may only be
+        late.
+        """
         described = self._mirror.descriptions()
         is_known = any(authority_of(d.name) == SIMULATOR for d in described)
         is_there = await self._station.has_parameters(f"{self._namespace}/{SIMULATOR}")

@@ -49,7 +49,7 @@ class ParameterMirror:
         revision: int,
         since: int | None = None,
     ) -> None:
-        """Takes over everything; pages are told to read it again.
+        """Take over all values; pages are notified to read them again.
 
         Args:
             revision: the vehicle's, that these values have at least.
@@ -72,7 +72,7 @@ class ParameterMirror:
         self._publish({"type": "parameters", "revision": self.revision})
 
     def apply(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
-        """Takes over confirmed values and tells every page of those that are news.
+        """Take over confirmed values and send every page those that are news.
 
         Args:
             revision: of their authority; values that are newer than that stay.

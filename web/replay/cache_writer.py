@@ -64,7 +64,7 @@ class CacheWriter:
         self._fresh: dict[tuple[str, str], npt.NDArray[Any]] = {}  # derived
 
     def index(self, reader: ColumnReader) -> dict[str, Any]:
-        """Writes all arrays and the track; what `index.json` is to hold."""
+        """Write all arrays and the track; what `index.json` is to hold."""
         start_ns = self._read_times()
         duration = max(float(times[-1]) for times in self._times.values())
         self._derive()

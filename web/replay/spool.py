@@ -107,7 +107,7 @@ class TopicSpool:
 
 
 def append(path: Path, values: npt.NDArray[Any]) -> None:
-    """Raises OSError."""
+    """Raise OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab") as file:
         values.tofile(file)

@@ -94,7 +94,7 @@ class ReplayStore:
         return kept[1]
 
     def is_current(self, log: Path) -> bool:
-        """Whether the replay that is kept shows all of the log."""
+        """Return whether the replay that is kept shows all of the log."""
         with self._lock:
             kept = self._kept(self._name(log))
         return kept is not None and kept[0] == _stamp(log)
@@ -207,7 +207,7 @@ class ReplayStore:
 
 
 def _is_wanted(folder: Path, runs: Path) -> bool:
-    """Whether it can still be shown: its log is there, and no crash has damaged it."""
+    """Return whether the replay can still be shown: its log exists, and no crash has damaged it."""
     try:
         fields = json.loads((folder / STAMP).read_text())
         log = Path(fields["log"])

@@ -41,7 +41,7 @@ class ViserExports:
         self._exports: dict[tuple[str, int], Export] = {}  # by run and age of its log
 
     def ask(self, run_id: str, log: Path) -> Export:
-        """Begins to make it, unless it is there, under way or has failed before.
+        """Begin to make a recording, unless it exists, is under way or has failed before.
 
         Raises RefusedError while the run is being recorded or too many wait, StorageError.
         """
@@ -67,7 +67,7 @@ class ViserExports:
             return export
 
     def stop(self) -> None:
-        """Ends the process that is running, if one is; nothing half stays."""
+        """End the process that is running, if one is; nothing half stays."""
         self.workshop.stop()
 
 

@@ -86,7 +86,7 @@ class Workshop:
                 self._worker.start()
 
     def stop(self) -> None:
-        """Ends the process that is running, if one is."""
+        """End the process that is running, if one is."""
         with self._lock:
             self._is_stopped = True
             if self._process is not None:

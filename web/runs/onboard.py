@@ -48,7 +48,9 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/onboard/{name}/download")
     async def download(name: Name, session: Operator) -> dict[str, bool]:
-        """Begins to fetch it to this computer, or goes on; how it stands is told as `transfers`."""
+        """Begin to fetch the log to this computer, or go on; progress is published as
+        `transfers`.
+        """
         return await _transfer("download", name, session.label)
 
     @app.post("/api/onboard/{name}/cancel")
@@ -58,7 +60,7 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/backfill")
     async def backfill(run_id: str, session: Operator) -> dict[str, bool]:
-        """Compares the run with the vehicle's log again and fetches what it lacks."""
+        """Compare the run with the vehicle's log again and fetch what it lacks."""
         parts.catalogue.get(run_id)
         return await _transfer("backfill", run_id, session.label)
 

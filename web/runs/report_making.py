@@ -45,7 +45,7 @@ class ReportMaking:
         self._asked: dict[str, Making] = {}
 
     def ask(self, run_id: str, log: Path) -> Making:
-        """Begins to make it, anew if there is one; one that is under way is enough.
+        """Begin to make a report, again if there is one; one that is under way is enough.
 
         Raises RefusedError while the run is being recorded or too many wait, StorageError.
         """
@@ -71,7 +71,7 @@ class ReportMaking:
         return self._asked.get(run_id) or Making("none")
 
     def stop(self) -> None:
-        """Ends the process that is running, if one is."""
+        """End the process that is running, if one is."""
         self.workshop.stop()
 
 

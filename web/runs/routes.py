@@ -114,7 +114,7 @@ def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/tags")
     def change(body: TagsBody, _: Operator) -> dict[str, list[str]]:
-        """Adds and removes tags of several runs, all or nothing; run → tags afterwards."""
+        """Add and remove tags of several runs, all or nothing; return run → tags afterwards."""
         try:
             for run_id in body.runs:
                 catalogue.get(run_id)

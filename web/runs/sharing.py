@@ -52,8 +52,9 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/viser")
     def make(run_id: str, _: Asker) -> dict[str, Any]:
-        """Begins to make the recording for viser, or says how that stands: ready, working, waiting
-        or failed, with progress 0 to 1 or the reason."""
+        """Begin to make the recording for viser, or says how that stands: ready, working, waiting
+        or failed, with progress 0 to 1 or the reason.
+        """
         return exports.ask(run_id, catalogue.resolve(run_id)).as_json()
 
     @app.get("/api/runs/{run_id}/viser")

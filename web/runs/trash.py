@@ -57,17 +57,17 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/trash")
     def delete(body: RunsBody, session: Operator) -> dict[str, Any]:
-        """Moves runs to the trash; `refused`: id → reason of those that stay."""
+        """Move runs to the trash; `refused`: id → reason of those that stay."""
         return _each(body.runs, lambda run_id: delete_run(catalogue, run_id, session.label))
 
     @app.post("/api/trash/restore")
     def restore(body: RunsBody, _: Operator) -> dict[str, Any]:
-        """Brings runs back with notes, tags and marks."""
+        """Bring runs back with notes, tags and marks."""
         return _each(body.runs, lambda run_id: restore_run(catalogue, run_id))
 
     @app.post("/api/trash/empty")
     def empty(session: Admin) -> dict[str, Any]:
-        """Removes what is in the trash for good, now; `refused`: id → reason of those that stay."""
+        """Remove what is in the trash for good, now; `refused`: id → reason of those that stay."""
         purged = purge(catalogue)
         if purged.done:
             tell_changed(parts.hub, purged.done)

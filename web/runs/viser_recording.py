@@ -38,7 +38,7 @@ LEAST_PROGRESS = 0.01
 
 
 def record(log: Path, file: Path, progress: Callable[[float], None] = lambda share: None) -> None:
-    """Writes the recording of a closed log. Raises StorageError or LogFormatError."""
+    """Write the recording of a closed log. Raises StorageError or LogFormatError."""
     summary = summarize(log)
     server = ViewServer()
     try:

@@ -71,7 +71,7 @@ class TuningBench:
         }
 
     async def start(self, plan: Plan, requester: str) -> None:
-        """Returns when the vehicle has accepted it. Raises RefusedError or LinkError."""
+        """Start, and return when the vehicle has accepted it. Raises RefusedError or LinkError."""
         if self.busy:
             raise RefusedError("a step test is under way; wait for its end, or brake")
         status = self._live.current("status")

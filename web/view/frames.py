@@ -52,7 +52,7 @@ async def _produce(
     client_id: int,
     backlog_done_message: Message | None = None,
 ) -> None:
-    """Sends a client all that is in `buffer` and will come, until either ends."""
+    """Send a client all that is in `buffer` and will come, until either ends."""
     if not buffer.persistent_messages:  # for this client alone: its camera
         await _viser_producer(websocket, buffer, client_id, backlog_done_message)
         return

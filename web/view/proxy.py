@@ -94,7 +94,7 @@ class Upstream:
         self._left, self._counted = BURST, clock()
 
     def takes(self, frame: bytes | None) -> bool:
-        """Whether viser gets it. Raises HostileError."""
+        """Return whether viser gets the message. Raises HostileError."""
         self._count()
         message = _read(frame)
         if message.type == CAMERA:
@@ -136,7 +136,7 @@ def client_html() -> bytes:
 
 
 async def pump(socket: WebSocket, server: ViewServer, session: Session) -> None:
-    """Carries one browser's view until either side closes."""
+    """Carry one browser's view until either side closes."""
     offered = socket.scope.get("subprotocols", [])
     wanted = f"viser-v{server.version}"
     if wanted not in offered:

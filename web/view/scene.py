@@ -62,7 +62,7 @@ class Scene:
         server.viser.initial_camera.look_at = (0.0, 0.0, 0.8)
 
     def follow(self, view: str, wanted: bool) -> None:
-        """Keeps a page's camera on the vehicle, or lets it go."""
+        """Keep a page's camera on the vehicle, or let it go."""
         if wanted:
             self._following.add(view)
         else:
@@ -135,7 +135,7 @@ class Scene:
 
 
 def _carry(camera: Any, point: Sequence[float]) -> None:
-    """Moves a camera so that it looks at `point` from the side and distance it has now."""
+    """Move a camera so that it looks at `point` from the side and distance it has now."""
     offset = camera.position - camera.look_at
     target = np.asarray(point, float)
     if np.linalg.norm(target - camera.look_at) > 0.002:

@@ -48,7 +48,7 @@ class Piece:
         self.count += 1
 
     def take(self, other: Piece) -> None:
-        """Adds the other piece's segments and empties it."""
+        """Add the other piece's segments and empty it."""
         if self.count == 0:
             self.first = other.first
         stop = self.count + other.count
@@ -69,7 +69,7 @@ class TrailRing:
         self._last_time = 0.0
 
     def add(self, point: Sequence[float], now: float) -> set[int]:
-        """Returns which pieces changed: chunk indices, and -1 for the head."""
+        """Return which pieces changed: chunk indices, and -1 for the head."""
         changed = self._expire(now)
         last, position = self._last, tuple(float(x) for x in point)
         if last is None:
@@ -89,7 +89,7 @@ class TrailRing:
         return changed | {-1}
 
     def clear(self) -> set[int]:
-        """Forgets everything; returns the pieces that had content."""
+        """Forget everything and return the pieces that had content."""
         changed = {i for i, piece in enumerate(self.chunks) if piece.count}
         if self.head.count:
             changed.add(-1)
