@@ -33,7 +33,7 @@ class Timing:
         return min(self.rounds), max(self.rounds)
 
     def over(self, other: Timing) -> float:
-        """How many times as long as `other`: median of the rounds' ratios."""
+        """Return how many times as long as `other` this took: the median of the rounds' ratios."""
         return statistics.median(a / b for a, b in zip(self.rounds, other.rounds, strict=True))
 
 

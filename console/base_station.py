@@ -325,13 +325,15 @@ class BaseStation:
         self._sticks.received(received)
 
     def _permit(self, command: str, requester: str) -> None:
-        """Of an experiment. Raises RefusedError."""
+        """Raise RefusedError when an experiment's command is not permitted now."""
         if reason := self.link.refusal(command):
             raise RefusedError(reason)
         self.control.permit(command, requester)
 
     def _asked(self, command: str, requester: str) -> None:
-        """Before a command of a person or an experiment is passed on. Raises RefusedError."""
+        """Prepare for a command of a person or an experiment before it is passed on. Raises
+        RefusedError.
+        """
         if command == "arm":
             self.checks.preflight.before_arming(requester)
         self.runs.asked(command, requester)

@@ -47,7 +47,8 @@ class Calibrations:
 
     # ------------------------------------------------------------------ the station tells
     def look(self, revision: int) -> None:
-        """Once a second while the vehicle is heard; may wait for its answer.
+        """Read the calibrations when due; called once a second while the vehicle is connected, and
+        may wait for its answer.
 
         Args:
             revision: of the vehicle's parameters; a lower one is a vehicle that started anew.
@@ -65,7 +66,9 @@ class Calibrations:
                     self._problem, self._due = str(error), time.monotonic() + AGAIN
 
     def status(self, mode: str) -> None:
-        """Each status of the vehicle; one that has started has its gyroscope calibrated."""
+        """Take over each status of the vehicle; one that has started has its gyroscope
+        calibrated.
+        """
         was, self._is_starting = self._is_starting, mode == "starting"
         if was and not self._is_starting:
             with self._lock:
@@ -84,7 +87,7 @@ class Calibrations:
             self._records, self._problem, self._due = None, LOST, 0.0
 
     def changed(self) -> None:
-        """What was read is old."""
+        """Mark what was read as old."""
         with self._lock:
             self._due = 0.0
 
@@ -107,7 +110,9 @@ class Calibrations:
         return records[HISTORY]
 
     def in_force(self) -> dict[str, CalibrationRecord] | None:
-        """By name, as the vehicle tells them; None when they are not known. Never waits."""
+        """Return the vehicle's calibrations in force by name; None when they are not known. Never
+        waits.
+        """
         with self._lock:
             records = self._records
         return None if records is None else {record.name: record for record in records[IN_FORCE]}
@@ -134,7 +139,7 @@ class Calibrations:
             raise LinkError(f"the vehicle's calibrations cannot be read: {error}") from error
 
     def _answer(self, request: Any) -> Any:
-        """As they were read last."""
+        """Answer with the calibrations as they were read last."""
         answer = f"{SERVICE}_Response"
         if request.action not in TOLD:
             return new(

@@ -100,7 +100,7 @@ class TrackerFeed:
             self._publish_bearings(frame)
 
     def _recent(self, times: deque[float]) -> float:
-        """Of times in order, Hz."""
+        """Return the rate of times in order, Hz."""
         listed = list(times)  # at once: another thread adds to it
         return (len(listed) - bisect_left(listed, self._clock() - RATE_WINDOW)) / RATE_WINDOW
 

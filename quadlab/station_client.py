@@ -60,7 +60,7 @@ class StationClient:
         return response
 
     def listen(self, topic: str) -> queue.SimpleQueue[Any]:
-        """Each message of a topic as it comes."""
+        """Return a queue of the messages of a topic as they come."""
         heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
         row = TOPICS[topic]
         self._node.subscribe(

@@ -158,7 +158,7 @@ ORDERED = (
 
 
 def check_pairs(values: Mapping[str, ParameterValue]) -> None:
-    """What no single value shows: pairs out of order, a layout that is none.
+    """Check what no single value shows: pairs out of order, a layout that is none.
 
     Args:
         values: all of them.

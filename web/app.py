@@ -123,7 +123,7 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/session")
     def session(session: Asker) -> dict[str, Any]:
-        """Who this browser is, which vehicle this is, and which there are."""
+        """Return who this browser is, which vehicle this is, and which there are."""
         ours = {"vehicle": parts.vehicle, "vehicles": fleet.names}
         return {**events.session_fields(session), **ours}
 

@@ -99,7 +99,7 @@ def join_styles(names: Iterable[str], read: Read) -> str:
 
 
 def _in_order(entry: str, read: Read) -> dict[str, _Module]:
-    """Each module after those that it imports, as a browser runs them."""
+    """Return each module after those that it imports, as a browser runs them."""
     done: dict[str, _Module] = {}
     path: list[str] = []
 
@@ -174,7 +174,9 @@ def _bindings(name: str, listed: str) -> list[tuple[str, str]]:
 
 
 def _check_export(importer: str, module: _Module, name: str) -> None:
-    """That a browser, too, would find it; else the joined page would run, and the single not."""
+    """Check that a browser, too, would find the name; else the joined page would run, and the
+    single modules would not.
+    """
     declared = rf"(?:async )?function\*? {re.escape(name)}\b|class {re.escape(name)}\b"
     constant = rf"const (?:[^\n]*, )?{re.escape(name)} ="
     if not re.search(rf"^export (?:{declared}|{constant})", module.source, re.MULTILINE):

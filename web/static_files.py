@@ -97,7 +97,9 @@ class KeptFiles(StaticFiles):
         return hashlib.blake2b(repr(now).encode(), digest_size=8).hexdigest()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Under another version than the newest comes what there is now, to be asked for again."""
+        """Return the file. Under a version other than the newest the present file is returned, to
+        be asked for again.
+        """
         versioned = VERSIONED.fullmatch(path)
         if versioned is None:
             return await self._current(path, scope)

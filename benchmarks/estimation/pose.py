@@ -158,7 +158,9 @@ def poselib_pose(beacons: Array, polish: bool) -> Method:
 
 
 def cycled(function: Callable[[Array], object], bearings: Array) -> Callable[[], None]:
-    """Over all frames once; what a method refuses counts as the time it took to say so."""
+    """Return a call over all frames; a frame that a method refuses counts as the time the refusal
+    took.
+    """
     one_by_one = list(bearings)
 
     def call() -> None:
@@ -300,7 +302,9 @@ def _more_beacons(report: Report, count: int) -> None:
 
 
 def _from_the_truth(solver: PlanarPoseSolver, seen: Frames) -> dict[str, float]:
-    """What the least-squares estimate itself reaches: its search starts at the true pose."""
+    """Return the errors of the least-squares estimate itself: its search starts at the true
+    pose.
+    """
     q = np.roll(Rotation.from_matrix(seen.R).as_quat(), 1, axis=1)
     truths = iter(zip(seen.r, q, strict=True))
 

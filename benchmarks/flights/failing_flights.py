@@ -114,7 +114,9 @@ def _bring_to(flight: FailingFlight, start: str) -> None:
 
 
 def _forked(flight: FailingFlight, failure: str, start: str, seed: int, moment: float) -> Outcome:
-    """Of a copy of the flight, `moment` (s) from now; the flight stays as it is."""
+    """Return the outcome of a copy of the flight, `moment` (s) from now; the flight stays as it
+    is.
+    """
     fork = multiprocessing.get_context("fork")
     here, there = fork.Pipe(duplex=False)
     copy = fork.Process(target=_fail, args=(flight, failure, start, seed, moment, there))

@@ -72,7 +72,7 @@ class Processes:
         return (self._folder / "output").read_text(errors="replace")
 
     def signal(self, which: str, number: int) -> int:
-        """To a process of its own or one of the vehicle's two; its id."""
+        """Send a signal to a process of its own or one of the vehicle's two; return its id."""
         pid = self._started[which].pid if which in self._started else self._child(which)
         os.kill(pid, number)
         return pid
@@ -130,7 +130,7 @@ def _fly_once(failure: str, start: str, seed: int) -> Outcome:
 def _set_up(
     stack: ExitStack, processes: Processes, folder: Path, failure: str, seed: int
 ) -> Ground:
-    """Everything started."""
+    """Start everything."""
     link_port, real_station = free_port(), failure in WITH_STATION
     ground = Ground(stack, folder, link_port, real_station)
     truth = {"seed": seed, **conditions(seed)}
@@ -231,7 +231,9 @@ def break_it(ground: Ground, processes: Processes, failure: str) -> None:
 def _when_off(
     ground: Ground, processes: Processes, folder: Path, failure: str, wall: float
 ) -> float:
-    """At the latest by now; asked of the microcontroller, or of the vehicle when it is awake."""
+    """Return the latest time (s) by which the motors were off; asked of the microcontroller, or of
+    the vehicle when it is awake.
+    """
     if failure == "frozen":
         processes.signal("flight", signal.SIGCONT)
         until("motors off", lambda: ground.told(armed=False), 15.0)

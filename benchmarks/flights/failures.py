@@ -40,7 +40,7 @@ REAL_FAILURES = (
 
 
 def run(quick: bool = False) -> Report:
-    """For `python -m benchmarks`."""
+    """Run the benchmark for `python -m benchmarks`."""
     outcomes = fly(*((2, 0) if quick else (SEEDS, REAL_SEEDS)), REAL_FAILURES)
     return report(outcomes)
 
@@ -132,7 +132,7 @@ def _both(flights: Sequence[Outcome], of: Callable[[Outcome], float], digits: in
 
 
 def _number(value: float) -> float:
-    """What never came counts as infinitely bad."""
+    """Return the value, infinite for what never came."""
     return math.inf if math.isnan(value) else value
 
 

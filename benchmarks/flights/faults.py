@@ -299,7 +299,7 @@ def _compare(
 
 
 def _line(label: str, times: Any, values: Any) -> dict[str, Any]:
-    """At most some hundred points."""
+    """Return a line of at most some hundred points."""
     keep = slice(None, None, max(1, len(times) // 400))
     return {
         "label": label,

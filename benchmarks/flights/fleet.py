@@ -52,7 +52,7 @@ class Pilot:
         until(lambda: self._is_done("arm", "start_behavior", name="take_off"), *self._why("rise"))
 
     def land(self) -> None:
-        """Unless it did by itself."""
+        """Land, unless the vehicle did so by itself."""
         until(
             lambda: not self.is_airborne or self._is_done("start_behavior", name="land"),
             *self._why("land"),
@@ -83,7 +83,7 @@ class Pilot:
         return self.newest("truth") is not None and abs(self.height - HEIGHT) <= NEAR
 
     def look(self) -> None:
-        """What is not as it is to be while it hovers."""
+        """Count what is not as it should be while it hovers."""
         status, height = self.newest("status"), self.height
         self.looks += 1
         self.lowest, self.highest = min(self.lowest, height), max(self.highest, height)
@@ -158,7 +158,7 @@ def hovering(up: int, pilots: list[Pilot], duration: float) -> tuple[dict[str, f
 
 
 def cpu_ticks(up: int) -> Counter[str]:
-    """Of `up` and its descendants, those of one kind together."""
+    """Return the processor ticks of `up` and its descendants, those of one kind together."""
     spent: Counter[str] = Counter()
     for pid, name in processes(up).items():
         fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()

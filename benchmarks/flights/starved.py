@@ -125,7 +125,7 @@ class Laboratory:
         return self.summary().get("status") or {}
 
     def new_link(self) -> str:
-        """To sign another page in: a link is good once."""
+        """Return a link to sign another page in: each works once."""
         return self.until(lambda: self._links()[1:])[-1]
 
     def _links(self) -> list[str]:
@@ -188,7 +188,9 @@ class Laboratory:
 
 
 def judge(flight: Flight, run: Path) -> None:
-    """By its run's file: flown to the end, error against the reference, what was told wrongly."""
+    """Judge a flight by its run's file: flown to the end, error against the reference, what was
+    reported wrongly.
+    """
     rows: dict[str, list[Any]] = {"truth": [], "reference": []}
     behaviors: list[tuple[int, str]] = []
     wanted = ("truth", "reference", "status", "events", "link_status", "station_status")

@@ -76,6 +76,6 @@ class TouchDown:
 
 
 def tilt_of(quaternion_wb: Sequence[float]) -> float:
-    """Between z_B and z_W, rad."""
+    """Return the angle between z_B and z_W, rad."""
     _, x, y, _ = quaternion_wb
     return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

@@ -119,7 +119,7 @@ class WatchedFlight(SimulatedFlight):
         return self
 
     def run(self, seconds: float) -> None:
-        """As `wait`, also while the flight process stands still."""
+        """Run as `wait` does, also while the flight process is stopped."""
         end_ns = self.robot.stamp_ns + round(seconds * 1e9)
         while self.robot.stamp_ns < end_ns:
             self.advance()

@@ -87,7 +87,9 @@ class ImpairedLink:
         self._close_ends()
 
     def change(self, conditions: Conditions) -> tuple[Counts, Counts]:
-        """Both directions, from now on. Returns what they carried so far, from A and from B."""
+        """Change both directions from now on. Returns what they carried so far, from A and from
+        B.
+        """
         return self._order(conditions=asdict(conditions))
 
     def interrupt(self, seconds: float) -> tuple[Counts, Counts]:

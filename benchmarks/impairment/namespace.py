@@ -60,7 +60,7 @@ def make_end(address: str) -> End:
 
 
 def _make(theirs: socket.socket, address: str) -> None:
-    """In a child process; never returns."""
+    """Make the namespace in a child process; never returns."""
     try:
         _call(_libc.unshare(CLONE_NEWNET), "unshare")
         device = os.open("/dev/net/tun", os.O_RDWR)

@@ -33,7 +33,7 @@ class Relay:
         self._wires = (Wire(Conditions(), seed), Wire(Conditions(), seed + 1))
 
     def run(self) -> None:
-        """Until the control socket is closed."""
+        """Relay until the control socket is closed."""
         poll = select.poll()
         for descriptor in (*self._devices, self._control.fileno()):
             poll.register(descriptor, select.POLLIN)

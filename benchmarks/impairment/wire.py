@@ -61,7 +61,7 @@ class Wire:
         self._state_ends = -math.inf
 
     def change(self, conditions: Conditions) -> None:
-        """From now on; what is on the way stays."""
+        """Change the conditions from now on; what is on the way stays."""
         self._conditions = conditions
 
     def interrupt(self, now: float, duration: float) -> None:
@@ -97,7 +97,7 @@ class Wire:
 
     @property
     def next_arrival(self) -> float:
-        """When `due` has the next one; infinite when nothing is on the way."""
+        """Return when `due` has the next packet; infinite when nothing is on the way."""
         return self._on_wire[0][0] if self._on_wire else math.inf
 
     def _loses(self, now: float) -> bool:

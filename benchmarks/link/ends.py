@@ -134,7 +134,7 @@ class Program:
         threading.Thread(target=listen, daemon=True).start()
 
     def run(self, name: str) -> None:
-        """Until the end; then write the notes, and leave without waiting for a dead link."""
+        """Run until the end; then write the notes, and leave without waiting for a dead link."""
         gc.collect()
         gc.freeze()
         for thread in self._threads:

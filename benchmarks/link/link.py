@@ -49,7 +49,7 @@ PROMPT = 1.0
 
 
 def run(quick: bool = False) -> Iterator[Report]:
-    """Each part's report; one whose end fails misses its target, the others go on."""
+    """Yield each part's report; one whose end fails misses its target, the others go on."""
     for part in (links, outages, filled, narrow):
         try:
             yield part(quick)
@@ -90,7 +90,7 @@ def links(quick: bool = False) -> Report:
 
 
 def _busy(clean: Found) -> list[str]:
-    """What is to be said of a machine that did not run all the time; targets stay as they are."""
+    """Return notes about a machine that did not run all the time; targets stay as they are."""
     udp = p99(delays(clean.udp))
     if udp <= BUSY:
         return []
@@ -106,7 +106,7 @@ def _busy(clean: Found) -> list[str]:
 
 
 def measure(conditions: Conditions, plan: Plan, seconds: float) -> Found:
-    """What was noted in so long under these conditions."""
+    """Return what was noted in `seconds` under these conditions."""
     with running(plan) as ends:
         ends.link.change(conditions)
         time.sleep(SETTLED)

@@ -57,7 +57,7 @@ class Found:
     download: Rows
 
     def between(self, begin: float, end: float) -> Found:
-        """What was sent, asked or noted from `begin` until `end`."""
+        """Return what was sent, asked or noted from `begin` until `end`."""
         when = {"telemetry": 1, "udp": 1, "poses": 1, "udp_poses": 1}
         kept = {}
         for name, rows in vars(self).items():
@@ -81,8 +81,9 @@ def ages(rows: Rows) -> npt.NDArray[np.float64]:
 
 
 def beside(rows: Rows, udp: Rows, most: float) -> Rows:
-    """Those that came, sent between two packets of plain UDP that each took at most `most` ms:
-    both machines ran then. Whatever `rows` themselves took."""
+    """Return the received packets that were sent between two packets of plain UDP which took at
+    most `most` ms each: both machines ran then, however long `rows` themselves took.
+    """
     sent = udp[np.argsort(udp[:, 1], kind="stable")]
     after = np.searchsorted(sent[:, 1], rows[:, 1])
     inside = (after > 0) & (after < len(sent))

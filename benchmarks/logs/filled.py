@@ -40,7 +40,7 @@ MB = 1e6
 
 
 def filled(quick: bool = False) -> Report:
-    """How many outages left no hole, how long filling took, the station's memory.
+    """Measure how many outages left no hole, how long filling took, and the station's memory.
 
     Raises StorageError where namespaces are not allowed, QuadlabError when an end fails.
     """
@@ -183,7 +183,7 @@ def _hear(program: Any, line: bytes) -> None:
 
 
 def pilot() -> None:
-    """At the station: arms, and disarms when told to."""
+    """Arm at the station, and disarm on command."""
     end = time.monotonic() + PATIENCE
     while True:
         with suppress(LinkError), station(PORT, "quad1") as client:

@@ -72,7 +72,7 @@ class Worker:
 
 
 def run(quick: bool = False, count: int | None = None, seed: int = 0) -> Report:
-    """For `python -m benchmarks`."""
+    """Run the benchmark for `python -m benchmarks`."""
     from benchmarks.logs.fuzz_worker import COMMANDS
 
     count = count or (QUICK_COUNT if quick else COUNT)

@@ -71,7 +71,9 @@ def look(log: Path, board: Board, mend: Callable[[], object]) -> Kill:
 
 
 def problems_of(log: Path, count: int) -> list[str]:
-    """Of a mended file in which we read `count` messages; none when it is sound."""
+    """Return the problems of a mended file in which we read `count` messages; none when it is
+    sound.
+    """
     problems = []
     if RECOVERED_METADATA not in read_metadata(log):
         problems.append("it is not marked as mended")
@@ -113,7 +115,7 @@ def _by_mcap(log: Path) -> int:
 
 
 def _by_rosbags(log: Path) -> int:
-    """Each of them decoded, too."""
+    """Count the messages that rosbags reads and decodes."""
     with AnyReader([log]) as reader:
         decoded: list[Any] = [
             reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()

@@ -17,7 +17,7 @@ WRITERS: dict[str, Callable[[int], Iterator[Kill]]] = {
 
 
 def run(quick: bool = False) -> Report:
-    """For `python -m benchmarks`."""
+    """Run the benchmark for `python -m benchmarks`."""
     report = Report(
         "killed_logs",
         "Logs of killed writers",

@@ -130,7 +130,7 @@ class Flight:
 
 
 def _run(data: Path, descriptors: RingDescriptors, ending: signal.Signals, after_s: float) -> Path:
-    """Until `after_s` after its file is there; that file."""
+    """Run until `after_s` after its file exists; return that file."""
     folder = data / FOLDER
     before = set(folder.glob("*.mcap"))
     config = CommsConfig(os.getpid(), descriptors, NAME, str(data), _free_port())
@@ -183,7 +183,7 @@ def _kill(dead: Dead, next_first: int) -> Kill:
 
 
 def _numbers(log: Path, flight: Flight) -> dict[str, list[int]]:
-    """Of each topic's messages; of ticks those of the flight."""
+    """Return the numbers of each topic's messages; of ticks those of the flight."""
     found: dict[str, list[int]] = {}
     for message in read_log(log):
         number = (message.publish_ns - flight.start_ns) // STEP_NS

@@ -78,7 +78,7 @@ def _killed(material: Path, folder: Path, after_s: float) -> Kill:
 
 
 def feed(material: Path, folder: Path) -> None:
-    """Until it is killed."""
+    """Feed a recorder until it is killed."""
     catalogue = Catalogue(folder)
 
     def started(run: Run) -> None:
@@ -136,7 +136,7 @@ def feed(material: Path, folder: Path) -> None:
 
 
 def _packets(material: Path) -> list[list[tuple[str, str, bytes]]]:
-    """What comes in each hundredth of a second."""
+    """Return what comes in each hundredth of a second."""
     packets: dict[int, list[tuple[str, str, bytes]]] = {}
     first: Any = None
     for message in read_log(material):

@@ -40,7 +40,7 @@ class Taken(NamedTuple):
 
 
 def run(quick: bool = False) -> Report:
-    """For `python -m benchmarks`."""
+    """Run the benchmark for `python -m benchmarks`."""
     duration = QUICK_S if quick else DURATION_S
     with tempfile.TemporaryDirectory(prefix="quadlab-logs-") as name:
         log = write_run(Path(name) / "run.mcap", MadeRun(duration))

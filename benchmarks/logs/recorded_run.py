@@ -191,7 +191,7 @@ class _Writer:
             self._next = next(self._slow, None)
 
     def _slow_messages(self) -> Iterator[tuple[float, str, Any]]:
-        """Everything below 100 Hz in the order of time."""
+        """Yield everything below 100 Hz in the order of time."""
         run, random, marked = self._run, self._random, 0
         once = sorted(
             [(t, "mark", text) for t, text in run.marks]
@@ -251,7 +251,9 @@ class _Writer:
 
 
 def _whole(messages: Any) -> Any:
-    """Of a record with fields, numpy copies the fields alone and not what lies between them."""
+    """Return whole records as bytes: numpy copies the fields of a record alone, and not what lies
+    between them.
+    """
     return messages.view(f"V{messages.dtype.itemsize}")
 
 

@@ -86,7 +86,7 @@ class FlightUnderTest:
 
     @property
     def rights(self) -> str:
-        """Of the process: its scheduling, and how much of its memory is locked."""
+        """Return the scheduling of the process, and how much of its memory is locked."""
         policy = os.sched_getscheduler(self._process.pid)
         name = "SCHED_FIFO" if policy == os.SCHED_FIFO else "not real time"
         status = Path(f"/proc/{self._process.pid}/status").read_text().splitlines()

@@ -37,7 +37,7 @@ RATIO = 2.0
 
 
 def run(quick: bool = False) -> Report:
-    """Both rates. Ends with a line when cyclictest is missing."""
+    """Measure both rates. Ends with a line when cyclictest is missing."""
     if shutil.which("cyclictest") is None:
         raise SystemExit("cyclictest is not installed: sudo apt-get install rt-tests")
     seconds = QUICK_SECONDS if quick else SECONDS

@@ -151,7 +151,7 @@ def _over(values: dict[int, float], rate: int) -> float:
 
 
 def _mean(flown: Iterable[Flown | str]) -> float:
-    """Of the rms on the 8; inf when one was not flown."""
+    """Return the mean rms on the 8; inf when one was not flown."""
     return float(np.mean([math.inf if isinstance(one, str) else one[1] for one in flown]))
 
 

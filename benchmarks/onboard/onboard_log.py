@@ -75,7 +75,7 @@ class Logged:
     slowest_sync: float = 0.0
 
     def heard(self, ticks: Record) -> None:
-        """As the comms process passes on what it reads."""
+        """Log ticks as the comms process passes on what it reads."""
         if not ticks["status"]["armed"].all():
             raise QuadlabError("the vehicle has landed; is the machine too busy to fly?")
         began = time.perf_counter()

@@ -78,7 +78,7 @@ class RecordedVehicle(SimulatedVehicle):
 
 
 def main() -> int:
-    """Until a signal."""
+    """Run until a signal."""
     folder, out, truth = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
     notes = RecordedFirmware.notes
 

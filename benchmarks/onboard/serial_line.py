@@ -60,7 +60,7 @@ class PipedTruth:
         self._data = b""
 
     def poses(self) -> list[mailbox.Pose]:
-        """Those that came since the last call."""
+        """Return the poses that came since the last call."""
         try:
             self._data += os.read(self._reader, 65536)
         except BlockingIOError:
@@ -177,7 +177,9 @@ def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
 
 
 def _minutes(elapsed_ms: int, last_ms: int) -> int:
-    """How often the carried time began anew: the flight process started within the first minute."""
+    """Return how often the carried time wrapped: the flight process started within the first
+    minute.
+    """
     began_ms = (last_ms - elapsed_ms - START_MS) % TIME_PERIOD_MS
     return (began_ms - (last_ms - elapsed_ms - START_MS)) // TIME_PERIOD_MS
 

@@ -41,7 +41,7 @@ print(time.perf_counter() - began)
 
 
 def run(quick: bool = False) -> Report:
-    """Both programs, cold and from the cache, each in its own interpreter."""
+    """Start both programs, cold and from the cache, each in its own interpreter."""
     rounds = 2 if quick else 5
     report = Report(
         "start",

@@ -181,7 +181,9 @@ def _hold(page: Any, listener: Listener, script: str) -> float:
 
 
 def _hold_of_close(page: Any, listener: Listener) -> float:
-    """By our own clock, so with the time to tell the browser."""
+    """Return how long the sticks flew on after closing the page, by our own clock, so with the time
+    to reach the browser.
+    """
     _press(page, listener)
     began = time.time_ns() * 1e-6
     page.close()
@@ -191,7 +193,7 @@ def _hold_of_close(page: Any, listener: Listener) -> float:
 
 
 def _stop_after(listener: Listener, at: float) -> float | None:
-    """When the order to stop came; None if they had been stopped before."""
+    """Return when the order to stop came; None if they had been stopped before."""
     before = [enabled for came, _, enabled in listener.orders if came < at]
     if not before or not before[-1]:
         return None
@@ -208,7 +210,7 @@ def _fresh(context: Any, page: Any, home: str) -> Any:
 
 
 def _press(page: Any, listener: Listener) -> None:
-    """Until the sticks fly; again should a busy machine have dropped them."""
+    """Press until the sticks fly; again should a busy machine have dropped them."""
     if not page.evaluate("'pad' in window"):
         page.evaluate(STUB)
 

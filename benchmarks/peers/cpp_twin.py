@@ -54,7 +54,7 @@ class CppTwin:
         thrusts: npt.NDArray[np.float64],
         dt: float,
     ) -> None:
-        """As `vehicle.closed_loop.onboard.onboard_steps`."""
+        """Run as `vehicle.closed_loop.onboard.onboard_steps` does."""
         count = ctypes.c_int64(len(imu))
         self._library.onboard_steps(
             _of(onboard), _of(settings), _of(imu), _of(thrusts), 1, ctypes.c_double(dt), count

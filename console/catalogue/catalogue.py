@@ -81,12 +81,14 @@ class Catalogue:
 
     @property
     def problem(self) -> str:
-        """Why nothing can be kept, and what to do: its file or the data folder is gone; or ""."""
+        """Return why nothing can be kept, and what to do: its file or the data folder is gone; or
+        "".
+        """
         return self._file.problem()
 
     @property
     def engine(self) -> Engine:
-        """Of the database, for the tables of others in it."""
+        """Return the engine of the database, for the tables of others in it."""
         return self._engine
 
     def close(self) -> None:
@@ -123,7 +125,7 @@ class Catalogue:
             return [_entry(row) for row in session.scalars(query.limit(limit).offset(offset))]
 
     def count(self, search: RunSearch | str = "", vehicle: str = "") -> int:
-        """Of what `runs` would list."""
+        """Return the number of runs that `runs` would list."""
         query = select(func.count()).select_from(RunRow)
         with self.session() as session:
             return session.scalar(query.where(condition(_search(search, vehicle)))) or 0

@@ -34,7 +34,7 @@ class Completeness:
 
     @property
     def line(self) -> str:
-        """In words."""
+        """Return the completeness in words."""
         filled = f"; {self.filled:.1f} s were filled from it" if self.filled else ""
         if self.state == "missing":
             return f"{self.missing:.1f} s missing of {self.total:.1f} s: {self.why}{filled}"
@@ -68,7 +68,9 @@ def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
 
 
 def end_of_run_before(catalogue: Catalogue, run_id: str) -> int:
-    """When the vehicle's run before this one ended, epoch ns of the station; 0 without one."""
+    """Return when the vehicle's run before this one ended, epoch ns of the station; 0 without
+    one.
+    """
     with catalogue.session() as session:
         run = catalogue.existing(session, run_id)
         query = select(RunRow).where(

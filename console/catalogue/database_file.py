@@ -37,7 +37,9 @@ class DatabaseFile:
             event.listen(engine, "checkout", self._look)
 
     def problem(self) -> str:
-        """Why nothing can be kept, and what to do; "" when it can. Never waits for the database."""
+        """Return why nothing can be kept, and what to do; "" when it can. Never waits for the
+        database.
+        """
         if gone := self._gone():
             return gone
         if self._path is None or os.access(self._path, os.W_OK):
@@ -48,7 +50,7 @@ class DatabaseFile:
         )
 
     def _gone(self) -> str:
-        """As `problem`, of a file that is not there any more."""
+        """Return the problem of a file that no longer exists, as `problem` does."""
         if self._path is None or self._identity() == self._opened:
             return ""
         remedy = (

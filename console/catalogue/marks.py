@@ -38,14 +38,14 @@ def keep_mark(catalogue: Catalogue, mark: Mark) -> None:
 
 
 def find_mark(catalogue: Catalogue, mark_id: str) -> Mark | None:
-    """By its id, of whatever run."""
+    """Return the mark with this id, of any run."""
     with catalogue.session() as session:
         row = session.scalar(select(MarkRow).where(MarkRow.id == mark_id))
         return _mark(row) if row else None
 
 
 def marks_of(catalogue: Catalogue, run_id: str) -> list[Mark]:
-    """In the order of time. Raises StorageError for an unknown or deleted run."""
+    """Return the marks in the order of time. Raises StorageError for an unknown or deleted run."""
     with catalogue.session() as session:
         catalogue.existing(session, run_id)
         rows = select(MarkRow).where(MarkRow.run_id == run_id).order_by(MarkRow.time, MarkRow.id)

@@ -33,7 +33,7 @@ NOT_DELETED: ColumnElement[bool] = RunRow.id.not_in(select(TrashRow.run_id))
 
 
 def condition(search: RunSearch) -> ColumnElement[bool]:
-    """For a query of runs; deleted ones are never found."""
+    """Return the condition for a query of runs; deleted ones are never found."""
     wanted: list[Any] = [NOT_DELETED]
     if search.vehicle:
         wanted.append(RunRow.vehicle == search.vehicle)

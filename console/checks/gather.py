@@ -52,7 +52,7 @@ class Gatherer:
         self.link_status: Any = None
 
     def facts(self) -> Facts:
-        """Of now; looks at the disk."""
+        """Return the facts of now; looks at the disk."""
         status, observed = self._observed.newest_status(), self._observed
         board, recorder = self._alarms.keyed(), self._recorder.status()
         noticed = [line for key, line in board.items() if key in NOTICES]
@@ -87,7 +87,7 @@ class Gatherer:
         )
 
     def _estimate(self) -> dict[str, float]:
-        """Of estimator and battery, as the fields of `Facts`."""
+        """Return the facts of estimator and battery, as the fields of `Facts`."""
         found: dict[str, float] = {}
         if (estimator := self._observed.newest("estimator")) is not None:
             p, a = estimator.position_innovation, estimator.attitude_innovation

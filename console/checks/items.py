@@ -224,7 +224,9 @@ def judged(facts: Facts, limits: PreflightParameters) -> list[Check]:
 
 
 def reasons(checks: Iterable[Check]) -> list[str]:
-    """Of what fails: what was found, what is wanted and what to do, each in one line."""
+    """Return the reasons of the checks that fail: what was found, what is wanted and what to do,
+    each in one line.
+    """
     return [
         f"{one.name}: {one.found}, wanted {one.wanted}; {one.advice}"
         for one in checks

@@ -40,7 +40,7 @@ class Observed:
         self._status = (self._clock(), status)
 
     def message(self, name: str, payload: bytes) -> None:
-        """As received; kept of `estimator`, `battery` and `stick` (whoever's it is)."""
+        """Keep a message of `estimator`, `battery` or `stick` as received, whoever sent it."""
         if name in KEPT:
             self._payloads[name] = (self._clock(), payload)
 
@@ -66,12 +66,12 @@ class Observed:
 
     @property
     def deflection(self) -> float:
-        """Of the stick deflected most, 0..1; 0 when no sticks are sent."""
+        """Return the deflection of the stick deflected most, 0..1; 0 when no sticks are sent."""
         sticks = self.newest("stick")
         return 0.0 if sticks is None else max((abs(float(x)) for x in sticks.axes), default=0.0)
 
     def motion(self) -> dict[str, Any]:
-        """As the fields of `Facts`; empty when there is no fresh telemetry."""
+        """Return the motion as the fields of `Facts`; empty when there is no fresh telemetry."""
         with self._lock:
             samples = list(self._samples)
         now = self._clock()

@@ -110,7 +110,9 @@ class Preflight:
         self._outbox.message("preflight", message, stamp_ns)
 
     def _read_anew(self) -> Facts:
-        """What the vehicle says now of its parameters; it may not answer either."""
+        """Return the facts after reading the vehicle's parameters again; it may not answer
+        either.
+        """
         try:
             self._refresh()
         except LinkError:

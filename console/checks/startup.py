@@ -82,7 +82,7 @@ class StartupChecks:
 
     @property
     def found(self) -> list[Check]:
-        """What was found last, the station's first."""
+        """Return what was found last, the station's checks first."""
         return [*self._station, *self._vehicle]
 
     @property
@@ -90,7 +90,9 @@ class StartupChecks:
         return all(one.state == "unknown" for one in self._vehicle)
 
     def look(self) -> None:
-        """At everything, now; may take some seconds. Raises LinkError for a defect of ours only."""
+        """Check everything now; may take some seconds. Raises LinkError for a defect of ours
+        only.
+        """
         with self._looking:
             self._station = self._look_here()
             self._vehicle = self._look_at_vehicle()

@@ -34,7 +34,7 @@ def vehicle_clock(f: Facts, link_status: Any) -> Check:
 
 
 def rates(f: Facts, p: StationParameters) -> list[Check]:
-    """What comes and goes, against what it is meant to be."""
+    """Check the rates of what comes and goes against what they are meant to be."""
     packets = min(TOPICS["telemetry"].rate, f.nominal_rate)
     heard = f.mode is not None
     return [

@@ -110,7 +110,7 @@ class CommandGateway:
             self._permit(name, request.requester)
 
     def _change_parameters(self, request: Any) -> Any:
-        """Names of the station here, all others at the vehicle; all or nothing."""
+        """Change the station's parameters here and all others at the vehicle; all or nothing."""
         name = "change_parameters"
         try:
             self._permit(name, request.requester)

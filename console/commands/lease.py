@@ -51,7 +51,7 @@ class ControlLease:
         return self._holder in ("", who)
 
     def command(self, who: str, now: float) -> None:
-        """Somebody commands. Raises RefusedError when another holds the lease."""
+        """Count a command of this person. Raises RefusedError when another holds the lease."""
         if not self.may_command(who, now):
             raise RefusedError(
                 f"{self._holder} has control; ask for it, or wait until it is given up"
@@ -67,7 +67,9 @@ class ControlLease:
         self.expire(now)
 
     def ask(self, who: str, now: float) -> None:
-        """Has it at once when nobody does. Raises RefusedError while another asks."""
+        """Ask for control, and have it at once when no one does. Raises RefusedError while another
+        asks.
+        """
         self.expire(now)
         if self._holder in ("", who):
             self._give(who, now)
@@ -93,7 +95,7 @@ class ControlLease:
         self._free(now)
 
     def take(self, who: str, now: float) -> None:
-        """By an admin, from whoever holds it."""
+        """Give the lease to an admin, whoever holds it."""
         self._give(who, now)
 
     def expire(self, now: float) -> None:

@@ -68,7 +68,7 @@ class StickDesk:
 
     @property
     def alarm(self) -> str | None:
-        """What is wrong with the sticks, until their button is released."""
+        """Return what is wrong with the sticks, until their button is released."""
         with self._changed:
             if not self._watchdog.dropped:
                 return None
@@ -105,7 +105,7 @@ class StickDesk:
         self._answer(sticks, order.enabled, reason)
 
     def _let_go(self, sticks: topics.Sticks, timeout: float) -> None:
-        """Who lost control lets go: else a drop of these sticks would stay for ever."""
+        """Let go for a person who lost control: else a drop of these sticks would stay for ever."""
         with self._changed:
             if self._last.requester == sticks.requester:
                 self._watchdog.feed(sticks.axes, False, monotonic(), timeout)

@@ -52,7 +52,7 @@ class StickWatchdog:
         return StickOrder(axes, True)
 
     def tick(self, now: float, timeout: float) -> StickOrder | None:
-        """When it is `due`; returns the order to stop while it must be sent."""
+        """Return the order to stop while it must be sent; called when it is `due`."""
         if self._heard is not None and now - self._heard > timeout:
             self._drop()
         if self._repeats > 0:

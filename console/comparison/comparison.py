@@ -167,7 +167,7 @@ class EstimatorComparison:
         return out
 
     def _describe_bearings(self, out: Comparison, true: Pose | None) -> None:
-        """By the newest frame for which there are estimates."""
+        """Describe the newest frame for which there are estimates."""
         newest_ns = self._rows[-1].stamp_ns
         frame = max(
             (one for one in self._frames if one.stamp_ns <= newest_ns),
@@ -206,7 +206,7 @@ class EstimatorComparison:
                     self._statistics[word].add(row.stamp_ns, position, attitude, counts)
 
     def _row(self, stamp_ns: int, own: Record) -> Row:
-        """What every estimator says now; NaN of those without a start."""
+        """Return the present state of every estimator; NaN for those without a start."""
         states = np.full((1 + len(self._shadows), 13), math.nan)
         states[0] = _numbers(own)
         for k, shadow in enumerate(self._shadows.values(), start=1):

@@ -80,7 +80,7 @@ class ComparisonFeed:
         self._queue.append(("truth", stamp_ns, position_w, quaternion_wb))
 
     def pose(self, pose: PoseMeasurement) -> None:
-        """Of the tracker."""
+        """Queue a pose of the tracker."""
         self._queue.append(("tracker", *pose))
 
     def bearings(self, frame: BearingMeasurement) -> None:
@@ -142,7 +142,7 @@ class ComparisonFeed:
         return True
 
     def _send(self) -> None:
-        """Also when nothing came: it is the other side's clock."""
+        """Send the queue, also when it is empty: it is the other side's clock."""
         assert self._child is not None
         assert self._child.stdin is not None
         items = [self._queue.popleft() for _ in range(len(self._queue))]

@@ -78,7 +78,7 @@ class Kernels:
             self._say(f"comparing {name}: cannot be prepared: {type(error).__name__}: {error}")
 
     def _compile(self, name: str) -> None:
-        """What it leaves undone is compiled here, later."""
+        """Compile in a process of its own; what it leaves undone is compiled here, later."""
         command = [sys.executable, "-m", "console.comparison.kernels", name]
         child = subprocess.Popen(
             command, cwd=ROOT, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL

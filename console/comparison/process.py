@@ -109,7 +109,7 @@ class Worker:
 
 
 def main() -> None:
-    """Until the input ends; Ctrl-C is for the station, which then closes it."""
+    """Run until the input ends; Ctrl-C is for the station, which then closes it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # The station may be above the ordinary; this need not be.
     os.setpriority(os.PRIO_PROCESS, 0, max(0, os.getpriority(os.PRIO_PROCESS, 0)))

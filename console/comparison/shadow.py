@@ -46,7 +46,7 @@ class Shadow:
     def advance(
         self, imu: Record, steps: Sequence[float], frames: Sequence[tuple[int, Record]]
     ) -> None:
-        """By samples (N,), each `steps` s after the one before, with frames due after some.
+        """Advance by samples (N,), each `steps` s after the one before, with frames due after some.
 
         Args:
             frames: (index of the sample it comes after, BEARINGS_SAMPLE), in order.
@@ -86,7 +86,8 @@ class Shadow:
         return (last - first) / (1e-9 * (last_ns - first_ns))
 
     def covariance(self) -> tuple[Array, float]:
-        """Of position, (9,) m^2 world axes, and the sum of those of attitude, rad^2.
+        """Return the covariance of position, (9,) m^2 world axes, and the sum of the variances of
+        attitude, rad^2.
 
         From the attribute `covariance` of an estimator that has it, position and attitude first;
         else a ball of its `deviations`; NaN without either.

@@ -85,7 +85,7 @@ class ErrorStatistics:
         return Summary(rms[0], self._largest[0], rms[1], self._largest[1])
 
     def recent(self, now_ns: int) -> Summary:
-        """Over the 10 s before `now_ns`."""
+        """Return the summary of the 10 s before `now_ns`."""
         inside = self._errors[(self._stamps > now_ns - RECENT_NS) & (self._stamps <= now_ns)]
         if not len(inside):
             return NOTHING

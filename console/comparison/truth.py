@@ -43,7 +43,7 @@ class TruthMerge:
 
     @property
     def source(self) -> str:
-        """Whose poses count now, empty before the first."""
+        """Return whose poses count now, empty before the first."""
         return self._source or ""
 
     def row(self, row: Row) -> None:

@@ -120,7 +120,7 @@ def _pose(
 
 
 def record_of(found: AccelerometerCalibration, conditions: dict[str, str]) -> CalibrationRecord:
-    """What the vehicle would take over."""
+    """Return the record that the vehicle would take over."""
     values: dict[str, ParameterValue] = dict(
         zip(MATRIX, found.matrix.ravel().tolist(), strict=True)
     )

@@ -35,7 +35,7 @@ def at_stamps(stamps: Stamps, messages: Mapping[int, Array]) -> tuple[Array, npt
 def between(
     stamps: Stamps, given: Stamps, values: npt.NDArray[np.floating]
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """As `at_stamps`, of messages in columns.
+    """Interpolate as `at_stamps` does, for messages in columns.
 
     Args:
         given: (M,) ns, rising. values: (M, K).

@@ -196,7 +196,7 @@ def _payloads(spool: ColumnSpool) -> list[tuple[int, bytes]]:
 
 
 def _phase(changes: ColumnSpool) -> list[int]:
-    """When bearings were first flown on, and until when (ns), as far as that happened."""
+    """Return when bearings were first flown on, and until when (ns), as far as that happened."""
     phase: list[int] = []
     for ns, payload in _payloads(changes):
         change = decode(payload, changes.type_name)
@@ -254,7 +254,9 @@ def _state(odometry: npt.NDArray[np.floating]) -> Array:
 def _window(
     events: list[tuple[float, str]], begin: float, end: float, ramp: float
 ) -> tuple[float, float]:
-    """What of the stay on bearings is judged: the manoeuvre without its ramps, if that long."""
+    """Return what of the flight on bearings is judged, from and to: the manoeuvre without its
+    ramps, if that long.
+    """
     start, late = begin + ramp, 0.0
     for time, text in events:
         if text.startswith("follow_trajectory by"):

@@ -95,7 +95,9 @@ class FlownParameters:
 
 
 def read_parameters(log: Path) -> FlownParameters:
-    """Of a simulated flight, or of a station's run. Raises LogFormatError without them."""
+    """Read the parameters of a simulated flight, or of a station's run. Raises LogFormatError
+    without them.
+    """
     try:
         values = json_value(read_attachments(log).get("parameters.json", b"{}"))
     except ValueError as error:

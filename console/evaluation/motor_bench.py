@@ -121,7 +121,7 @@ def _times(columns: TopicColumns, window: tuple[float, float]) -> Array:
 
 
 def record_of(found: BenchResult, conditions: dict[str, str]) -> CalibrationRecord:
-    """What the vehicle would take over."""
+    """Return the record that the vehicle would take over."""
     law, lag = found.law, found.lag
     low, high = USABLE
     used = law.steps.reference

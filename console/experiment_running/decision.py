@@ -47,7 +47,9 @@ class Decisions:
         self._calibrations.changed()
 
     def reject(self, requester: str) -> None:
-        """Nothing changes on the vehicle. Raises RefusedError without a proposal."""
+        """Reject the proposal; nothing changes on the vehicle. Raises RefusedError without a
+        proposal.
+        """
         with self._deciding:
             _, record = self._open()
             self._decide(REJECTED, record.name, requester)

@@ -97,7 +97,9 @@ def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgeme
 
 
 def evaluate(job: Job) -> dict[str, Any]:
-    """In the process: result.json and the report's files; what they say. Raises QuadlabError."""
+    """Write result.json and the report's files, in the process, and return their content. Raises
+    QuadlabError.
+    """
     experiment, folder = job.experiment, report_folder(job.log)
     with mistakes_told(experiment):
         result = evaluated(experiment, job.log)

@@ -78,7 +78,7 @@ def check(path: Path, vehicle: str, seconds: float = SECONDS) -> Described:
 
 
 def describe(path: Path, vehicle: str) -> Described:
-    """In the process."""
+    """Describe an experiment file, in the process."""
     try:
         experiment = load(path, vehicle)
     except QuadlabError as error:

@@ -61,7 +61,7 @@ class LiveClient(LiveCommands):
         return self.armed or self._is_recorded
 
     def confirmed(self) -> None:
-        """Somebody said yes to the question."""
+        """Confirm the question: a person said yes."""
         self._yes.set()
 
     # ------------------------------------------------------------------ guided procedures
@@ -132,7 +132,8 @@ class LiveClient(LiveCommands):
 
     # ------------------------------------------------------------------ after the end
     def close(self) -> list[str]:
-        """On every way out: no motor on the bench, nothing holds a simulated vehicle.
+        """Leave the vehicle safe on every way out: no motor on the bench, nothing holds a simulated
+        vehicle.
 
         Returns what was not well, in words.
         """
@@ -148,7 +149,7 @@ class LiveClient(LiveCommands):
         return told
 
     def _recorded(self) -> None:
-        """From its first guided step on there is a run, on the ground and disarmed too."""
+        """Record from the first guided step on, on the ground and disarmed too."""
         if not self._is_recorded:
             self._ground.record()
             self._readings.begin()  # nothing is looked at that the run's file does not have
@@ -169,7 +170,9 @@ class LiveClient(LiveCommands):
             )
 
     def _end_bench(self) -> None:
-        """Whatever was before: it only stops a motor, which the vehicle does by itself as well."""
+        """End the bench in any case: it only stops a motor, which the vehicle does by itself as
+        well.
+        """
         with suppress(QuadlabError):
             self._services.call(
                 "bench", self.requester, timeout=BENCH_CALL, motor=0, reference=0, secured=True

@@ -196,8 +196,8 @@ class LiveCommands:
 
     # ------------------------------------------------------------------ after the end
     def hold(self, requester: str) -> str:
-        """What the vehicle is told when its experiment has ended in the air: to brake and hover;
-        on the ground, to stop the motors. Nothing when a person has commanded since.
+        """Command the vehicle, when its experiment has ended in the air, to brake and hover; on the
+        ground, to stop the motors. Does nothing when a person has commanded since.
 
         Returns what came of it, in words.
         """
@@ -226,7 +226,9 @@ class LiveCommands:
         return response
 
     def _shown(self, behavior: str) -> None:
-        """Until the status is from after the answer: what follows must not look at old news."""
+        """Wait until the status is from after the answer: what follows must not look at old
+        news.
+        """
         self._feed.wait_status(behavior, self._ground.vehicle_ns(), SHOWN)
         self._check()
 

@@ -103,7 +103,7 @@ class ReadingsFeed:
 
     # ------------------------------------------------------------------ read
     def imu(self) -> ImuReadings:
-        """Since the last look."""
+        """Return the IMU readings since the last look."""
         with self._lock:
             rows, self._count = list(self._ticks), 0
             self._ticks.clear()
@@ -118,7 +118,7 @@ class ReadingsFeed:
         return TrackedAttitude(pose.stamp_ns * 1e-9, np.array(pose.quaternion_wb, dtype=float))
 
     def bench_readings(self) -> BenchReadings:
-        """Since the last look."""
+        """Return the bench readings since the last look."""
         with self._lock:
             table = np.array(self._bench, dtype=float).reshape(-1, 4)
             self._bench.clear()

@@ -29,7 +29,7 @@ class Settings(Protocol):
 
 
 def settings_of(parameters: Any) -> Settings:
-    """Of console.parameters.station.StationParameters."""
+    """Return the settings of console.parameters.station.StationParameters."""
     return lambda: (float(parameters.sticks.timeout), float(parameters.recorder.after_disarm))
 
 
@@ -47,7 +47,7 @@ class RunFiles:
         self._after_disarm, self._cancelled = after_disarm, cancelled
 
     def until_free(self) -> Iterator[None]:
-        """Once for each look while the run before goes on; one begun by hand stays."""
+        """Yield once for each look while the run before goes on; one begun by hand stays."""
         end = monotonic() + self._after_disarm() + BEFORE
         while self._recorder.run_id and monotonic() < end:
             yield

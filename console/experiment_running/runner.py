@@ -178,7 +178,7 @@ class ExperimentRunner:
 
     # ------------------------------------------------------------------ others command
     def commanded(self, command: str, requester: str) -> None:
-        """Somebody commands the vehicle, before it is passed on; parameters are no command."""
+        """End an experiment before a person's command is passed on; parameters are no command."""
         client = self._client
         if client is not None and command != "change_parameters":
             patience = 0.0 if command == "emergency" else SETTLE
@@ -205,7 +205,7 @@ class ExperimentRunner:
         return False
 
     def _obey_sticks(self, client: LiveClient) -> None:
-        """Beside the sticks, which must not wait for an answer."""
+        """Take over by the sticks in a thread of its own, as they must not wait for an answer."""
         # Behind the experiment's last command, should one be on its way.
         client.end(ExperimentEndedError(_BY_STICKS), taken_over=True, patience=SETTLE)
         try:
@@ -215,7 +215,7 @@ class ExperimentRunner:
 
     # ------------------------------------------------------------------ the station's beat
     def tick(self, count: int) -> None:
-        """At each beat."""
+        """Advance the experiment at each beat."""
         client = self._client
         if client is not None:
             client.tick()
@@ -243,7 +243,7 @@ class ExperimentRunner:
         self._board.set(question=question)
 
     def record(self) -> None:
-        """From now on there is a run, motors on or off. Raises RefusedError."""
+        """Record a run from now on, motors on or off. Raises RefusedError."""
         try:
             run_id = self._runs.hold(self._state.requester)
         except StorageError as error:
@@ -286,7 +286,7 @@ class ExperimentRunner:
             self._client = None
 
     def _leave(self, client: LiveClient, reason: str, phase: str) -> None:
-        """It ended before its end: whatever flies is told to hover, unless a person flies it."""
+        """End early: a vehicle in flight is commanded to hover, unless a person flies it."""
         if not client.armed or self.link_state() is LinkState.LOST:
             self._board.end(phase, reason)
             return

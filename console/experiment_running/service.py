@@ -108,7 +108,9 @@ class ExperimentService:
 
 
 def describe(vehicle: str, files: Files) -> Any:
-    """Names, a line about each, and the options of all as <name>.<option>."""
+    """Describe the experiments: names, a line about each, and the options of all as
+    <name>.<option>.
+    """
     listed = [*(_built_in(name, vehicle) for name in EXPERIMENTS), *files.described()]
     descriptors = [
         to_descriptor(replace(option, name=f"{one.name}.{option.name}"))

@@ -71,7 +71,9 @@ class SimulatedHand:
             self._hold(FREE, {}, requester)
 
     def _asked(self) -> str | None:
-        """How it holds the vehicle now; None without a simulator, or one that cannot hold it."""
+        """Return how the hand holds the vehicle now; None without a simulator, or with one that
+        cannot hold it.
+        """
         request = new(f"{_GET}_Request", names=[HELD])
         for _ in range(2):  # a busy computer's second chance: a simulated vehicle is no real one
             try:

@@ -82,7 +82,7 @@ class ExperimentState:
 
 
 def plain(told: Progress) -> Progress:
-    """As a message can carry it, whatever kinds of numbers a script told.
+    """Return progress as a message can carry it, whatever kinds of numbers a script reported.
 
     Raises TypeError or ValueError for what is none.
     """

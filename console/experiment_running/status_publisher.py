@@ -65,7 +65,7 @@ class ExperimentBoard:
             self.send()
 
     def end(self, phase: str, reason: str) -> None:
-        """It is over; said and sent."""
+        """End the experiment's state; report and send it."""
         with self.lock:
             state = self.state
             state.phase, state.reason, state.step = phase, reason, ""
@@ -78,7 +78,7 @@ class ExperimentBoard:
         self.send()
 
     def tick(self, count: int) -> None:
-        """At each beat of the station."""
+        """Send at each beat of the station, less often while no experiment runs."""
         if count % (OFTEN if self.state.running else SELDOM) == 0:
             self.send()
 

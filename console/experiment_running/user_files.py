@@ -82,7 +82,7 @@ class UserFiles:
         return self._loaded(paths[0]) if paths else None
 
     def _loaded(self, path: Path) -> Experiment:
-        """In a thread that a file which hangs may keep."""
+        """Load a file in a thread that a file which hangs may keep."""
         made: list[Experiment] = []
         failed: list[QuadlabError] = []
 

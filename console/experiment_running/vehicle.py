@@ -80,7 +80,7 @@ class VehicleFeed:
             self._tell()
 
     def wake(self) -> None:
-        """Whoever waits is to look again."""
+        """Wake every waiting thread to look again."""
         with self._news:
             self._tell()
 
@@ -150,12 +150,14 @@ class VehicleFeed:
         return self._count
 
     def wait_news(self, seen: int, timeout: float) -> None:
-        """Until something was heard after `seen`, at most `timeout` s."""
+        """Wait until something was received after `seen`, at most `timeout` s."""
         with self._news:
             self._news.wait_for(lambda: self._count != seen, timeout)
 
     def wait_status(self, behavior: str, stamp_ns: int, timeout: float) -> None:
-        """Until a status shows the behaviour, or is from `stamp_ns` of the vehicle's clock on."""
+        """Wait until a status shows the behaviour, or is from `stamp_ns` of the vehicle's clock
+        on.
+        """
         with self._news:
             self._news.wait_for(
                 lambda: (

@@ -116,7 +116,7 @@ class Accelerometer:
         return 5.0 + self._count * (self.parameters.hold + 4.0)
 
     def check(self) -> None:
-        """Nothing can be chosen wrongly."""
+        """Accept all options: none can be chosen wrongly."""
 
     @property
     def _count(self) -> int:

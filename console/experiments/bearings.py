@@ -229,7 +229,7 @@ class BearingsExperiment:
         return {f"estimation.{name}": value for name, value in gains.items()}
 
     def _changed_on_board(self) -> tuple[str, ...]:
-        """Names of what is put back after landing."""
+        """Return the names of what is put back after landing."""
         papers = self.parameters.gains == "paper"
         extra = [f"estimation.{name}" for name in ESTIMATION_PRESETS["paper"]] if papers else []
         return (

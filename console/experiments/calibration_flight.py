@@ -15,7 +15,7 @@ LANDING = 30.0
 
 
 def missing_place(view: VehicleView) -> str:
-    """Why it may not begin, in words; empty when it may."""
+    """Return why it may not begin, in words; empty when it may."""
     if not np.isfinite(view.position_w).all():
         return "the vehicle does not know where it is; check the tracker"
     return ""

@@ -151,8 +151,9 @@ class Experiment(Protocol):
         ...
 
     def check(self) -> None:
-        """Before anything is commanded. Raises UsageError or StorageError for options that do
-        not go together or name what is not there."""
+        """Check the options before anything is commanded. Raises UsageError or StorageError for
+        options that do not go together or name what does not exist.
+        """
         ...
 
     def fly(self, client: Client) -> None: ...
@@ -174,6 +175,8 @@ class Calibrating(Protocol):
     """An experiment whose outcome may be taken over by the vehicle."""
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """From the log alone; without run_id, requester and stamp, which are added when it is
-        accepted. Raises MeasurementError with the reason when there is nothing to propose."""
+        """Return the proposal from the log alone; without run_id, requester and stamp, which are
+        added when it is accepted. Raises MeasurementError with the reason when there is nothing to
+        propose.
+        """
         ...

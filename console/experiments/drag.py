@@ -47,7 +47,7 @@ class DragExperiment:
         return 25.0 + p.laps * p.period
 
     def check(self) -> None:
-        """Nothing can be chosen wrongly; what is too quick the vehicle refuses."""
+        """Accept all options: the vehicle refuses what is too quick."""
 
     def preconditions(self, view: VehicleView) -> str:
         """Return what is missing before it may start, in words."""

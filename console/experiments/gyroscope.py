@@ -48,7 +48,7 @@ class Gyroscope:
         return 5.0 + CHECK + self.parameters.samples / 500.0
 
     def check(self) -> None:
-        """Nothing can be chosen wrongly."""
+        """Accept all options: none can be chosen wrongly."""
 
     def fly(self, client: Client) -> None:
         """Raise RefusedError with the vehicle's reason: it moved, or motors are on."""
@@ -72,7 +72,7 @@ class Gyroscope:
         self._window = (start, client.view().time)
 
     def evaluate(self, log: Path) -> Result:
-        """What is left of the drift. Raises LogFormatError, MeasurementError."""
+        """Judge what is left of the drift. Raises LogFormatError, MeasurementError."""
         found, rates = self._checked(log)
         left = np.degrees(np.abs(rates.mean(axis=0)).max())
         metrics = {
@@ -90,7 +90,7 @@ class Gyroscope:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """What the vehicle found and flies on already, with what is left of it."""
+        """Return what the vehicle found and flies on already, with what is left of the drift."""
         found, _ = self._checked(log)
         result = self.evaluate(log)
         left = Quality(

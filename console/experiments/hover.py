@@ -25,7 +25,7 @@ class Hover:
         self._window: tuple[float, float] | None = None
 
     def check(self) -> None:
-        """Nothing can be chosen wrongly."""
+        """Accept all options: none can be chosen wrongly."""
 
     def fly(self, client: Client) -> None:
         """Raise RefusedError with the vehicle's reason when it will not."""

@@ -74,14 +74,14 @@ class InertiaExperiment:
         return 20.0 + sum(_duration(one) + REST for one in self.excitations())
 
     def check(self) -> None:
-        """Nothing can be chosen wrongly; what is too large the vehicle refuses."""
+        """Accept all options: the vehicle refuses what is too large."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """What is missing before it may start, in words."""
+        """Return what is missing before it may start, in words."""
         return missing_place(view)
 
     def abort(self, view: VehicleView) -> str:
-        """Why it is to be ended, in words."""
+        """Return why it is to be ended, in words."""
         if self._place is None or not view.airborne:
             return ""
         away = view.position_w - np.array(self._place)
@@ -165,7 +165,9 @@ class InertiaExperiment:
         client.wait(REST)
 
     def _begin(self, client: Client, arguments: dict[str, ParameterValue]) -> None:
-        """Once the vehicle is at rest. Raises RefusedError when it never is, or for the rest."""
+        """Begin once the vehicle is at rest. Raises RefusedError when it never is, or for another
+        reason.
+        """
         until = client.view().time + PATIENCE
         while True:
             try:

@@ -74,10 +74,10 @@ class MassExperiment:
         return 30.0 + p.height / p.climb + p.duration
 
     def check(self) -> None:
-        """Nothing can be chosen wrongly."""
+        """Accept all options: none can be chosen wrongly."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """What is missing before it may start, in words."""
+        """Return what is missing before it may start, in words."""
         return missing_place(view)
 
     # ------------------------------------------------------------------ flight
@@ -149,7 +149,7 @@ class MassExperiment:
             self._erratic(client)
 
     def _erratic(self, client: Client) -> None:
-        """At the speeds the sequence reckons with, whatever full stick means to the vehicle."""
+        """Fly at the speeds the sequence reckons with, whatever full stick means to the vehicle."""
         p = self.parameters
         full = [float(client.parameter(name)) for name in STICK_SPEEDS]
         sequence = np.clip(scripted(p.seed, p.duration) * SPEEDS / full, -1.0, 1.0)

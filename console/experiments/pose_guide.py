@@ -33,7 +33,9 @@ def spread_poses(count: int, tilt: float) -> Array:
 
 
 def farthest(wanted: Array, taken: Sequence[Array]) -> Array:
-    """Of the directions `wanted` (N, 3) the one farthest from all taken; the first when none is."""
+    """Return the direction of `wanted` (N, 3) that is farthest from all taken; the first when none
+    is taken.
+    """
     if not taken:
         return np.array(wanted[0])
     nearness = (wanted @ np.array(taken).T).max(axis=1)
@@ -80,6 +82,8 @@ def up_of(quaternion_wb: Array) -> Array:
 
 
 def raw_of(specific_force_b: Array, matrix: Array, bias: Array) -> Array:
-    """What the sensor gave, a_m = T^-1 f + b, of readings (N, 3) calibrated by T and b."""
+    """Return the raw readings of the sensor, a_m = T^-1 f + b, of readings (N, 3) calibrated by T
+    and b.
+    """
     raw: Array = np.linalg.solve(matrix, specific_force_b.T).T + bias
     return raw

@@ -140,7 +140,7 @@ def _module(path: Path, source: str) -> ModuleType:
 
 
 def _reduced(experiment: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
-    """For a pickle that another process can load, without this module."""
+    """Return the parts of a pickle that another process can load, without this module."""
     kind = type(experiment)
     module: Any = sys.modules[kind.__module__]
     state = pickle.dumps(object.__reduce_ex__(experiment, 2)[2])
@@ -148,7 +148,7 @@ def _reduced(experiment: Any) -> tuple[Callable[..., object], tuple[object, ...]
 
 
 def restored(path: str, source: str, name: str, state: bytes) -> object:
-    """What `_reduced` took apart."""
+    """Restore an experiment from what `_reduced` took apart."""
     kind = getattr(_module(Path(path), source), name)
     experiment = kind.__new__(kind)
     values = pickle.loads(state)
@@ -159,7 +159,7 @@ def restored(path: str, source: str, name: str, state: bytes) -> object:
 
 
 def _check(path: Path, experiment: Any, node: ast.ClassDef) -> None:
-    """That it is one by its attributes and the signatures of its methods."""
+    """Check by its attributes and the signatures of its methods that this is an experiment."""
     lines = {one.name: one.lineno for one in node.body if isinstance(one, ast.FunctionDef)}
 
     def refuse(attribute: str, what: str) -> UsageError:

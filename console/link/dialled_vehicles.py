@@ -23,7 +23,7 @@ def remember_dialled(data: Path, names: Sequence[str]) -> None:
 
 
 def dialled(data: Path) -> tuple[str, ...]:
-    """Of the station's newest start; empty when there was none."""
+    """Return the vehicles of the station's newest start; empty when there was none."""
     with suppress(OSError, ValueError, TypeError, KeyError):
         names = json.loads((data / FILE).read_text())["vehicles"]
         return tuple(name for name in names if isinstance(name, str))

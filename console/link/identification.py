@@ -37,12 +37,12 @@ class Introduction:
         self._door: Door | None = None
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Until `closing`; `guard` calls and survives what is called."""
+        """Run until `closing`; `guard` calls and survives what is called."""
         while not closing.wait(LOOK):
             guard(self.look)
 
     def look(self) -> None:
-        """Once; does nothing while nothing is due."""
+        """Introduce the station once; does nothing while nothing is due."""
         standing, now = self._link.standing, time.monotonic()
         if not self._link.stands:
             standing.gone()
@@ -67,7 +67,9 @@ class Introduction:
                 standing.stranger = found
 
     def _unreachable(self) -> str:
-        """Why there is no link, as far as our files and a packet without certificates can tell."""
+        """Return why there is no link, as far as our files and a packet without certificates can
+        tell.
+        """
         radio = self._link.radio
         if radio is None:
             return ""
@@ -80,7 +82,7 @@ class Introduction:
         return f"no link to {radio.address}: {WHY[door]}"
 
     def _stranger(self) -> str | None:
-        """What is known of a vehicle that does not answer; None while it may still do."""
+        """Return what is known of a vehicle that does not answer; None while it may still do so."""
         radio = self._link.radio
         heard = self._link.state() is not LinkState.LOST
         if radio is None or heard or self._whoami.is_there:

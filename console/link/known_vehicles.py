@@ -28,7 +28,7 @@ class KnownVehicles:
         self.path = data / FILE
 
     def all(self) -> dict[str, KnownVehicle]:
-        """By name, in the order in which they were enrolled."""
+        """Return the known vehicles by name, in the order in which they were enrolled."""
         try:
             text = self.path.read_text()
         except FileNotFoundError:

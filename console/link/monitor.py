@@ -102,11 +102,11 @@ class LinkMonitor:
         return self.state() is not LinkState.LOST
 
     def problem(self) -> str:
-        """Why the vehicle is not commanded although the link stands."""
+        """Return why the vehicle is not commanded although the link is connected."""
         return self.standing.problem(monotonic_ns())
 
     def refusal(self, command: str) -> str:
-        """Why this command is not sent to the vehicle; "" when it is."""
+        """Return why this command is not sent to the vehicle; "" when it is."""
         if command != "emergency" and self.state() is LinkState.LOST:
             return "the link to the vehicle is lost; nothing was sent"
         return self.standing.refusal(command, monotonic_ns())

@@ -142,7 +142,7 @@ class Outbox:
     def parameter_changed(
         self, name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
     ) -> None:
-        """For our own log and page, and for ROS 2."""
+        """Publish a changed parameter for our own log and page, and for ROS 2."""
         stamp_ns = self._vehicle_ns()
         change = topics.encode_parameter_change(stamp_ns, name, old, value, requester, revision)
         self.put("parameter_changes", change, stamp_ns)

@@ -74,7 +74,7 @@ class Standing:
         return self._holder == self.instance or self._newest == 0
 
     def problem(self, now_ns: int) -> str:
-        """Why nothing is commanded although the link stands; "" when all is well."""
+        """Return why nothing is commanded although the link is connected; "" when all is well."""
         if self.stranger:
             return self.stranger
         if self._twins_ns is not None and now_ns - self._twins_ns < 2 * TWINS_NS:
@@ -90,7 +90,7 @@ class Standing:
         return ""
 
     def refusal(self, command: str, now_ns: int) -> str:
-        """Why this command is not sent; "" when it is."""
+        """Return why this command is not sent; "" when it is."""
         if command == "emergency" and self.access != OBSERVER:
             return ""
         reason = self.problem(now_ns)

@@ -46,7 +46,7 @@ class SlowQuestions:
         self._time_sync = node.client("time_sync", TIME_SYNC)
 
     def run(self, closing: threading.Event, guard: Callable[[Callable[[], None]], None]) -> None:
-        """Until `closing`; `guard` calls and survives what is called."""
+        """Run until `closing`; `guard` calls and survives what is called."""
         while not closing.wait(EAGER if self._is_eager else SLOW):
             if self._link.state() is not LinkState.LOST:
                 guard(self._ask)

@@ -41,7 +41,7 @@ class StatusSender:
         return self._link.state() is not self._said
 
     def send(self) -> None:
-        """Both, and an event when the link's state is another than the last time."""
+        """Send both statuses, and an event when the link's state differs from the last time."""
         now_ns, stamp_ns = time_ns(), self._link.vehicle_ns()
         state = self._link.state()
         if state is not self._said:

@@ -33,7 +33,7 @@ def expanded(
 def messages_of(
     payloads: dict[str, list[bytes]], ticks: Record, vehicle: str, received_ns: int
 ) -> list[Message]:
-    """What the recorder takes: received now, published at each sample's own stamp."""
+    """Return the messages for the recorder: received now, published at each sample's own stamp."""
     stamps = ticks["imu"]["stamp_ns"].tolist()
     return [
         (f"/{vehicle}/{topic}", TOPICS[topic].type_name, payload, received_ns, stamp)

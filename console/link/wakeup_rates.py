@@ -27,5 +27,5 @@ ALONE, MANY = Pace(0.05, 1, 0.01), Pace(0.1, SELDOM, 0.04)
 
 
 def pace_of(vehicles: int) -> Pace:
-    """Of each of so many of one process."""
+    """Return the pace of each of so many vehicles of one process."""
     return ALONE if vehicles <= FEW else MANY

@@ -75,7 +75,7 @@ def export(
 
 
 def _make(folder: Path) -> list[Path]:
-    """What was made of it and the folders above it, the deepest first.
+    """Make the folder and return what was made of it and the folders above it, the deepest first.
 
     Raises UsageError when something is in it, StorageError when it cannot be made.
     """

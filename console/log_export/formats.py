@@ -107,7 +107,7 @@ class ColumnFiles:
         self._writers[topic].write_table(table)
 
     def _wait(self) -> None:
-        """For what is being written; raises what it raised."""
+        """Wait for what is being written; raises what it raised."""
         last, self._last = self._last, None
         if last is not None:
             last.result()
@@ -207,7 +207,7 @@ def _concatenated(pieces: list[Piece], name: str) -> Array:
 
 
 def _mat_names(columns: Mapping[str, Array]) -> dict[str, str]:
-    """Names that MATLAB allows, all different."""
+    """Return names that MATLAB allows, all different."""
     names: dict[str, str] = {}
     for name in columns:
         short, number = _mat_name(name), 2

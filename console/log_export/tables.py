@@ -78,7 +78,7 @@ class Tables:
 
     @property
     def missing(self) -> str:
-        """What of the file could not be read, after the iteration; nothing when all was."""
+        """Return what of the file could not be read, after the iteration; "" when all was."""
         log = self._reader.log
         lost = [f"it {log.tear}"] if log.tear else []
         lost += [f"{log.damaged_chunks} of its chunks are damaged"] if log.damaged_chunks else []
@@ -149,7 +149,7 @@ class _Growing:
         pickle.dump(piece, self._file, pickle.HIGHEST_PROTOCOL)
 
     def pieces(self) -> Iterator[Piece]:
-        """With NaN, or no text, where a piece has not the column. Raises OSError."""
+        """Yield the pieces, with NaN, or no text, where a piece lacks a column. Raises OSError."""
         end = self._file.tell()
         self._file.seek(0)
         while self._file.tell() < end:

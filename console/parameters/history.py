@@ -159,7 +159,7 @@ class ParameterHistory:
 
     # ------------------------------------------------------------------ write
     def add(self, changes: Iterable[ParameterChange]) -> None:
-        """In this order; one that is there already is not added again."""
+        """Add changes in this order; one that exists already is not added again."""
         with self._session() as session:
             for change in changes:
                 if self._is_there(session, change):
@@ -191,7 +191,7 @@ class ParameterHistory:
             session.add(FlightRow(vehicle=self._vehicle, run=run, start_ns=start_ns, after=newest))
 
     def end_flight(self, end_ns: int) -> None:
-        """Nothing when none is under way."""
+        """End the flight under way; does nothing when there is none."""
         with self._session() as session:
             row = self._last_flight(session)
             if row is not None and row.end_ns == 0:

@@ -100,7 +100,7 @@ class ParameterWitness:
                 )
 
     def status(self, armed: bool, run: str) -> None:
-        """Each status of the vehicle; a flight lasts from arming to disarming."""
+        """Take over each status of the vehicle; a flight lasts from arming to disarming."""
         with self._lock:
             was, self._is_armed = self._is_armed, armed
             if armed:

@@ -65,7 +65,7 @@ class ParameterPresets:
             raise _storage_error(error) from error
 
     def all(self) -> list[Preset]:
-        """By name."""
+        """Return all presets by name."""
         with self._session() as session:
             query = select(PresetRow).where(
                 PresetRow.vehicle == self._vehicle, PresetRow.deleted.is_(False)
@@ -112,7 +112,7 @@ class ParameterPresets:
             self._row(session, preset_id, deleted=False).deleted = True
 
     def restore(self, preset_id: int) -> Preset:
-        """What was deleted comes back. Raises RefusedError when its name was given away."""
+        """Restore a deleted preset. Raises RefusedError when its name was given away."""
         with self._session() as session:
             row = self._row(session, preset_id, deleted=True)
             if self._named(session, row.name) is not None:

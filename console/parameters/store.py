@@ -58,7 +58,7 @@ class StationStore:
         self._checked(values)
 
     def preset(self, values: Mapping[str, object]) -> None:
-        """Before the start, from the command line. Raises ParameterError."""
+        """Set values before the start, from the command line. Raises ParameterError."""
         self._store.preset(values)
 
     def change(
@@ -77,7 +77,7 @@ class StationStore:
         return applied, revision
 
     def _checked(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """As they would be applied. Raises ParameterError.
+        """Return the values as they would be applied. Raises ParameterError.
 
         Tried on a copy: texts such as the beacons' layout are checked where they are assigned,
         and of several values none may stay when one is refused.

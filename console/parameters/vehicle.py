@@ -38,7 +38,9 @@ class VehicleParameters:
             self._defaults = {one.name: one.default for one in described}
 
     def defaults(self) -> dict[str, ParameterValue]:
-        """By name, of all that have a value; empty while they are not known. Never waits."""
+        """Return the defaults by name, of all that have a value; empty while they are not known.
+        Never waits.
+        """
         values, defaults = self._values or {}, self._defaults
         return defaults if values and values.keys() <= defaults.keys() else {}
 
@@ -48,12 +50,16 @@ class VehicleParameters:
         return self._values is not None and self._revision == self.shown_revision
 
     def newest(self, name: str) -> ParameterValue | None:
-        """As it was fetched last, be it old; None when it was not. Never waits."""
+        """Return the value as it was fetched last, even if old; None when it was not. Never
+        waits.
+        """
         values = self._values
         return None if values is None else values.get(name)
 
     def known(self, name: str) -> ParameterValue | None:
-        """As it was fetched; None when the vehicle has none, or shows a newer revision."""
+        """Return the value as it was fetched; None when the vehicle has none, or shows a newer
+        revision.
+        """
         with self._fetching:
             if self._values is None or self._revision != self.shown_revision:
                 return None

@@ -92,7 +92,7 @@ def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """What excited the three axes, and how the estimates converged."""
+    """Return the pictures of what excited the three axes, and of how the estimates converged."""
     motion = read_run(log.path, MOTION)
     if not motion.has("state", "actuators"):
         raise LogFormatError("the log has no topic state or actuators")

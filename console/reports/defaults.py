@@ -11,7 +11,7 @@ Defaults = Callable[[], Mapping[str, ParameterValue]]
 
 
 def known_defaults() -> dict[str, ParameterValue]:
-    """Without those that only the vehicle's own code has."""
+    """Return the known defaults, without those that only the vehicle's own code has."""
     # Compiled code comes with these.
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters

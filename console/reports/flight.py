@@ -87,7 +87,9 @@ class Flight:
 
 
 def flight_of(log: RunLog) -> Flight:
-    """From the columns that the log has; those of state and reference are given up."""
+    """Return the flight from the columns that the log has; those of state and reference are
+    freed.
+    """
     truth = _odometry(log, "truth", "truth")
     if truth is None and log.has("tracker_pose"):
         series = log.topics["tracker_pose"]
@@ -116,7 +118,7 @@ def roll_pitch_yaw(quaternion_wb: Array) -> Array:
 
 
 def wrapped(angle: Array) -> Array:
-    """To -pi…pi."""
+    """Return the angles (rad) wrapped to -pi…pi."""
     out: Array = (angle + np.pi) % (2 * np.pi) - np.pi
     return out
 
@@ -135,13 +137,13 @@ def between(time: Array, given: Array, values: Array) -> Array:
 
 
 def rms(values: Array) -> float:
-    """Of finite values; NaN of none."""
+    """Return the rms of the finite values, NaN when there is none."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if len(finite) else float("nan")
 
 
 def inside(time: Array, spans: list[tuple[float, float]]) -> Flags:
-    """Which times lie in any of the spans."""
+    """Return which times lie in any of the spans."""
     found = np.zeros(len(time), bool)
     for start, end in spans:
         found |= (time >= start) & (time <= end)
@@ -149,7 +151,7 @@ def inside(time: Array, spans: list[tuple[float, float]]) -> Flags:
 
 
 def airborne(log: RunLog) -> list[tuple[float, float]]:
-    """When the vehicle flew, s; empty when the log does not tell."""
+    """Return when the vehicle flew, s; empty when the log does not show it."""
     status = log.topics.get("status")
     if status is None or "airborne" not in status.numbers:
         return []
@@ -160,7 +162,7 @@ def airborne(log: RunLog) -> list[tuple[float, float]]:
 
 
 def _odometry(log: RunLog, topic: str, name: str, time: Array | None = None) -> Track | None:
-    """At `time`, else as it was logged."""
+    """Return the track of a topic at `time`, else as it was logged."""
     series = log.topics.get(topic)
     if series is None or ODOMETRY[0] not in series.numbers:
         return None

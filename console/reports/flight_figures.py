@@ -30,7 +30,7 @@ REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def flight_pictures(log: RunLog, flight: Flight, *, standing: bool = False) -> list[Picture]:
-    """Of what the log has; empty for a log without any of it.
+    """Return the pictures of what the log has; empty for a log without any of it.
 
     Args:
         standing: it was not meant to fly: no position and attitude.

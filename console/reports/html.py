@@ -109,7 +109,7 @@ def _table(table: Table) -> str:
 
 
 def _picture(picture: Picture) -> str:
-    """As a data address."""
+    """Return the picture as a data address."""
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -67,7 +67,7 @@ class Judgement:
 
 
 def experiment_of(log: RunLog) -> str:
-    """Its name; empty when the log is of no experiment."""
+    """Return the experiment's name; empty when the log is of no experiment."""
     if name := log.run.get("experiment", ""):
         return name
     if has_report(log.path):
@@ -123,7 +123,7 @@ def judge(
 
 
 def windows_of(log: RunLog, judged: Judgement) -> Spans:
-    """What of the flight is judged, as the log alone tells it."""
+    """Return what of the flight is judged, as the log alone shows it."""
     if judged.experiment == "bearings":
         told = log.topics.get("parameter_changes")
         begins = [
@@ -225,7 +225,7 @@ def _taken(out: Judgement, result: Result, source: str) -> None:
 
 
 def _source(by: str, verdict: str, reason: str) -> str:
-    """Who judged, or why nobody could."""
+    """Return who judged, or why it was not judged."""
     return f"not judged: {reason}" if verdict == NOT_JUDGED else by
 
 

@@ -15,7 +15,7 @@ MOST_GAPS = 60
 
 
 def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list[Block]:
-    """Those that differ from their defaults first, then all, folded."""
+    """Return the parameters that differ from their defaults first, then all, folded."""
     blocks: list[Block] = [Heading("Parameters")]
     values = parameters_of(log)
     if judged.options:
@@ -154,7 +154,7 @@ def recording_blocks(log: RunLog) -> list[Block]:
 
 
 def version_blocks(log: RunLog) -> list[Block]:
-    """Of what recorded the log."""
+    """Return the versions of what recorded the log."""
     run = log.run
     if not run:
         return [Heading("Versions"), Text(f"{NOT_RECORDED.capitalize()}: no metadata in this log.")]

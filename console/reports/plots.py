@@ -100,7 +100,9 @@ def line(axis: Any, time: Array, values: npt.NDArray[np.floating], **style: Any)
 
 
 def broken(time: Array, values: Array) -> tuple[Array, Array]:
-    """With a NaN in each silence of more than eight usual periods and 0.1 s."""
+    """Return time and values with a NaN in each silence of more than eight usual periods and
+    0.1 s.
+    """
     if len(time) < 3:
         return time, values
     steps = np.diff(time)
@@ -145,7 +147,7 @@ def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: boo
 
 
 def window(axis: Any, spans: Sequence[tuple[float, float]]) -> None:
-    """What is judged, shaded."""
+    """Shade the spans that are judged."""
     for start, end in spans:
         axis.axvspan(start, end, color="#eef3f7", linewidth=0, zorder=0)
 
@@ -157,7 +159,7 @@ def grid(figure: Any, rows: int, columns: int = 1, **more: Any) -> Any:
 
 
 def styled(draw: Callable[[Any], None]) -> Callable[[Any], None]:
-    """With the report's style in force."""
+    """Wrap a drawing function so that it draws in the report's style."""
 
     def inside(figure: Any) -> None:
         import matplotlib

@@ -95,7 +95,7 @@ def assemble(
     defaults: Defaults,
     proposal: CalibrationRecord | None = None,
 ) -> Report:
-    """What the report says; nothing is drawn yet."""
+    """Assemble what the report says; nothing is drawn yet."""
     flight = flight_of(log)
     judged = judge(log, flight, result, proposal)
     name = judged.experiment
@@ -165,7 +165,7 @@ def _facts(log: RunLog, judged: Judgement) -> list[tuple[str, str]]:
 
 
 def _date(log: RunLog) -> str:
-    """Of its first message; empty when its clock began at 0."""
+    """Return the date of the log's first message; empty when its clock began at 0."""
     return day(log.start_ns) or log.run.get("started", "")[:16].replace("T", " ")
 
 

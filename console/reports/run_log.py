@@ -96,7 +96,7 @@ class Series:
         return np.stack([self.numbers.get(n, nothing) for n in names], axis=1)
 
     def take(self, names: tuple[str, ...]) -> Floats:
-        """As `rows`; the columns are given up, one after the other."""
+        """Return the columns as `rows` does, and free them one after the other."""
         out = np.full((len(self.time), len(names)), np.nan, np.float32)
         for k, name in enumerate(names):
             if name in self.numbers:
@@ -152,7 +152,7 @@ class RunLog:
         )
 
     def spans(self, topic: str, path: str) -> list[tuple[float, float, str]]:
-        """From, to (s) and text of its stretches."""
+        """Return start, end (s) and text of the topic's stretches."""
         return self._stretches(topic, path, self.duration)
 
     def _stretches(self, topic: str, path: str, end: float) -> list[tuple[float, float, str]]:
@@ -233,7 +233,9 @@ def _plain(values: Mapping[str, Any]) -> dict[str, ParameterValue]:
 
 
 def _namespace(spools: Mapping[str, ColumnSpool]) -> str:
-    """Of the vehicle whose log it is: where the state is, else most of the messages."""
+    """Return the namespace of the vehicle whose log it is: where the state is, else most of the
+    messages.
+    """
     counts: dict[str, int] = {}
     for topic, one in spools.items():
         space, _, name = topic.rpartition("/")
@@ -242,7 +244,7 @@ def _namespace(spools: Mapping[str, ColumnSpool]) -> str:
 
 
 def _series(spool: ColumnSpool, time: Array) -> Series:
-    """In order of `time`, (N,) s."""
+    """Return the series in order of `time`, (N,) s."""
     texts = {
         name: sorted((float(time[index]), text) for index, text in told)
         for name, told in spool.texts.items()

@@ -130,7 +130,7 @@ def metrics_blocks(judged: Judgement) -> list[Block]:
 
 # ---------------------------------------------------------------------- calibrations
 def proposal_blocks(judged: Judgement, present: Mapping[str, ParameterValue]) -> list[Block]:
-    """What the run proposed to calibrate, beside the values that it was flown with."""
+    """Return what the run proposed to calibrate, next to the values that it was flown with."""
     record = judged.proposal
     if record is None:
         return []
@@ -146,7 +146,7 @@ def proposal_blocks(judged: Judgement, present: Mapping[str, ParameterValue]) ->
 
 
 def calibration_blocks(log: RunLog) -> list[Block]:
-    """Those in force when the log was begun."""
+    """Return the calibrations in force when the log was begun."""
     blocks: list[Block] = [Heading("Calibrations in force")]
     content = log.json_attachment("calibrations.json")
     if not isinstance(content, Mapping):

@@ -31,7 +31,9 @@ def make_again(folder: Path) -> None:
 
 
 def folder_problem(folder: Path) -> tuple[str, str]:
-    """What keeps files from being written into it, and what to do; ("", "") when nothing does."""
+    """Return what keeps files from being written into the folder, and what to do; ("", "") when
+    nothing does.
+    """
     try:
         is_folder = stat.S_ISDIR(os.stat(folder).st_mode)
         is_read_only = bool(os.statvfs(folder).f_flag & os.ST_RDONLY)

@@ -32,13 +32,13 @@ class DiskChores:
         return self._open == 0
 
     def put(self, chore: Chore) -> None:
-        """From any thread; never waits."""
+        """Put a chore into the queue, from any thread; never waits."""
         with self._lock:
             self._open += 1
         self._queue.put(chore)
 
     def close(self, timeout: float) -> None:
-        """What was put is done before, within `timeout` s."""
+        """Finish what was put before, within `timeout` s, and end."""
         self._queue.put(None)
         self._thread.join(timeout)
 

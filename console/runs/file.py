@@ -30,14 +30,16 @@ class RunFile:
         self.sync_problem: StorageError | None = None
 
     def sync(self) -> None:
-        """In a thread beside: a disk under load may take a second. `sync_problem` tells more."""
+        """Flush in a thread of its own, as a disk under load may take a second; errors go to
+        `sync_problem`.
+        """
         try:
             self.writer.sync()
         except StorageError as error:
             self.sync_problem = error
 
     def problem(self, folder: Path, free: int) -> StorageError | None:
-        """Why it must not go on, with `free` bytes on the disk of `folder`."""
+        """Return why the run must not go on, with `free` bytes on the disk of `folder`."""
         if not self.writer.is_in_place():
             return StorageError(f"{self.run.path} was removed or its folder has vanished")
         if free < self.run.keep_free:
@@ -49,12 +51,14 @@ class RunFile:
         return None
 
     def close(self) -> bool:
-        """Return whether it has its index and is still where it was begun. Raises StorageError."""
+        """Close, and return whether the run has its index and is still where it was begun. Raises
+        StorageError.
+        """
         in_place = self.writer.is_in_place()
         return self.writer.close() and in_place
 
     def end(self, *, dropped: int, closed: bool, problem: str) -> RunEnd:
-        """How it ended."""
+        """Return how the run ended."""
         return RunEnd(
             run=self.run,
             duration=monotonic() - self._since,

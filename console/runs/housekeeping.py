@@ -51,7 +51,7 @@ class Housekeeping:
         self._stuck: str | None = None
 
     def tidy(self) -> None:
-        """Once: a flight that is under way must not wait for old files."""
+        """Tidy once: a flight that is under way must not wait for old files."""
         try:
             for line in tidy_runs(self._catalogue, skip=(self._recording().run_id,)):
                 self._say(line)
@@ -73,7 +73,7 @@ class Housekeeping:
             self._alarm("trash", None if away else str(error))
 
     def _purge(self) -> str | None:
-        """What could not be removed, in one line."""
+        """Purge the trash and return what could not be removed, in one line."""
         days = self._parameters.trash_keep
         purged = purge(self._catalogue, days * DAY)
         for run_id in purged.done:

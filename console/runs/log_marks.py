@@ -13,7 +13,7 @@ from vehicle_link.topics import TOPICS
 
 
 def marks_in_log(log: Path, run_id: str) -> list[Mark]:
-    """What a closed file says, the newest text of each mark.
+    """Return the marks of a closed file, the newest text of each.
 
     Raises LogFormatError or StorageError.
     """
@@ -34,7 +34,7 @@ def marks_in_log(log: Path, run_id: str) -> list[Mark]:
 
 
 def keep_marks_of_log(catalogue: Catalogue, log: Path, run_id: str) -> None:
-    """For a run the catalogue did not know. Raises StorageError or LogFormatError."""
+    """Keep the marks of a run the catalogue did not know. Raises StorageError or LogFormatError."""
     for mark in marks_in_log(log, run_id):
         if find_mark(catalogue, mark.id) is None:
             keep_mark(catalogue, mark)

@@ -88,7 +88,7 @@ class Recorder:
 
     @property
     def run_id(self) -> str:
-        """Of the run being recorded, or empty."""
+        """Return the id of the run being recorded, or ""."""
         run = self._wanted
         return run.run_id if run else ""
 
@@ -132,7 +132,7 @@ class Recorder:
         self.put_all(((topic, type_name, payload, log_ns, publish_ns),))
 
     def put_all(self, messages: Sequence[Message]) -> None:
-        """As `put`, for several."""
+        """Put several messages, as `put` does."""
         if self._wanted is None:
             return
         if len(self._queue) + len(messages) > self._limit:
@@ -271,7 +271,7 @@ class Recorder:
                 self._idle.set()
 
     def _sync(self) -> None:
-        """What waits goes to the file some times a second, and from there to the disk."""
+        """Write what waits into the file some times a second, and flush it to the disk."""
         file, now = self._open, time.monotonic()
         if file is None or now - file.synced < SYNC_PERIOD:
             return
@@ -287,7 +287,7 @@ class Recorder:
             self._chores.put(file.sync)
 
     def _watch(self) -> None:
-        """Once a second: is there still a disk below us?"""
+        """Watch once a second whether the disk below us still exists."""
         problem = self._on_watch()
         if not problem:
             make_again(self._folder)
@@ -307,7 +307,7 @@ class Recorder:
         self._ask_again()
 
     def _ask_again(self) -> None:
-        """Beside this thread: the answer asks the disk, which may take its time."""
+        """Ask again in another thread: the answer asks the disk, which may take its time."""
         now = time.monotonic()
         if self._is_owed and now - self._asked >= AGAIN_PERIOD and self._chores.is_idle:
             self._asked = now

@@ -34,7 +34,7 @@ class RecordingPolicy:
         return self._armed or self._disarmed_at is not None
 
     def status(self, armed: bool, now: float) -> Decision:
-        """Each status message. The first one that says armed starts a run at once."""
+        """Decide on each status message. The first armed one starts a run at once."""
         was_armed, self._armed = self._armed, armed
         if armed:
             self._disarmed_at = None

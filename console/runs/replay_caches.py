@@ -14,23 +14,27 @@ REPLAYS = ".replay"
 
 
 def replay_name(log: Path, runs: Path) -> str:
-    """Of a log's cache: a run's own name, any other log's with its folder (`onboard:NAME`)."""
+    """Return the name of a log's cache: a run's own name, any other log's with its folder
+    (`onboard:NAME`).
+    """
     is_run = log.parent.resolve() == runs.resolve()
     return log.stem if is_run else f"{log.parent.name}:{log.stem}"
 
 
 def remove_replay(log: Path) -> None:
-    """Of a run. What cannot be removed is of no use to anybody, and goes with the oldest."""
+    """Remove the cache of a run. What cannot be removed is of no use, and goes with the oldest."""
     shutil.rmtree(log.parent / REPLAYS / log.stem, ignore_errors=True)
 
 
 def replay_bytes(runs: Path) -> int:
-    """Of all caches together; those on their way count."""
+    """Return the bytes of all caches together; those being made count."""
     return folder_bytes(runs / REPLAYS)
 
 
 def folder_bytes(folder: Path) -> int:
-    """Of all files below, as far as they can be seen: others may be removing them."""
+    """Return the bytes of all files below, as far as they can be seen: others may be removing
+    them.
+    """
     total = 0
     for root, _, names in os.walk(folder):
         for name in names:

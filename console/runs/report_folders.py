@@ -17,7 +17,7 @@ FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,119}")
 
 
 def report_folder(log: Path) -> Path:
-    """Of the run whose file is `log`; it need not exist."""
+    """Return the report's folder of the run whose file is `log`; it need not exist."""
     return log.with_name(f"{log.stem}_report")
 
 
@@ -57,7 +57,7 @@ def write_result(log: Path, content: dict[str, Any]) -> None:
 
 
 def write_decision(log: Path, decision: str, requester: str) -> None:
-    """What became of the calibration it proposes. Raises StorageError."""
+    """Write what became of the calibration the run proposes. Raises StorageError."""
     result = read_result(log)
     try:
         write_result(log, result | {"decision": decision, "decided_by": requester})

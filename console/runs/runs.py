@@ -66,12 +66,14 @@ class RunKeeper:
         )
 
     def asked(self, command: str, requester: str) -> None:
-        """Somebody asked for this command; whoever arms is the run's operator."""
+        """Note who asked for this command; whoever arms is the run's operator."""
         if command == "arm":
             self._asked = (requester, monotonic())
 
     def status(self, armed: bool) -> None:
-        """Each status of the vehicle. A run that cannot start is an alarm of the recorder."""
+        """Take over each status of the vehicle. A run that cannot start is an alarm of the
+        recorder.
+        """
         with self._lock:
             decision = self._policy.status(armed, monotonic())
         if decision is Decision.START and not self.recorder.run_id:
@@ -91,7 +93,8 @@ class RunKeeper:
             self.recorder.stop()
 
     def hold(self, requester: str) -> str:
-        """For an experiment that may turn no motor: a run that goes on until `release`; its id.
+        """Begin a run that goes on until `release`, for an experiment that may turn no motor;
+        return its id.
 
         One being recorded is that run, though begun by hand: it is judged when its file is closed.
         Raises StorageError.

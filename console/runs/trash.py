@@ -54,7 +54,7 @@ class Purged:
 
 
 def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
-    """To the trash.
+    """Move a run to the trash.
 
     Raises RefusedError while it is being recorded, StorageError when it is unknown or cannot be
     moved.
@@ -124,18 +124,18 @@ def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
 
 
 def is_deleted(catalogue: Catalogue, run_id: str) -> bool:
-    """Return whether the catalogue says so. Raises StorageError."""
+    """Return whether the catalogue lists the run as deleted. Raises StorageError."""
     with catalogue.session() as session:
         return session.get(TrashRow, run_id) is not None
 
 
 def is_in_trash(catalogue: Catalogue, file: str) -> bool:
-    """Return whether the log lies there; `file`: its name."""
+    """Return whether the log is in the trash; `file`: its name."""
     return (catalogue.folder / TRASH / file).exists()
 
 
 def finish_moves(catalogue: Catalogue) -> list[str]:
-    """Move that a crash cut off, or somebody is about to end; one line for each.
+    """Finish moves that a crash or another process cut off; return one line for each.
 
     A listed run whose log lies in the trash is deleted, a deleted one whose log lies among the
     runs is listed again. Raises StorageError.
@@ -159,7 +159,9 @@ def finish_moves(catalogue: Catalogue) -> list[str]:
 
 
 def _remove(catalogue: Catalogue, run_id: str) -> None:
-    """For good; the log last, so that what is left can be put back. Raises StorageError."""
+    """Remove a run's files permanently; the log last, so that what is left can be put back. Raises
+    StorageError.
+    """
     log = catalogue.folder / TRASH / _file_of(catalogue, run_id).name
     try:
         for path in reversed(list(_belongings(log))):
@@ -175,7 +177,7 @@ def _remove(catalogue: Catalogue, run_id: str) -> None:
 
 
 def _file_of(catalogue: Catalogue, run_id: str) -> Path:
-    """Of a listed or deleted run, in the runs folder. Raises StorageError."""
+    """Return the file of a listed or deleted run, in the runs folder. Raises StorageError."""
     with catalogue.session() as session:
         run = session.get(RunRow, run_id)
         if run is None:
@@ -188,7 +190,7 @@ def _file_of(catalogue: Catalogue, run_id: str) -> Path:
 
 
 def _belongings(log: Path) -> Iterator[Path]:
-    """What of a run lies in the folder of `log`, the log first."""
+    """Yield what of a run lies in the folder of `log`, the log first."""
     yield from (path for path in (log, report_folder(log)) if path.exists())
 
 
@@ -218,7 +220,9 @@ def _move(log: Path, folder: Path) -> None:
 
 
 def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
-    """Once, whoever is first; a name is kept. Raises StorageError."""
+    """Take a run out of the list, once, whoever is first; a requester's name is kept. Raises
+    StorageError.
+    """
     try:
         with catalogue.session() as session:
             row = session.get(TrashRow, run_id)

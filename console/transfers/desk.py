@@ -88,7 +88,7 @@ class TransferDesk:
         self._thread.start()
 
     def close(self) -> None:
-        """What is under way stays as far as it came, and goes on at the next start."""
+        """Close; what is under way stays as far as it came, and goes on at the next start."""
         self._closing.set()
         self._wake.set()
         if self._thread.ident is not None:
@@ -101,7 +101,9 @@ class TransferDesk:
             self.ask("backfill", run_id)
 
     def ask(self, kind: Kind, name: str, by_person: bool = False) -> None:
-        """Once, however often it is asked for. Raises RefusedError or StorageError."""
+        """Ask for a transfer, made once however often it is asked for. Raises RefusedError or
+        StorageError.
+        """
         if kind == "download":
             check_name(name)
             self._make_folder()
@@ -129,7 +131,7 @@ class TransferDesk:
         self._wake.set()
 
     def jobs(self) -> list[Job]:
-        """Under way or just ended."""
+        """Return the jobs under way or just ended."""
         now = time.monotonic()
         with self._lock:
             self._jobs = [j for j in self._jobs if not j.is_over or now - j.ended < SHOWN]
@@ -278,8 +280,9 @@ class TransferDesk:
         return came
 
     def _make_folder(self) -> None:
-        """Where the data folder is there, as the recorder does: else its disk may be away, and
-        what is made now would lie in the folder below it. Raises StorageError."""
+        """Make the folder where the data folder exists, as the recorder does: else its disk may be
+        away, and what is made now would lie in the folder below it. Raises StorageError.
+        """
         if problem := self._catalogue.problem:
             raise StorageError(problem)
         make_again(self.folder.parent)

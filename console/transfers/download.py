@@ -99,7 +99,7 @@ def _closed(job: Job, files: VehicleFiles) -> VehicleFile:
 def _sum_on_board(
     job: Job, file: VehicleFile, files: VehicleFiles, wait: Callable[[float], None]
 ) -> bytes:
-    """It is computed on board, which takes a while."""
+    """Return the checksum that is computed on board, which takes a while."""
     for _ in range(SUMS):
         job.check()
         now, digest = files.sha256(file.name)

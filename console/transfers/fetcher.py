@@ -59,7 +59,7 @@ class Fetcher:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def fetch(self, part: PartFile, ranges: Sequence[Range]) -> None:
-        """What `part` lacks of the ranges; what came stays, whatever is raised.
+        """Fetch what `part` lacks of the ranges; what came stays, whatever is raised.
 
         Raises ChangedError, LinkError, RefusedError, StorageError.
         """
@@ -79,7 +79,7 @@ class Fetcher:
                 question.cancel()
 
     def read(self, part: PartFile, offset: int, length: int) -> bytes:
-        """As a file's read. Raises as `fetch`."""
+        """Read as from a file, fetching what is missing. Raises as `fetch` does."""
         self.fetch(part, [(offset, offset + length)])
         return part.read(offset, length)
 

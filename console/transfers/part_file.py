@@ -58,7 +58,7 @@ class PartFile:
         return sum(end - begin for begin, end in self._ranges)
 
     def lacks(self, begin: int, end: int) -> list[Range]:
-        """What is not there of a range, in order."""
+        """Return what is missing of a range, in order."""
         found, place = [], begin
         for first, last in self._ranges:
             if last <= place:
@@ -107,7 +107,7 @@ class PartFile:
 
     @staticmethod
     def discard(folder: Path, name: str) -> None:
-        """What came of a file that nobody wants any more."""
+        """Discard what came of a file that is no longer wanted."""
         for ending in ("part", "part.journal"):
             (folder / f"{name}.{ending}").unlink(missing_ok=True)
 
@@ -163,7 +163,7 @@ def want(folder: Path, name: str) -> None:
 
 
 def unwant(folder: Path, name: str) -> None:
-    """Where nothing came of it yet."""
+    """Discard a wanted file of which nothing came yet."""
     if not (folder / f"{name}.part").exists():
         PartFile.discard(folder, name)
 
@@ -178,7 +178,7 @@ def remove_old(folder: Path, age: float) -> None:
 
 
 def wanted_downloads(folder: Path) -> list[str]:
-    """Names of files whose fetching was cut off, the newest first."""
+    """Return the names of files whose fetching was cut off, the newest first."""
     found = []
     for journal in folder.glob("*.part.journal"):
         try:

@@ -89,7 +89,7 @@ def run_process(
 
 
 def look(job: Mapping[str, Any]) -> dict[str, Any]:
-    """What a run has. Times in ns of the vehicle's clock."""
+    """Return what a run has. Times in ns of the vehicle's clock."""
     from flight_log.run_index import index_run
 
     index = index_run(Path(job["run"]))

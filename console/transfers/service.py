@@ -51,7 +51,7 @@ class Transfers:
         self.desk.close()
 
     def tick(self, count: int) -> None:
-        """Each beat. Raises LinkError when the session is closed."""
+        """Publish the transfers on each beat. Raises LinkError when the session is closed."""
         if count % BEATS == 0:
             stamp_ns = self._vehicle_ns()
             if (payload := self.desk.message(stamp_ns)) is not None:

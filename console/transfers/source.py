@@ -44,7 +44,7 @@ class Source:
 
 
 def together(spans: Sequence[Span], gap: int = TOGETHER_NS) -> list[Span]:
-    """In order, those that overlap or lie close joined."""
+    """Return the spans in order, with those that overlap or lie close joined."""
     joined: list[Span] = []
     for first, last in sorted(spans):
         if joined and first <= joined[-1][1] + gap:

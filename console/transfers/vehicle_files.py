@@ -99,7 +99,7 @@ class LinkedFiles:
 
 
 def why_open(files: VehicleFiles, file: VehicleFile) -> str:
-    """Why a file is not closed; of a torn one the vehicle knows when it is mended.
+    """Return why a file is not closed; for a torn one the vehicle knows when it is mended.
 
     Raises LinkError, RefusedError for what is no name of a log.
     """

@@ -13,7 +13,7 @@ from console.transfers.vehicle_files import VehicleFile
 def judged(
     found: dict[str, Any], sources: Sequence[Source], on_board: Sequence[VehicleFile]
 ) -> Completeness:
-    """What the run is after filling."""
+    """Return what the run is after filling."""
     period = found["period_ns"]
     missing, stretches = 0, {one["name"]: one for one in found["stretches"]}
     covered: list[Span] = []
@@ -56,7 +56,7 @@ def judged(
 
 
 def _disarmed(sources: Sequence[Source], end: int) -> list[Span]:
-    """From the end of the vehicle's log on."""
+    """Return the span from the end of the vehicle's log on."""
     ended = [source.file.end_ns for source in sources if source.file.end_ns < end]
     return [(max(ended) - EDGE_NS, end)] if ended else []
 
@@ -64,7 +64,9 @@ def _disarmed(sources: Sequence[Source], end: int) -> list[Span]:
 def _ticks_missing(
     hole: Span, covered: Sequence[Span], spoiled: Sequence[Span], period: int
 ) -> int:
-    """Of a hole, where the vehicle's log does not show that it has none there either."""
+    """Return how many ticks of a hole are missing, except where the vehicle's log shows that it has
+    none there either.
+    """
     begin, end = hole
     known = 0
     for first, last in together([span for span in covered if span[0] < end and span[1] > begin]):

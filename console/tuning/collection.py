@@ -61,7 +61,7 @@ class Collection:
 
     @property
     def share(self) -> float:
-        """Of the stretch that has come, 0..1."""
+        """Return the share of the stretch that has come, 0..1."""
         if self.done:
             return 1.0
         return (self._next_ns - self._start_ns) / max(1, self._end_ns - self._start_ns)

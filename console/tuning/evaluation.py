@@ -161,7 +161,7 @@ def _edge(
 
 
 def _means(edges: list[dict[str, float | None]]) -> dict[str, float | None]:
-    """Over the edges that are whole; None when one of these does not reach it."""
+    """Return the means over the edges that are whole; None when one of these does not reach it."""
     whole = [edge for edge in edges if edge["rms_error"] is not None]
     means: dict[str, float | None] = {}
     for name in FIGURES:
@@ -225,7 +225,7 @@ def _actual(samples: Samples) -> Array:
 
 
 def _setpoint(samples: Samples) -> Array:
-    """As `_actual`; yaw on the turn that is nearest to the actual one."""
+    """Return the set-point as `_actual` does; yaw on the turn that is nearest to the actual one."""
     v = samples.values
     positions = [v[f"{_REFERENCE}.position.{i}"].astype(float) for i in range(len(POSITION))]
     yaw = v[f"{_REFERENCE}.yaw"].astype(float)

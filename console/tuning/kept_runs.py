@@ -65,7 +65,7 @@ class KeptRuns:
         self._lock = threading.Lock()
 
     def new_id(self, vehicle: str) -> str:
-        """By the time; never the same twice."""
+        """Return a new id made of the time; never the same twice."""
         with self._lock:
             while True:
                 name = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}"[:-3] + f"Z_{vehicle}"

@@ -42,7 +42,7 @@ FIGURES = ("delay", "rise", "overshoot", "settling", "steady_error", "rms_error"
 
 
 def step_response(time: Array, actual: Array, start: float, target: float) -> StepResponse:
-    """Of the stretch from one edge to the next.
+    """Compute the step response of the stretch from one edge to the next.
 
     Args:
         time: s since the edge, shape (N,), rising.
@@ -64,7 +64,9 @@ def step_response(time: Array, actual: Array, start: float, target: float) -> St
 
 
 def _reaches(time: Array, done: Array, level: float) -> float | None:
-    """When it is first there, between samples on a line."""
+    """Return when the level is first reached (s), interpolated between samples; None when it never
+    is.
+    """
     at = int(np.argmax(done >= level))
     if done[at] < level:
         return None
@@ -72,7 +74,7 @@ def _reaches(time: Array, done: Array, level: float) -> float | None:
 
 
 def _settles(time: Array, off: Array) -> float | None:
-    """When it is within the band for good; None when that is not seen."""
+    """Return from when on it stays within the band (s); None when that is not seen."""
     outside = np.flatnonzero(off > BAND)
     if not len(outside):
         return float(time[0])
@@ -83,7 +85,7 @@ def _settles(time: Array, off: Array) -> float | None:
 
 
 def _crossing(time: Array, values: Array, at: int, level: float) -> float:
-    """Between samples at - 1 and at."""
+    """Return when the level is crossed between samples at - 1 and at (s), interpolated."""
     before, after = float(values[at - 1]), float(values[at])
     share = (level - before) / (after - before) if after != before else 1.0
     return float(time[at - 1] + share * (time[at] - time[at - 1]))

@@ -49,16 +49,16 @@ class SideStep:
         """Options that do not go together raise UsageError here; these always do."""
 
     def preconditions(self, view: VehicleView) -> str:
-        """Why it may not begin, empty when it may; asked once the vehicle is ready."""
+        """Return why it may not begin, empty when it may; asked once the vehicle is ready."""
         return "" if abs(view.position_w[1]) < 0.5 else "put the vehicle near y = 0 first"
 
     def abort(self, view: VehicleView) -> str:
-        """Why it must end, empty while all is well; asked at every look of every wait."""
+        """Return why it must end, empty while all is well; asked at every look of every wait."""
         far = math.hypot(view.position_w[0], view.position_w[1])
         return f"{far:.1f} m away from the middle, allowed {FAR:g}" if far > FAR else ""
 
     def fly(self, client: Client) -> None:
-        """What the vehicle refuses is a RefusedError with its reason."""
+        """Fly the step. What the vehicle refuses is a RefusedError with its reason."""
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         client.wait(0.5)
         client.arm()
@@ -82,7 +82,7 @@ class SideStep:
         client.wait(0.5)
 
     def evaluate(self, log: Path) -> Result:
-        """From the log alone, in another process: what `fly` kept in `self` comes along."""
+        """Judge from the log alone, in another process: what `fly` kept in `self` comes along."""
         if self._window == (0.0, 0.0):
             raise RefusedError("the step was not flown")
         path = "pose.pose.position.y"

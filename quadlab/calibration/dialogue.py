@@ -37,7 +37,9 @@ class _DeclinedError(Exception):
 
 
 def in_force(client: StationClient) -> dict[str, CalibrationRecord]:
-    """By the record's name. Raises RefusedError, LinkError or MeasurementError."""
+    """Return the calibrations in force by name. Raises RefusedError, LinkError or
+    MeasurementError.
+    """
     answer = client.ask("calibrate", action="in_force")
     return {one.name: one for one in map(parse_record, answer.records)}
 
@@ -98,7 +100,7 @@ class Dialogue:
 
     # ------------------------------------------------------------------ while it runs
     def _start(self) -> None:
-        """Until its first status is there."""
+        """Start, and wait until its first status is there."""
         while not self._client.statuses.empty():
             self._client.statuses.get()
         self._status = None

@@ -73,7 +73,7 @@ def beside(
 
 
 def told(record: CalibrationRecord) -> Iterable[str]:
-    """What is to be known beside the figures."""
+    """Yield what is worth knowing besides the figures."""
     for text in record.warnings:
         yield f"warning: {text}"
     worst = max(record.residuals, key=lambda one: abs(one[1]), default=None)
@@ -84,7 +84,7 @@ def told(record: CalibrationRecord) -> Iterable[str]:
 
 
 def table(rows: Sequence[tuple[str, ...]]) -> Iterable[str]:
-    """In columns."""
+    """Yield the rows in columns."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         yield "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()

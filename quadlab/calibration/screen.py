@@ -45,7 +45,7 @@ class Screen:
         self._show("\n".join(lines))
 
     def rest(self) -> None:
-        """What is said next stands below what was shown."""
+        """End the live display: what is printed next appears below it."""
         if self._live is not None:
             self._live.stop()
             self._live = None

@@ -41,7 +41,7 @@ def check_name(name: str) -> None:
 
 
 def parse_names(words: Sequence[str]) -> tuple[str, ...]:
-    """Names of vehicles, the usual one where none is given. Raises UsageError."""
+    """Return the names of vehicles, the usual one where none is given. Raises UsageError."""
     for name in words:
         check_name(name)
         if words.count(name) > 1:

@@ -127,7 +127,9 @@ class Up(PageOptions):
         vehicle: list[str],
         simulator: list[str],
     ) -> list[list[Child]]:
-        """In the order of their start; those of one list start and stop together."""
+        """Return the children in the order of their start; those of one list start and stop
+        together.
+        """
         from vehicle_link.security.authority import check_certificate, ensure_certificates
 
         # Made here, once, so that vehicle and station never race to make the authority.

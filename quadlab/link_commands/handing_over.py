@@ -15,7 +15,7 @@ THERE = ".local/share/quadlab/certificates"
 
 
 def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
-    """Where the files are: a folder, or a file ending in .tar.
+    """Hand over a pair of files, and return where it is: a folder, or a file ending in .tar.
 
     Raises StorageError or LinkError.
     """

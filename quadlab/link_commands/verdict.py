@@ -83,7 +83,7 @@ def verdict(figures: Figures) -> tuple[Grade, list[str]]:
 
 
 def _values(figures: Figures) -> list[tuple[Limit, float]]:
-    """Those that were measured."""
+    """Return the limits of what was measured, with its values."""
     asked = len(figures.round_trips) + figures.unanswered
     if figures.disagreement and not figures.round_trips:
         asked = 0  # the questions were not understood: none of them was lost

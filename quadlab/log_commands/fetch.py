@@ -53,7 +53,7 @@ class Fetch:
             return _fetch(client, self._chosen(answer.files))
 
     def _chosen(self, files: list[Any]) -> str:
-        """With or without its ending. Raises StorageError."""
+        """Return the log's name, given with or without its ending. Raises StorageError."""
         if not files:
             raise StorageError(f"{self.name} has no logs; it writes one from arming to disarming")
         if self.log == NEWEST:
@@ -86,7 +86,7 @@ def _list(vehicle: str, answer: Any) -> int:
 
 
 def _fetch(client: StationClient, name: str) -> int:
-    """Follow it to its end. Raises LinkError when the station falls silent."""
+    """Follow the transfer to its end. Raises LinkError when the station falls silent."""
     heard = client.listen("transfers")
     began = time.monotonic()
     client.ask("transfer", action="download", name=name)
@@ -111,7 +111,7 @@ def _fetch(client: StationClient, name: str) -> int:
 
 
 def _of(heard: queue.SimpleQueue[Any], name: str) -> Any:
-    """What the station tells next of this download."""
+    """Return the station's next report of this download."""
     end = time.monotonic() + SILENT
     while (left := end - time.monotonic()) > 0.0:
         try:

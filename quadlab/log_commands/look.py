@@ -80,8 +80,9 @@ def _as_json(found: LogSummary) -> str:
 
 
 def ticks_line(path: Path, filled: Mapping[str, str]) -> list[str]:
-    """How a run compares with the vehicle's own log, where that is known: by the catalogue it
-    stands in, else by what it says itself."""
+    """Return how a run compares with the vehicle's own log, where that is known: by the catalogue
+    it is in, else by its own metadata.
+    """
     from console.catalogue.catalogue import DATABASE, RUNS, Catalogue
     from console.catalogue.completeness import completeness_of
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def progress_of(what: str) -> Iterator[Callable[[float], None]]:
-    """What to tell the share done, 0…1; shown on stderr, and only to a person."""
+    """Yield a function that takes the share done, 0…1; shown on stderr, and only to a person."""
     if not sys.stderr.isatty():
         yield lambda share: None
         return

@@ -31,7 +31,9 @@ class Report:
 
 
 def new_defaults() -> dict[str, ParameterValue]:
-    """Of every parameter of this version by name; those of the station begin with `station.`."""
+    """Return the default of every parameter of this version by name; those of the station begin
+    with `station.`.
+    """
     from console.parameters.station import StationTree
     from quadlab.simulated.flight import FlightParameters
     from quadrotor.parameters import ParameterStore

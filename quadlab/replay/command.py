@@ -121,7 +121,7 @@ class Replay:
         return 0
 
     def _check_words(self) -> None:
-        """What can be refused before the log is read."""
+        """Refuse what can be refused before the log is read."""
         check_log_file(self.file)
         if self.start is not None and self.end is not None and not self.start < self.end:
             raise UsageError(f"--from {self.start:g} --to {self.end:g}: the first must be earlier")

@@ -32,7 +32,9 @@ class Truth:
         self.quaternion_wb = states["quaternion_wb"]
 
     def covers(self, stamps_ns: Stamps) -> npt.NDArray[np.bool_]:
-        """Where a true state stands on either side, at most GAP_NS apart; shape of `stamps_ns`."""
+        """Return where there is a true state on either side, at most GAP_NS apart; shape of
+        `stamps_ns`.
+        """
         k = self._interval(stamps_ns)
         apart = self.stamps_ns[k + 1] - self.stamps_ns[k]
         inside: npt.NDArray[np.bool_] = (stamps_ns >= self.stamps_ns[0]) & (
@@ -88,7 +90,7 @@ class Errors:
 
 
 def errors(truth: Truth, stamps_ns: Stamps, states: Record) -> Errors:
-    """Of STATE (N,) at these stamps, where `truth` covers them."""
+    """Return the errors of STATE (N,) at these stamps, where `truth` covers them."""
     covered = truth.covers(stamps_ns)
     stamps_ns, states = stamps_ns[covered], states[covered]
     position, velocity, quaternion = truth.at(stamps_ns)

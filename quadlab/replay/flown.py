@@ -24,7 +24,7 @@ class Choice(NamedTuple):
 
 
 def flown_choices(recording: Recording) -> list[Choice]:
-    """What the flight was flown on, the longest flown first."""
+    """Return what the flight was flown on, the longest flown first."""
     p = recording.parameters.estimation
     chosen = {
         ESTIMATOR: p.estimator,
@@ -60,7 +60,7 @@ def flown_choices(recording: Recording) -> list[Choice]:
 
 
 def _seats(chosen: dict[str, str]) -> list[Seat]:
-    """What runs: the one flown on, then its shadow if there is one."""
+    """Return what runs: the estimator flown on, then its shadow if there is one."""
     flown = (chosen[ESTIMATOR], chosen[SOURCE])
     if chosen[SHADOW] == "none":
         return [flown]

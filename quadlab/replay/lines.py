@@ -33,7 +33,7 @@ class Run:
 
     @property
     def measurements(self) -> str:
-        """What it is given, for the table."""
+        """Return what it is given, for the table."""
         kinds = ("poses", "bearings") if self.source == "both" else (self.source,)
         return " + ".join(
             f"{'emulated' if kind in self.emulated else 'recorded'} {kind}" for kind in kinds

@@ -155,7 +155,9 @@ def _check_whole(path: Path, read: ReadState) -> None:
 
 
 def _parameters(path: Path) -> FlightParameters:
-    """What the flight began with; names that are no longer known are left out."""
+    """Return the parameters at the start of the flight; names that are no longer known are left
+    out.
+    """
     parameters = FlightParameters().model_copy(deep=True)
     attached = read_attachments(path).get("parameters.json")
     if attached is None:
@@ -209,14 +211,14 @@ def _stamps(messages: Record) -> Stamps:
 
 
 def _newest(stamps_ns: Stamps, rows: Record) -> Record:
-    """Those newer than all before them; the vehicle's tick passes over the others too."""
+    """Return the rows newer than all before them; the vehicle's tick passes over the others too."""
     newest = np.maximum.accumulate(stamps_ns)
     newer = np.concatenate([np.ones(min(1, len(newest)), bool), newest[1:] > newest[:-1]])
     return rows if newer.all() else rows[newer]
 
 
 def _arrivals(messages: list[LogMessage], read: Any) -> list[Arrival]:
-    """Those the vehicle could use: it drops the others when they arrive."""
+    """Return the measurements the vehicle could use: it drops the others when they arrive."""
     out = []
     for message in messages:
         try:

@@ -36,7 +36,9 @@ class MeasurementStore:
         self._made: dict[str, list[Arrival]] = {}
 
     def of(self, run: Run) -> list[Arrival]:
-        """In the order of arrival; at one time poses first, as the station sends them."""
+        """Return the measurements in the order of arrival; at one time poses first, as the station
+        sends them.
+        """
         kinds = [self._kind(run, kind) for kind in ("poses", "bearings")]
         return sorted([*kinds[0], *kinds[1]], key=lambda one: one.arrival_ns)
 
@@ -88,7 +90,7 @@ def emulated_poses(
 
 
 def _arrivals(sensor: Sensor[T], truth: Truth, samples_ns: Stamps) -> Iterator[tuple[int, T]]:
-    """Each measurement with its arrival, which is that of an IMU sample as in a flight."""
+    """Yield each measurement with its arrival, which is that of an IMU sample as in a flight."""
     stamps = truth.stamps_ns.tolist()
     end = int(samples_ns[-1])
     for k, stamp_ns in enumerate(stamps):

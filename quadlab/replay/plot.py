@@ -17,7 +17,7 @@ SPREAD = 10.0
 
 
 def check_plot(path: Path) -> None:
-    """Before anything is replayed. Raises UsageError."""
+    """Check the plot's file before anything is replayed. Raises UsageError."""
     try:
         import matplotlib  # noqa: F401
     except ImportError:

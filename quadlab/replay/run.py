@@ -59,7 +59,7 @@ class Replayed:
         return count, float(np.mean(np.array(self.rejected)[inside])) if count else None, nis
 
     def posteriors_within(self, start_ns: int, end_ns: int) -> list[Posterior]:
-        """Those of a window."""
+        """Return the posteriors within a window."""
         return [one for one in self.posteriors if start_ns <= one.stamp_ns <= end_ns]
 
     def position_deviations(self) -> tuple[Stamps, Array]:
@@ -175,7 +175,9 @@ class _Vehicle:
         self._note(now_ns, raised, _number(estimator, "applied") > applied)
 
     def _start_as_flown(self, now_ns: int) -> None:
-        """At the pose that was flown on, as the vehicle starts it beside what it flies on."""
+        """Start at the pose that was flown on, as the vehicle starts it in parallel with what it
+        flies on.
+        """
         stamps = self._recording.state_ns
         k = int(np.searchsorted(stamps, now_ns, side="right")) - 1
         if k < 0 or now_ns - stamps[k] > STATE_AGE_NS:
@@ -229,7 +231,7 @@ class _Vehicle:
 
 
 def _posterior(estimator: ErrorStateEstimator) -> Posterior:
-    """After its newest event."""
+    """Return the posterior after the estimator's newest event."""
     stamp_ns, x = estimator.memory["base_ns"][0], estimator.memory["base"][0].copy()
     return Posterior(int(stamp_ns), x[:3], x[6:10], x[3:6], estimator.covariance[:ALL, :ALL])
 

@@ -27,7 +27,7 @@ class Window:
 def find_window(
     recording: Recording, truth: Truth, start: float | None, end: float | None
 ) -> Window:
-    """What --from and --to (s) say, else the airborne part of the flight.
+    """Return the window of --from and --to (s), else the airborne part of the flight.
 
     Raises UsageError when nothing is to be compared there.
     """

@@ -63,7 +63,7 @@ class SimulatedFleet:
 
     @property
     def rates(self) -> Rates:
-        """When nobody chose others."""
+        """Return the rates when no others were chosen."""
         return ALONE if self.count == 1 else SOME if self.count <= FEW else MANY
 
     @property

@@ -174,7 +174,7 @@ class SimulatedFlight(SimulatedGuide):
                 lap("station")
 
     def _station(self, now_ns: int) -> None:
-        """What the base station sends: heartbeat, tracked poses, bearings."""
+        """Send what the base station sends: heartbeat, tracked poses, bearings."""
         if now_ns >= self._next_heartbeat_ns:
             self._next_heartbeat_ns = now_ns + HEARTBEAT_NS
             self.stack.measure(mailbox.Heartbeat(now_ns))

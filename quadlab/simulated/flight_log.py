@@ -117,7 +117,7 @@ class FlightLog:
         self._put("bearing_pose", payload, stamp_ns, log_ns)
 
     def measurement(self, topic: str, payload: bytes, stamp_ns: int) -> None:
-        """Of any other sensor, logged at once."""
+        """Log a measurement of any other sensor at once."""
         self._put(topic, payload, stamp_ns, stamp_ns)
 
     def close(self) -> None:

@@ -66,7 +66,7 @@ class PageOptions:
 
 
 def say_authority(tls: Tls) -> None:
-    """Where the authority is and what to do with it, once at the start."""
+    """Print where the authority is and what to do with it, once at the start."""
     if tls.authority is not None:
         print(
             f"https with a certificate of this data folder's own authority. Trust it once in each "

@@ -29,7 +29,7 @@ RESTART_WINDOW = 30.0
 
 
 def follow_parent() -> None:
-    """In a child of `Child`: end by SIGTERM when the parent ends, however it ends."""
+    """End by SIGTERM when the parent ends, however it ends; in a child of `Child`."""
     parent, niceness = os.environ.pop(PARENT, ""), os.environ.pop(NICENESS, "")
     if parent:
         die_with_parent(int(parent))

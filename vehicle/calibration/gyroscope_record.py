@@ -16,7 +16,7 @@ AXES = ("x", "y", "z")
 
 
 def gyroscope_record(found: GyroscopeFound) -> CalibrationRecord:
-    """Of one that was not refused."""
+    """Return the record of a gyroscope calibration that was not refused."""
     bias = [math.degrees(value) for value in found.bias_b]
     deviation = [math.degrees(value) for value in found.deviation_b]
     error = max(deviation) / math.sqrt(found.samples)
@@ -47,7 +47,7 @@ def gyroscope_record(found: GyroscopeFound) -> CalibrationRecord:
 
 
 def drift_of(record: CalibrationRecord) -> dict[str, float]:
-    """By axis, deg/s rounded to what no gyroscope shows."""
+    """Return the drift by axis, deg/s rounded to what no gyroscope shows."""
     return {
         figure.name: round(figure.value, 6)
         for figure in record.figures

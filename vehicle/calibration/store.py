@@ -60,7 +60,7 @@ class CalibrationStore:
         return list(newest.values())[::-1]
 
     def append(self, record: CalibrationRecord) -> None:
-        """To the history, on the disk when this returns. Raises StorageError: not stored."""
+        """Append to the history, on the disk when this returns. Raises StorageError: not stored."""
         line = encoded(record)
         with self._lock:
             if self._unread:  # what stands there must not be added to unseen
@@ -77,7 +77,9 @@ class CalibrationStore:
             self._history.append(record)
 
     def replace(self, file: str, record: CalibrationRecord) -> None:
-        """What was found: AT_START or ON_REQUEST. Raises StorageError; it counts all the same."""
+        """Replace what was found: AT_START or ON_REQUEST. Raises StorageError; it counts all the
+        same.
+        """
         with self._lock:
             self._found[file] = record
             try:

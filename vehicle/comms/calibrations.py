@@ -91,7 +91,9 @@ class Calibrations:
             threading.Thread(target=self._keep_at_start, args=(found,), name=KEEPER).start()
 
     def in_force_json(self) -> bytes:
-        """For the onboard log: by name, as the station's runs have them."""
+        """Return the calibrations in force as JSON for the onboard log: by name, as the station's
+        runs have them.
+        """
         in_force = {record.name: record.model_dump(mode="json") for record in self._in_force()}
         return json.dumps({"in_force": in_force, "problem": ""}, indent=1).encode()
 
@@ -146,7 +148,9 @@ class Calibrations:
         return record
 
     def _put_back(self, reply: mailbox.Reply, error: QuadlabError) -> QuadlabError:
-        """What to answer instead; the vehicle flies on what it had."""
+        """Put the previous calibration back and return the error to answer with; the vehicle flies
+        on what it had.
+        """
         if not reply.previous:
             return error
         try:

@@ -109,7 +109,9 @@ class ParameterMirror:
         return dict(self._values)
 
     def newest(self) -> dict[str, ParameterValue]:
-        """As far as they are known, without waiting: until flight told its own, the start's."""
+        """Return the values as far as they are known, without waiting: those of the start until
+        flight has reported its own.
+        """
         return dict(self._values)
 
     def change(

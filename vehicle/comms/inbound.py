@@ -112,7 +112,8 @@ class Inbound:
         self._solver = BearingPose(self._beacons)
 
     def lay_out(self, text: str) -> None:
-        """Where the beacons stand, as the parameter beacons.layout tells. Raises MeasurementError.
+        """Take over the beacons' positions from the text of the parameter beacons.layout. Raises
+        MeasurementError.
 
         A solver of its own: the one in use may be solving in another thread.
         """

@@ -42,7 +42,7 @@ class CommsLane:
             node.serve(door, SERVICES[LANE], self._granting(topics))
 
     def send(self, publishers: Mapping[str, Publisher], beats_every: int = 1) -> None:
-        """What these publish goes by the lane too, as far as it is of the lane's topics.
+        """Send what these publish by the lane too, as far as it belongs to the lane's topics.
 
         Args:
             beats_every: of the heartbeats sent by it, one in so many goes over Zenoh too.
@@ -52,7 +52,7 @@ class CommsLane:
         publishers["vehicle_heartbeat"].every = beats_every
 
     def take(self, topic: str, callback: Callable[[Received], None]) -> None:
-        """Each message of a topic once and in order, whichever way it comes first."""
+        """Deliver each message of a topic once and in order, whichever way it comes first."""
         self._take[topic] = threading.Lock(), callback
         row = TOPICS[topic]
         self._node.subscribe(topic, row.type_name, partial(self._deliver, topic))

@@ -26,5 +26,5 @@ class FirstHeard(Generic[Key]):
         return True
 
     def current(self, now_ns: int) -> Key | None:
-        """Who is listened to; None when they have been silent for too long."""
+        """Return the source listened to; None when it has been silent for too long."""
         return self._key if now_ns - self._heard_ns < self._silent_ns else None

@@ -128,7 +128,7 @@ class Comms:
             self._lane.take(topic, self._receiver(topic))
 
     def run(self, stopping: Ending) -> None:
-        """Until `stopping` is set; then once more, so that nothing read is lost."""
+        """Run until `stopping` is set; then drain once more, so that nothing read is lost."""
         wait_s = self._longest_wait_s
         while not stopping.wait(wait_s):
             self.drain()

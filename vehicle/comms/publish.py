@@ -205,7 +205,9 @@ class Publisher:
 
 
 def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
-    """As many as make so many packets a second, as far as one datagram holds them."""
+    """Return how many samples a packet takes to make so many packets a second, as far as one
+    datagram holds them.
+    """
     return max(1, min(telemetry.SAMPLES_A_PACKET, round(tick_rate / packets)))
 
 
@@ -215,7 +217,7 @@ def flag_names(flags: int) -> Sequence[str]:
 
 
 def _status_key(ticks: Record) -> tuple[int, ...]:
-    """What of the newest tick's status is published when it changes."""
+    """Return what of the newest tick's status is published when it changes."""
     mode, behavior, armed, airborne, control_mode, flags, revision = _STATUS.unpack_from(
         ticks[-1:].tobytes(), _STATUS_OFFSET
     )

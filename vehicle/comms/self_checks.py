@@ -55,7 +55,7 @@ class Log(Protocol):
 def self_checks(
     data: Path, *, disarmed: bool, identity: Identity = THE_ONE, log: Log | None = None
 ) -> list[Check]:
-    """Of the computer this runs on.
+    """Check the computer this runs on.
 
     Args:
         data: the vehicle's data folder.
@@ -88,7 +88,7 @@ def self_checks(
 
 
 def log_check(problem: str) -> Check:
-    """Whether the last flight was logged."""
+    """Check whether the last flight was logged."""
     if not problem:
         return Check("onboard log", "ok", "nothing was lost", place=PLACE)
     advice = "make room on the vehicle's disk, leave the log's folder alone; arming tries again"
@@ -109,7 +109,7 @@ class SelfChecks:
         self._told: tuple[float, bool] | None = None
 
     def heard(self, armed: bool) -> None:
-        """What the flight loop's newest tick says."""
+        """Take over whether the flight loop's newest tick is armed."""
         self._told = (self._clock(), armed)
 
     @property

@@ -47,7 +47,7 @@ def serve(
 def serve_command(
     node: Node, service: str, handler: Callable[[Message], Message], at_once: int
 ) -> None:
-    """Once a request id; what the handler refuses is an answer."""
+    """Serve a command, once a request id; what the handler refuses is an answer."""
     srv_type = SERVICES[service]
     _prepare(srv_type)
     node.serve(service, srv_type, Idempotent(_refusing(srv_type, handler)), at_once=at_once)

@@ -40,7 +40,7 @@ class AgreementWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Another estimator is in use: what was said of the last one does not count."""
+        """Begin with another estimator in use: what was reported of the last one does not count."""
         self.flags, self._end_ns = 0, 0
         self._agreement = Agreement.USED
         self._refused: int | None = None  # not heard yet
@@ -48,12 +48,12 @@ class AgreementWatch:
         self._farthest = self._largest = 0.0
 
     def step(self, now_ns: int) -> None:
-        """Once a tick while there are flags: they end by themselves."""
+        """End the flags by themselves; called once a tick while there are any."""
         if now_ns >= self._end_ns:
             self.flags = 0
 
     def look(self, estimate: Record, now_ns: int) -> None:
-        """After a measurement: the ESTIMATE (1,) as the estimator reported it."""
+        """Watch the ESTIMATE (1,) that the estimator reported after a measurement."""
         refused = int(estimate["measurements_refused"][0])
         now, before = Agreement(int(estimate["agreement"][0])), self._agreement
         if self._refused is None:

@@ -30,7 +30,7 @@ class BarometricHeight:
         self._ground: float | None = None  # Pa
 
     def stand(self, pressure: float, dt: float) -> None:
-        """On the ground, motors off: where height begins."""
+        """Set where height begins; on the ground, motors off."""
         if self._ground is None:
             self._ground = pressure
         self._ground += min(1.0, dt) * (pressure - self._ground)

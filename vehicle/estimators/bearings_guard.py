@@ -133,7 +133,7 @@ class BearingsGuard:
             stack.behaviors.request("velocity", {}, stack.state, armed=True, airborne=True)
 
     def begin_flight(self) -> None:
-        """At arming: what happened in the last flight is over."""
+        """Forget at arming what happened in the last flight."""
         self.flags &= ~int(Flag.FELL_BACK)
 
     def _envelope(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:

@@ -132,7 +132,7 @@ class BearingsWatch:
             self._say(f"no frame of bearings applied for {age:.2f} s")
 
     def pose(self, apart: Difference) -> None:
-        """How far the estimate is from that of the tracker's poses, once a pose."""
+        """Watch how far the estimate is from that of the tracker's poses, once a pose."""
         p = self.parameters
         near = apart.position <= p.disagreement_max and apart.attitude <= math.radians(
             p.disagreement_attitude_max

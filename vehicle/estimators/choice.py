@@ -61,7 +61,7 @@ def check(
     state: Record,
     armed: bool,
 ) -> dict[str, ParameterValue]:
-    """What else a change of parameters changes; compiles on the ground what it asks for.
+    """Return what else a change of parameters changes; compiles on the ground what it needs.
 
     Args:
         present: the four parameters as they are. values: those to be changed, and others.
@@ -111,7 +111,9 @@ def _left(active: Runner, wanted: Mapping[str, str]) -> str:
 
 
 def _taker(seats: Seats, wanted: Mapping[str, str]) -> Runner:
-    """Who takes over in flight. Raises RefusedError when nobody runs that could."""
+    """Return the estimator that takes over in flight. Raises RefusedError when none runs that
+    could.
+    """
     name, source = wanted[ESTIMATOR], wanted[SOURCE]
     for one in seats.beside():
         if one.is_(name, source):

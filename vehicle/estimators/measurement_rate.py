@@ -33,7 +33,9 @@ class MeasurementRate:
         return rate
 
     def unsaid(self, lines: list[str]) -> list[str]:
-        """Those whose subject, their first word, was not told since the last change of gains."""
+        """Return the lines whose subject, their first word, was not reported since the last change
+        of gains.
+        """
         new = [line for line in lines if line.split()[0] not in self._said]
         self._said.update(line.split()[0] for line in new)
         return new

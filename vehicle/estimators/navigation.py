@@ -147,7 +147,7 @@ class Navigation:
     def check(
         self, values: Mapping[str, ParameterValue], state: Record, armed: bool
     ) -> dict[str, ParameterValue]:
-        """What else a change changes; see `estimator_choice.check`. Raises RefusedError."""
+        """Return what else a change changes; see `estimator_choice.check`. Raises RefusedError."""
         p = self._parameters
         present: dict[str, ParameterValue] = {
             ESTIMATOR: p.estimator,
@@ -169,7 +169,9 @@ class Navigation:
         }
 
     def place(self, beacons: Beacons) -> None:
-        """Where the beacons stand; what was estimated from others beside the flight is void."""
+        """Take over where the beacons are; estimates made from others in parallel with the flight
+        are void.
+        """
         self._beacons = KnownBeacons(beacons)
         for runner in self._seats.beside():
             if runner.source != POSES:

@@ -30,12 +30,12 @@ class SuspectBeacon:
         self.begin()
 
     def begin(self) -> None:
-        """Another estimator is in use; what was said of the last one is over."""
+        """Begin with another estimator in use; what was reported of the last one is over."""
         self._said = None
         self.flags, self.status = 0, (UNTOLD, 0.0, False)
 
     def look(self, suspect: Offset | None, left_out: bool, hindrance: str) -> None:
-        """After a frame of bearings.
+        """Look for a beacon that is off, after a frame of bearings.
 
         Args:
             left_out: whether the estimator goes without that beacon. hindrance: why it does not

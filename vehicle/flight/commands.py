@@ -106,7 +106,7 @@ class CommandHandler:
         return self.apply(self._checked(command.values), command.requester)
 
     def _checked(self, values: Mapping[str, ParameterValue]) -> dict[str, ParameterValue]:
-        """What is to be set, and what has to be set with it. Raises QuadlabError."""
+        """Return what is to be set, and what has to be set with it. Raises QuadlabError."""
         stack = self._stack
         checked = {name: stack.store.check(name, value) for name, value in values.items()}
         check_pairs(stack.store.values() | checked)
@@ -263,7 +263,9 @@ class CommandHandler:
             self._land(f"emergency land by {command.requester}")
 
     def _land(self, why: str) -> None:
-        """As `safety.emergency_land` says; a milder landing that is under way gives way to it."""
+        """Land as `safety.emergency_land` says; a milder landing that is under way gives way to
+        it.
+        """
         stack = self._stack
         chosen = stack.parameters.safety.emergency_land
         if stack.mode is Mode.EMERGENCY_LAND and chosen == "land":

@@ -133,7 +133,7 @@ class Later:
         return parts
 
     def wait(self) -> None:
-        """Until compiling beside has ended."""
+        """Wait until compiling in parallel has ended."""
         if self._process is not None:
             self._process.wait()
 

@@ -106,7 +106,7 @@ class FlightLoop:
         self._tell(NOTHING_YET)
 
     def run(self) -> None:
-        """Until `stopping` is set. Raises LinkError when the last port is gone."""
+        """Run until `stopping` is set. Raises LinkError when the last port is gone."""
         while not self.stopping:
             self.once()
 
@@ -218,7 +218,7 @@ class FlightLoop:
         return [self._mcu.late, self._mcu.refused, self._mcu.damaged]
 
     def _why(self) -> str:
-        """What came instead of samples, and what to look at."""
+        """Return what came instead of samples, and what to look at."""
         counts = zip(self._came_unusable(), self._unusable, strict=True)
         late, refused, damaged = (now - before for now, before in counts)
         if late:
@@ -239,7 +239,7 @@ class FlightLoop:
         return "Is it switched on, and are these its ports?"
 
     def _report(self, line: str) -> None:
-        """To the terminal and to the page."""
+        """Report a line to the terminal and to the page."""
         say(line)
         self._stack.say(line, mailbox.WARN)
         self._send_outbox()

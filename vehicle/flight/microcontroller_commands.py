@@ -45,7 +45,7 @@ class Orders:
         self._timeout_ms = 0
 
     def send(self, command: Sequence[int] | None) -> None:
-        """What a tick returned, and the motor state it wants. Raises LinkError."""
+        """Send what a tick returned, and the motor state it wants. Raises LinkError."""
         stack = self._stack
         if stack.motor_state_wanted is not self._motor_state:
             self._motor_state = stack.motor_state_wanted

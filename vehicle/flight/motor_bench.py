@@ -53,12 +53,12 @@ class Bench:
 
     @property
     def references(self) -> tuple[int, int, int, int]:
-        """Of all motors: the others stand."""
+        """Return the references of all motors: the others stand still."""
         one, two, three, four = (self.reference if self.motor == k else 0 for k in range(1, 5))
         return one, two, three, four
 
     def turn(self, motor: int, reference: int, stamp_ns: int) -> None:
-        """From now on, for `safety.bench_timeout`; `check_bench` has seen it."""
+        """Turn a motor from now on, for `safety.bench_timeout`; `check_bench` has allowed it."""
         if self.motor and motor != self.motor:
             raise RefusedError(f"bench refused: {self} is on it; end the bench (motor 0) first")
         self.motor, self.reference, self._asked_ns = motor, reference, stamp_ns
@@ -70,7 +70,7 @@ class Bench:
         self._turn_b[:] = 0.0
 
     def over(self, stamp_ns: int, angular_velocity_b: npt.NDArray[np.float64], dt: float) -> str:
-        """Why the motor is to stop now, empty when it goes on; once a tick.
+        """Return why the motor is to stop now, empty when it goes on; called once a tick.
 
         Args:
             angular_velocity_b: (3,) rad/s.

@@ -70,7 +70,7 @@ class Pacer(Protocol):
     deadlines: Deadlines
 
     def wait(self) -> None:
-        """Until something may be read, or the next sample is overdue."""
+        """Wait until something may be read, or the next sample is overdue."""
 
 
 class Ports(Protocol):
@@ -99,7 +99,7 @@ class PortPacer:
         self._poll.poll(timeout_ms)
 
     def _listen(self) -> None:
-        """To the ports there are: one that is gone would wake the loop without end."""
+        """Poll the ports that are left: one that is gone would wake the loop without end."""
         self._lost_ports = self._ports.lost_ports
         self._poll = select.poll()
         for descriptor in self._ports.filenos():
@@ -111,7 +111,7 @@ class Robot(Protocol):
 
     @property
     def stamp_ns(self) -> int:
-        """Of the newest sample, since the first."""
+        """Return the stamp of the newest sample in ns, since the first."""
 
     def step(self) -> None:
         """Make the next sample."""

@@ -155,7 +155,7 @@ class FlightStack(StackOnGround):
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None:
-        """What the loop measured of itself: over the last second, and since its start.
+        """Take over what the loop measured of itself: over the last second, and since its start.
 
         Args: `rate` in Hz, as it is meant to be.
         """
@@ -212,7 +212,7 @@ class FlightStack(StackOnGround):
         return min(dt, LONGEST_GAP)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
-        """By the barometer, in every mode: nobody knows when it will be needed."""
+        """Follow the altitude by the barometer, in every mode: it may be needed at any time."""
         altitude = self.near_hovering.altitude
         if self.ground.airborne:
             altitude.step(sample.pressure, self._specific_force.item(2), dt)
@@ -220,7 +220,7 @@ class FlightStack(StackOnGround):
             altitude.stand(sample.pressure, dt)
 
     def _look(self, sample: RawSample, pose_age: float) -> Situation:
-        """What the supervisor is to know of this tick."""
+        """Return what the supervisor is to know of this tick."""
         now, p = self._situation, self.parameters.behavior
         now.airborne = self.ground.airborne
         now.by_microcontroller = self.control_mode is not ControlMode.DIRECT

@@ -113,7 +113,9 @@ class StackOnGround(StackModes):
         return bench.references
 
     def _bench_fault(self, sample: RawSample) -> str:
-        """What the battery and the microcontroller say against it."""
+        """Return what the battery and the microcontroller have against turning motors on the bench;
+        "" for nothing.
+        """
         if self.supervisor.battery_spent:
             return f"battery at {sample.battery_voltage:.1f} V"
         if sample.motor_state == MotorState.EMERGENCY:

@@ -23,7 +23,7 @@ class StackModes(StackParts):
 
     @property
     def flight_control_mode(self) -> FlightControlMode:
-        """How the microcontroller is to read what `tick` returns."""
+        """Return how the microcontroller is to read what `tick` returns."""
         if self.control_mode is ControlMode.NEAR_HOVERING:
             return FlightControlMode.NEAR_HOVERING
         return FlightControlMode.DIRECT
@@ -103,7 +103,7 @@ class StackModes(StackParts):
         self._override("emergency_landing")
 
     def hand_over(self, why: str) -> None:
-        """To the microcontroller, which lands alone."""
+        """Hand over to the microcontroller, which lands alone."""
         if self.control_mode is ControlMode.EMERGENCY:
             return
         self._enter_emergency(f"{why}; the microcontroller lands alone")
@@ -125,7 +125,7 @@ class StackModes(StackParts):
 
     # ------------------------------------------------------------------ the microcontroller's word
     def heed(self, sample: RawSample) -> None:
-        """What the microcontroller says of its motors, while they should turn."""
+        """Act on what the microcontroller reports of its motors, while they should turn."""
         started = self._stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
         state = sample.motor_state
         if self.control_mode is ControlMode.EMERGENCY:

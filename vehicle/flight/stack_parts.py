@@ -112,7 +112,7 @@ class StackParts:
 
     @property
     def airborne(self) -> bool:
-        """Between take-off and touch-down."""
+        """Return whether the vehicle is between take-off and touch-down."""
         return self.ground.airborne
 
     @property
@@ -122,12 +122,12 @@ class StackParts:
 
     @property
     def estimator(self) -> Estimator:
-        """What is flown on."""
+        """Return the estimator that is flown on."""
         return self.navigation.active
 
     @property
     def controller(self) -> Controller:
-        """What is flown with."""
+        """Return the controller that is flown with."""
         return self.steering.controller
 
     @property

@@ -29,7 +29,7 @@ class StatusWriter:
         self._suspect: tuple[int, float, bool] | None = None
 
     def loop(self, statistics: LoopStatistics, counts: LoopCounts, rate: float) -> None:
-        """What the loop measured of itself; `rate` (Hz) as it is meant to be."""
+        """Write what the loop measured of itself; `rate` (Hz) as it is meant to be."""
         status = self._status
         status["tick_rate"], status["nominal_rate"] = statistics.rate, rate
         status["missed_share"] = statistics.missed_share
@@ -57,7 +57,7 @@ class StatusWriter:
         voltage: float,
         pressure: float,
     ) -> None:
-        """Once a tick.
+        """Write the status, once a tick.
 
         Args:
             suspect: id, mean offset (rad) of a beacon that is off, whether it is left out.

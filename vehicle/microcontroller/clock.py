@@ -139,7 +139,8 @@ class MicrocontrollerClock:
         return ahead_ns * 1e-9
 
     def host_set(self) -> float:
-        """By how much the host's clock was set forward (back: below 0) since last told, s; else 0.
+        """Return by how much the host's clock was set forward (back: below 0) since the last
+        report, s; else 0.
 
         The vehicle's clock does not follow: its stamps must not jump, and go back even less.
         """
@@ -157,7 +158,7 @@ class MicrocontrollerClock:
         return min(-steady_ns() + self._host_ns() for _ in range(3))
 
     def _host_ms(self) -> int | None:
-        """Since the first sample, by the host's clock; None in simulated time."""
+        """Return the ms since the first sample by the host's clock; None in simulated time."""
         return None if self._steady_ns is None else (self._steady_ns() - self._begun_ns) // MS
 
     def _confirmed(self, ms: int) -> bool:

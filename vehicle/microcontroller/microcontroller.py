@@ -127,7 +127,7 @@ class Microcontroller:
 
     @property
     def obstacle(self) -> str:
-        """Why motors would not start, as far as is known; empty when they would."""
+        """Return why motors would not start, as far as is known; empty when they would."""
         if not self._handshake.open:
             return self._bus.why
         waiting = self._handshake.open[0]
@@ -142,11 +142,11 @@ class Microcontroller:
 
     @property
     def lost_ports(self) -> int:
-        """How many are gone."""
+        """Return how many ports are gone."""
         return self._ports.lost
 
     def filenos(self) -> tuple[int, ...]:
-        """For poll(). Raises LinkError for ports in memory."""
+        """Return the file descriptors for poll(). Raises LinkError for ports in memory."""
         return self._ports.filenos()
 
     def receive(self) -> list[RawSample]:

@@ -39,7 +39,7 @@ class MicrocontrollerPorts:
         return self._damaged_before + sum(decoder.damaged for _, decoder in self._ports)
 
     def filenos(self) -> tuple[int, ...]:
-        """For poll(). Raises LinkError for ports in memory."""
+        """Return the file descriptors for poll(). Raises LinkError for ports in memory."""
         return tuple(port.fileno() for port, _ in self._ports)
 
     def read(self) -> Iterator[Frame]:
@@ -58,7 +58,9 @@ class MicrocontrollerPorts:
                 yield from decoder.feed(data)
 
     def write(self, frame: bytes, in_turn: bool = False) -> None:
-        """On the first port, or on all in turn. Raises LinkError when the last one is gone."""
+        """Write on the first port, or on all in turn. Raises LinkError when the last one is
+        gone.
+        """
         while True:
             port, _ = self._ports[self._turn % len(self._ports) if in_turn else 0]
             try:

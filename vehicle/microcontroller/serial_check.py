@@ -175,7 +175,7 @@ def _choose_mirror(lines: Sequence[_Line]) -> None:
 
 
 def _look_at_motors(lines: Sequence[_Line]) -> tuple[int, str]:
-    """How many motors were told about, and what is wrong with their controllers."""
+    """Return how many motors answered, and what is wrong with their controllers."""
     bus, exchange = MotorBus(), Exchange([ask(id) for id in REFERENCES])
     _until_answered(lines, exchange, bus.take)
     return len(REFERENCES) - len(exchange.open), bus.why

@@ -79,11 +79,13 @@ class Written:
         return self._stamps[-1]
 
     def place_before(self, stamp_ns: int) -> int:
-        """Where to begin to read for ticks from `stamp_ns` on."""
+        """Return where to begin to read for ticks from `stamp_ns` on."""
         return self._places[max(0, bisect_left(self._stamps, stamp_ns) - 1)]
 
     def place_behind(self, stamp_ns: int) -> int | None:
-        """Where to end to read for ticks up to `stamp_ns`; None while they are not all there."""
+        """Return where to end to read for ticks up to `stamp_ns`; None while they are not all
+        there.
+        """
         at = bisect_left(self._stamps, stamp_ns)
         return self._places[at] if at < len(self._stamps) else None
 
@@ -145,7 +147,7 @@ class OnboardFile:
         return self._writer.size
 
     def add_ticks(self, batch: Batch) -> None:
-        """In the order of the flight, at least one."""
+        """Add at least one tick, in the order of the flight."""
         self._ticks.append(batch)
 
     def add_message(self, message: Message) -> None:
@@ -156,7 +158,7 @@ class OnboardFile:
         self._messages.append(LogMessage(name, type_name, payload, log_ns, source_ns))
 
     def write(self) -> None:
-        """What was added goes to the kernel, in a chunk of its own or some."""
+        """Write what was added to the kernel, in one or more chunks of its own."""
         batches, messages = self._ticks, self._messages
         self._ticks, self._messages = [], []
         if batches:

@@ -230,7 +230,7 @@ class OnboardFiles:
         )
 
     def _refuse_torn(self, facts: Facts) -> None:
-        """Its bytes will be others when it is mended. Raises RefusedError."""
+        """Raise RefusedError for a torn log: its bytes will be others when it is mended."""
         if not facts.closed and not facts.start_ns:
             raise RefusedError(f"{facts.name} was torn, and {self._mending()}; ask again later")
 

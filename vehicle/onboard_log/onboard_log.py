@@ -108,12 +108,12 @@ class OnboardLog:
 
     @property
     def stop_bytes(self) -> int:
-        """Of free space, below which nothing is logged."""
+        """Return the free space in bytes below which nothing is logged."""
         return self._limits().stop_bytes
 
     @property
     def mending(self) -> str:
-        """When a torn log is mended, in words that follow its name."""
+        """Return when a torn log is mended, in words that follow its name."""
         return self._mending.how
 
     def files(self) -> list[Written]:
@@ -137,7 +137,9 @@ class OnboardLog:
         return True
 
     def _take(self) -> tuple[list[Batch | Message], int, int]:
-        """What waits, how much of all had no room, and how many of those were ticks."""
+        """Take the queued items; return also how much of all had no room, and how many of those
+        were ticks.
+        """
         with self._lock:
             items, lost, ticks = self._buffer, self._lost, self._lost_ticks
             self._buffer, self._buffered, self._lost, self._lost_ticks = [], 0, 0, 0
@@ -247,7 +249,7 @@ class OnboardLog:
         self._file.add_ticks(batch)
 
     def _check_space(self, now_ns: int) -> bool:
-        """Once a second; whether this time. Raises StorageError."""
+        """Check the free space once a second; return whether this time. Raises StorageError."""
         if 0 <= now_ns - self._checked_ns < CHECK_NS:
             return False
         self._checked_ns = now_ns
@@ -302,5 +304,7 @@ class OnboardLog:
 
 
 def microcontroller_facts(identity: Identity) -> dict[str, str]:
-    """For a file's metadata: the motors started with no other."""
+    """Return the microcontroller's identity for a file's metadata: the motors started with no
+    other.
+    """
     return {"robot_id": str(identity.robot_id), "firmware_revision": str(identity.firmware)}

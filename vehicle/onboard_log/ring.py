@@ -25,7 +25,7 @@ CLOCK_SET_S = 1_577_836_800.0
 
 
 def free_bytes(folder: Path) -> int:
-    """Of the disk of `folder`. Raises OSError."""
+    """Return the free bytes on the disk of `folder`. Raises OSError."""
     return shutil.disk_usage(folder).free
 
 

@@ -100,7 +100,7 @@ class _Signals:
         self._wakeup_before = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
 
     def wait(self, timeout_s: float | None) -> None:
-        """Until the next signal, or the time is over."""
+        """Wait until the next signal, or until the time is over."""
         ready, _, _ = select.select([self._reader], [], [], timeout_s)
         if ready:
             os.read(self._reader, 64)

@@ -61,12 +61,12 @@ class _Ring:
 
     @property
     def dropped(self) -> int:
-        """How many messages the producer could not place, since the ring was made."""
+        """Return how many messages the producer could not place, since the ring was made."""
         return self._words[DROPPED]
 
     @property
     def pushed(self) -> int:
-        """How many messages were placed, since the ring was made."""
+        """Return how many messages were placed, since the ring was made."""
         return self._words[HEAD]
 
     def __len__(self) -> int:
@@ -164,7 +164,7 @@ class RecordRing(_Ring):
         return records
 
     def read(self) -> Record:
-        """As `pop_all`, but the slots stay taken until `free`."""
+        """Read as `pop_all` does, but keep the slots taken until `free`."""
         words = self._words
         head = words[HEAD]
         records = self._copy(max(words[READ], words[TAIL]), head)
@@ -172,7 +172,7 @@ class RecordRing(_Ring):
         return records
 
     def read_before(self) -> Record:
-        """What was read and not freed; for a consumer that was started again, shape (N,)."""
+        """Return what was read and not freed, shape (N,); for a consumer that was started again."""
         return self._copy(self._words[TAIL], max(self._words[READ], self._words[TAIL]))
 
     def free(self, count: int) -> None:

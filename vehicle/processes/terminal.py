@@ -10,7 +10,7 @@ class _Terminal:
         self._speaker = "vehicle"
 
     def speak_for(self, name: str) -> None:
-        """Of all lines of this process from now on."""
+        """Name the vehicle in all lines of this process from now on."""
         self._speaker = f"vehicle {name}"
 
     def say(self, line: str) -> None:

@@ -37,7 +37,7 @@ class GroundContact:
         self._landed_ns = None
 
     def rise(self, z: float) -> None:
-        """Until it is in the air: at this height now."""
+        """Set whether the vehicle is in the air, from its height now."""
         self.airborne = z - self.ground_z > TAKEN_OFF
 
     def feel(self, lift: float, thrust: float, share: float, dt: float) -> None:
@@ -58,7 +58,7 @@ class GroundContact:
         self._lift_per_newton = learnt + (ratio - learnt) * dt / min(LEARN, self._flown)
 
     def touch_down(self, stamp_ns: int) -> bool:
-        """It has landed; whether that is news."""
+        """Set that the vehicle has landed; return whether that is new."""
         self.airborne = False
         if self._landed_ns is not None:
             return False

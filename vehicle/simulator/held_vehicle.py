@@ -70,7 +70,9 @@ def _level(plant: Record) -> npt.NDArray[np.float64]:
 def hold(
     plant: Record, holder: Record, references: tuple[int, int, int, int], duration: float
 ) -> None:
-    """As `plant.advance`, for a vehicle that is held: a PLANT (1,) over `duration` (s)."""
+    """Advance as `plant.advance` does, for a vehicle that is held: a PLANT (1,) over `duration`
+    (s).
+    """
     p, h = plant[0], holder[0]
     follow_battery(p)
     share = motor_share(p.model.motor_time_constant, duration)

@@ -40,7 +40,7 @@ class InProcessRobot:
 
     @property
     def stamp_ns(self) -> int:
-        """Of the newest sample, since the first."""
+        """Return the stamp of the newest sample in ns, since the first."""
         return self.simulated.stamp_ns
 
     def step(self) -> None:

@@ -187,7 +187,7 @@ class LockstepPace:
         self._page[clock.LIMIT] = due_ns
 
     def wait(self, due_ns: int, shortest: float, is_over: Callable[[], bool]) -> None:
-        """Until this time has come and everybody is there for it, or `is_over`.
+        """Wait until this time has come and every process is ready for it, or `is_over`.
 
         Args: `shortest` pause (s), which is made in any case.
         """

@@ -299,7 +299,8 @@ def _stand(p: Item, motion: Motion) -> tuple[Vector, Vector]:
 
 @compiled(inner=True)
 def _touch(p: Item, motion: Motion, axes: Axes, arm_b: Vector, height: float) -> Vector:
-    """What the ground does (N, world axes) to a foot at arm_b (m), `height` (m) above the origin.
+    """Return the force of the ground (N, world axes) on a foot at arm_b (m), `height` (m) above the
+    origin.
 
     The foot moves with v + R (omega x arm).
     """

@@ -138,7 +138,7 @@ def _lockstep(vehicles: Sequence[str], pace: Pace) -> LockstepPace | None:
 
 
 def pace_of(count: int) -> Pace:
-    """Of each of so many vehicles."""
+    """Return the pace of each of so many vehicles."""
     return ALONE if count == 1 else SOME if count <= FEW else MANY
 
 
@@ -183,7 +183,7 @@ class _Robot:
 
     @property
     def due_ns(self) -> int:
-        """On the steady clock begun at: when to `step` next."""
+        """Return when to `step` next, in ns of the steady clock begun at."""
         return self._start_ns + self._simulated.due_ns(self._pace.periods)
 
     def begin(self, epoch_ns: int, start_ns: int) -> None:
@@ -271,7 +271,9 @@ def _step(robots: Sequence[_Robot], due_ns: int, statistics: RunStatistics) -> N
 
 
 def side_by_side(parameters: SimulatorParameters, count: int) -> list[SimulatorParameters]:
-    """As many vehicles in rows of four on the floor, 1 m apart, each with noise of its own."""
+    """Return the parameters of `count` vehicles in rows of four on the floor, 1 m apart, each with
+    noise of its own.
+    """
     if count == 1:
         return [parameters]
     rows = -(-count // ROW)

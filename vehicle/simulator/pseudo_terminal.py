@@ -68,7 +68,7 @@ class PseudoTerminal:
         self._unplugged = False
 
     def read(self, most: int = _CHUNK) -> bytes:
-        """At most so many of the bytes that wait."""
+        """Return at most so many of the bytes that wait."""
         if self._unplugged:
             return b""
         try:

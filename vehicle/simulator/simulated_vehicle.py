@@ -134,11 +134,15 @@ class SimulatedVehicle:
         self._advance(self._periods - (self._count - 1) % self._periods if self._count else 1)
 
     def step_period(self) -> None:
-        """As `step`, but for one period of the microcontroller only, the first one included."""
+        """Step as `step` does, but for one period of the microcontroller only, the first one
+        included.
+        """
         self.step_periods(1)
 
     def step_periods(self, most: int) -> None:
-        """As `step_period`, but for so many at once; it ends with the next sample at the latest."""
+        """Step as `step_period` does, but so many periods at once; ends with the next sample at the
+        latest.
+        """
         self._obey()
         self._advance(self._at_once(most))
 
@@ -215,7 +219,7 @@ class SimulatedVehicle:
 
     @property
     def sample_period_ns(self) -> int:
-        """Between two samples; the flight stack sets it."""
+        """Return the time between two samples in ns; the flight stack sets it."""
         return 1000 * self._sample_us
 
     def skip(self, samples: int) -> None:
@@ -241,7 +245,9 @@ class SimulatedVehicle:
         return bool(self._holder["held"][0] != FREE)
 
     def bench_reading(self) -> ForceReading | None:
-        """Of the force/torque sensor after the last step, when one was due on the bench."""
+        """Return the force/torque sensor's reading after the last step, when one was due on the
+        bench.
+        """
         if self._holder["held"][0] != BENCH:
             return None
         return self._force_sensor.read(self.stamp_ns, self._plant, self.parameters)

@@ -66,7 +66,7 @@ class TruthPublisher:
         self._offer(stamp_ns, state.copy())
 
     def offer_reading(self, stamp_ns: int, reading: ForceReading) -> None:
-        """As `offer`, of the force/torque sensor."""
+        """Offer a reading of the force/torque sensor, as `offer` does."""
         self._offer(stamp_ns, reading)
 
     def _offer(self, stamp_ns: int, what: Record | ForceReading) -> None:
@@ -136,7 +136,9 @@ def _hurry(on: bool) -> None:
 
 
 def _sure(topic: Topic) -> Topic:
-    """In lockstep the next truth may wait until this one has come: none may be lost."""
+    """Return the topic made reliable in lockstep: the next truth may wait until this one has come,
+    so none may be lost.
+    """
     from vehicle_link.transport.rmw_keys import RELIABLE
 
     return topic if clock.page() is None else replace(topic, qos=RELIABLE, drop=False)

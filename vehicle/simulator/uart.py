@@ -64,7 +64,7 @@ class Uart:
             self.delivered(data)
 
     def read(self) -> bytes:
-        """What has arrived at the microcontroller."""
+        """Return what has arrived at the microcontroller."""
         data = bytes(self._received)
         self._received.clear()
         return data

@@ -129,7 +129,7 @@ class AccessDatabase:
 
 
 def count_accounts(folder: Path) -> int:
-    """How many accounts there are, without making the file. Raises StorageError."""
+    """Return how many accounts there are, without making the file. Raises StorageError."""
     if not (folder / NAME).exists():
         return 0
     database = AccessDatabase(folder)
@@ -160,6 +160,8 @@ def _set_up(connection: Any, _record: Any) -> None:
 
 
 def _begin(connection: Any) -> None:
-    """What is read in a transaction (is this the last admin?) still holds when it is written."""
+    """Begin a transaction in which what is read (is this the last admin?) still holds when it is
+    written.
+    """
     reading = connection.get_execution_options().get(READING, False)
     connection.exec_driver_sql("BEGIN" if reading else "BEGIN IMMEDIATE")

@@ -26,7 +26,7 @@ class OpenSockets:
 
     @property
     def labels(self) -> set[str]:
-        """Of the people who have a page open."""
+        """Return the names of the people who have a page open."""
         return {guard.session.label for guard in self._guards if not guard.is_over}
 
     async def serve(

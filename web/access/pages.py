@@ -28,7 +28,7 @@ maxlength="500" required{password_focus}></label>
 
 
 def sign_in_page(line: str, name: str, base_url: str, *, with_password: bool) -> str:
-    """What to do without a session.
+    """Return the page that explains what to do without a session.
 
     Args:
         line: why this page is shown.

@@ -69,7 +69,7 @@ class Sessions:
         return session
 
     def is_open(self, session: Session) -> bool:
-        """As `holds`, of a session that asks for something now."""
+        """Return as `holds`, for a session that asks for something now."""
         if not self.holds(session):
             return False
         self._seen[session.id] = int(self._clock())

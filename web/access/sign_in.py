@@ -115,7 +115,7 @@ class SignIn:
 
 
 def address_of(scope: Mapping[str, Any]) -> str:
-    """Of the connection itself: a header could name any."""
+    """Return the address of the connection itself: a header could name any."""
     client = scope.get("client")
     return str(client[0]) if client else "unknown"
 

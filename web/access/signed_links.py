@@ -75,7 +75,9 @@ class SignedLinks:
         return self._clock() <= int(until[0])  # ours: it was signed
 
     def preflight(self, scope: Scope, headers: dict[str, str]) -> Headers | None:
-        """Of the answer to a browser that asks whether it may; None when this is not that."""
+        """Return the headers of the answer to a browser's preflight request; None when this is not
+        one.
+        """
         shared = _shared_with(headers)
         if not shared or not self.opens(scope, frozenset({"OPTIONS"})):
             return None

@@ -69,7 +69,7 @@ def given_tls(certificate: Path, key: Path) -> Tls:
 
 
 def own_names(host: str) -> tuple[str, ...]:
-    """Names and addresses under which others reach a server that listens on `host`."""
+    """Return the names and addresses under which others reach a server that listens on `host`."""
     if host not in ("", "0.0.0.0", "::"):
         return (host,)
     names = {socket.gethostname(), socket.getfqdn(), *_addresses()}
@@ -77,7 +77,9 @@ def own_names(host: str) -> tuple[str, ...]:
 
 
 def shown_host(host: str) -> str:
-    """What links name: `host`, or this computer's first address when it listens on all."""
+    """Return the host that links name: `host`, or this computer's first address when it listens on
+    all.
+    """
     if host not in ("", "0.0.0.0", "::"):
         return host
     return next(iter(_addresses()), socket.gethostname())
@@ -118,7 +120,7 @@ def _readable(path: Path, option: str) -> bytes:
 
 
 def _addresses() -> list[str]:
-    """Of this computer, the one towards the network first."""
+    """Return the addresses of this computer, the one towards the network first."""
     found: list[str] = []
     for family, elsewhere in (
         (socket.AF_INET, "192.0.2.1"),  # addresses of documentation: nothing is sent

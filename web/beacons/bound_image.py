@@ -64,7 +64,9 @@ def shade_of(share: float) -> tuple[int, int, int]:
 
 
 def legend(scale: Scale) -> dict[str, object]:
-    """For the page: ends in m, colours from low to high, and of what is above."""
+    """Return the legend for the page: ends in m, colours from low to high, and the colour of what
+    is above.
+    """
     return {
         "low": scale.low,
         "high": scale.high,

@@ -108,7 +108,7 @@ class BeaconDrags:
             del self._offsets[id]
 
     def hand_on(self, now: float) -> None:
-        """What is due; to be called at every frame."""
+        """Send the moves that are due; to be called at every frame."""
         for id, wish in list(self._wishes.items()):
             if not wish.is_sent and now - self._sent.get(id, -math.inf) >= PERIOD:
                 wish.is_sent = True

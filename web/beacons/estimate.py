@@ -30,14 +30,14 @@ class Estimate(NamedTuple):
 
 
 def of_one_frame(message: Any) -> Estimate:
-    """From `bearing_pose`, PoseWithCovarianceStamped."""
+    """Return the estimate of `bearing_pose`, PoseWithCovarianceStamped."""
     pose = message.pose.pose
     covariance = np.array(message.pose.covariance, float).reshape(6, 6)[:3, :3]
     return Estimate(point_of(pose.position), wxyz_of(pose.orientation), covariance)
 
 
 def of_comparison(message: Any, name: str) -> Estimate | None:
-    """That result of an EstimatorComparison, once it has a start."""
+    """Return that result of an EstimatorComparison, once it has a start."""
     for one in message.estimators:
         if one.name == name and one.initialized:
             covariance = np.array(one.position_covariance, float).reshape(3, 3)

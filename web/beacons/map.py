@@ -64,11 +64,11 @@ class BoundSlice:
         return self.scale != before
 
     def legend(self) -> dict[str, object] | None:
-        """Of the map that is shown; None when there is none."""
+        """Return the legend of the map that is shown; None when there is none."""
         return None if self.scale is None else legend(self.scale)
 
     def _draw(self, wish: Wish) -> Scale | None:
-        """In the worker: numbers, picture, node."""
+        """Compute numbers, picture and node in the worker."""
         (x_low, x_high), (y_low, y_high), _ = wish.volume
         width, depth = x_high - x_low, y_high - y_low
         if not (width > 0.0 and depth > 0.0):

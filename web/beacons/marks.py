@@ -127,13 +127,13 @@ class BeaconMarks:
 
     @property
     def handles(self) -> dict[str, int]:
-        """Names of the handles now shown, and the beacon each drags."""
+        """Return the names of the handles now shown, and the beacon each drags."""
         if not self._handles_shown:
             return {}
         return {slot.handle_name: slot.id for slot in self._slots if slot.id is not None}
 
     def light(self, ids: frozenset[int]) -> None:
-        """Those in view have their colour, the others are grey."""
+        """Colour the beacons in view and grey the others."""
         for slot in self._slots:
             if slot.id is not None:
                 slot.ball.color = SEEN if slot.id in ids else UNSEEN

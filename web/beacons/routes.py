@@ -148,8 +148,9 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
     @app.put("/api/beacons/view")
     async def show(body: ViewBody, _: Operator) -> dict[str, Any]:
-        """How the 3D view shows beacons and estimates; one for all pages, which are told. `legend`
-        is the bound map's scale, in m, once it is drawn."""
+        """Change how the 3D view shows beacons and estimates; one for all pages, which are
+        notified. `legend` is the bound map's scale, in m, once it is drawn.
+        """
         wanted = body.model_dump(exclude_none=True)
         if "estimate" in wanted:
             check_estimate(wanted["estimate"], parts.mirror, parts.live)
@@ -189,7 +190,7 @@ def rows_of(beacons: Beacons) -> list[list[float]]:
 
 
 def csv_of(beacons: Beacons) -> str:
-    """As `bearing_sim.beacon_file` reads it, to the last digit."""
+    """Return the beacons as `bearing_sim.beacon_file` reads them, to the last digit."""
     lines = [",".join(map(repr, row)) for row in rows_of(beacons)]
     return "\n".join([",".join(COLUMNS), *lines, ""])
 
@@ -208,7 +209,9 @@ def check_estimate(name: str, mirror: ParameterMirror, live: Live) -> None:
 
 
 async def _body(request: Request) -> bytes:
-    """At most a little more than the largest file, so that its reader can refuse it."""
+    """Read the body, at most a little more than the largest file, so that its reader can refuse
+    it.
+    """
     body = b""
     async for chunk in request.stream():
         body += chunk

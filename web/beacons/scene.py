@@ -130,8 +130,9 @@ class BeaconScene:
         self._drags.forget()
 
     def legend(self) -> dict[str, object] | None:
-        """Of the map: `low` and `high` in m on a logarithmic scale, `colors` between them from low
-        to high, `beyond` above; None while no map is shown."""
+        """Return the legend of the map: `low` and `high` in m on a logarithmic scale, `colors`
+        between them from low to high, `beyond` above; None while no map is shown.
+        """
         return self._map.legend()
 
     def update(self, now: float) -> None:
@@ -157,7 +158,9 @@ class BeaconScene:
         self._history.clear()
 
     def _fresh(self, topic: str) -> Any | None:
-        """Its newest message; a sensor of 1 Hz is not stale after half a second."""
+        """Return the newest message of a topic if it is fresh; a sensor of 1 Hz is not stale after
+        half a second.
+        """
         limit = max(STALE[topic], FRAMES / self._rate)
         return self._live.newest(topic) if self._live.age(topic) <= limit else None
 

@@ -24,12 +24,12 @@ IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 def point_of(v: Any) -> Point:
-    """Of a message with x, y, z."""
+    """Return the point of a message with x, y, z."""
     return (v.x, v.y, v.z)
 
 
 def wxyz_of(q: Any) -> Quaternion:
-    """Of a geometry_msgs/Quaternion."""
+    """Return the (w, x, y, z) of a geometry_msgs/Quaternion."""
     return (q.w, q.x, q.y, q.z)
 
 
@@ -111,7 +111,9 @@ def ellipsoid(covariance: npt.ArrayLike) -> tuple[Point, Quaternion] | None:
 
 
 def handle(radius: float = 0.17, reach: float = 0.27) -> Mesh:
-    """What drags a beacon: a disc in the plane z = 0 with an arrow head to each of four sides."""
+    """Return the handle that drags a beacon: a disc in the plane z = 0 with an arrow head to each
+    of four sides.
+    """
     segments = 32
     angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
     vertices = [(0.0, 0.0, 0.0)]
@@ -127,7 +129,7 @@ def handle(radius: float = 0.17, reach: float = 0.27) -> Mesh:
 
 
 def on_plane(eye: Point, through: Point, point: Point, normal: Point) -> Point | None:
-    """Where the line of sight from `eye` through another point meets a plane.
+    """Return where the line of sight from `eye` through another point meets a plane.
 
     None when it does not, or so flatly that a pixel is metres.
     """

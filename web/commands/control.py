@@ -47,7 +47,7 @@ class Control:
         return self.holder in ("", label)
 
     def summary(self) -> dict[str, Any] | None:
-        """For the page; None while the station does not say."""
+        """Return who has control, for the page; None while the station does not report it."""
         status = self._live.current("control")
         if status is None:
             return None
@@ -74,7 +74,7 @@ def add_control(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/control")
     async def control(body: ControlBody, session: Operator) -> dict[str, bool]:
-        """Ask for control, answers who asks, gives it up; an admin may take it."""
+        """Ask for control, answer who asks, or give it up; an admin may take it."""
         if body.action == "take" and not session.role.may(Role.ADMIN):
             raise HTTPException(
                 403, f"{session.label} may ask for control; admins alone may take it"

@@ -97,7 +97,8 @@ class EmergencyDesk:
         return None if self._newest is None else self._as_message(self._newest)
 
     async def press(self, action: str, requester: str, request_id: str | None = None) -> str:
-        """Until the vehicle has accepted it; returns its id, of the call it joined if it did.
+        """Send the command until the vehicle has accepted it; return its id, of the call it joined
+        if it did.
 
         Raises RefusedError with the vehicle's reason, or LinkError.
         """
@@ -169,7 +170,7 @@ class EmergencyDesk:
                 raise LinkError("not answered; a cut came after it")  # and must not wait for it
 
     async def _watch(self, press: Press) -> None:
-        """From acceptance to what the status shows."""
+        """Watch a press from acceptance to what the status shows."""
         while press.pending:
             await asyncio.sleep(LOOKS)
             if press.phase != "accepted":
@@ -190,7 +191,9 @@ class EmergencyDesk:
         return press.action == "land" and self._lands(status)
 
     def _lands(self, status: Any) -> bool:
-        """As chosen, or worse: without a pose the vehicle cannot land by one."""
+        """Return whether the vehicle lands as chosen, or worse: without a pose it cannot land by
+        one.
+        """
         if str(status.mode).lower() != "emergency_land":
             return False
         if str(status.control_mode).lower() == "emergency":

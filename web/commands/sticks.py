@@ -83,7 +83,7 @@ class Hand:
         self._last = -math.inf
 
     def take(self, frame: Frame, now: float) -> bool:
-        """Return whether the sticks are on with this frame."""
+        """Take a frame, and return whether the sticks are on with it."""
         silence, self._last = now - self._last, now
         if not frame.held:
             self.on, self.why = False, ""
@@ -99,7 +99,7 @@ class Hand:
         return self.on
 
     def refuse(self, why: str) -> None:
-        """Until the button is released."""
+        """Refuse the sticks until the button is released."""
         self.on, self.why = False, why
 
 
@@ -126,7 +126,7 @@ class StickOutput:
         self._loop = loop
 
     def send(self, hand: object, axes: Axes, requester: str, answered: Answered) -> bool:
-        """Return whether this hand has the sticks now."""
+        """Send, and return whether this hand has the sticks now."""
         now = self._clock()
         if self._owner is not hand and self._owner is not None and now <= self._until:
             return False
@@ -152,7 +152,9 @@ class StickOutput:
             self._publish(_CENTRE, False, let_go)
 
     def answer(self, stamp_ns: int, on: bool, why: str) -> None:
-        """What the station says of a frame; of its last one again when silence dropped it."""
+        """Pass on what the station answers to a frame; to its last one again when silence dropped
+        it.
+        """
         if (answered := self._asked.get(stamp_ns)) is not None:
             answered(on, why)
 

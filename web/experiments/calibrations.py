@@ -38,7 +38,9 @@ def add_calibration(app: FastAPI, parts: Parts) -> None:
 
 
 def proposal_summary(live: Live) -> dict[str, Any] | None:
-    """What the station's experiment proposes; None for nothing, `problem` if it makes no sense."""
+    """Return what the station's experiment proposes; None for nothing, `problem` if it makes no
+    sense.
+    """
     status = live.newest("experiment_status")
     return None if status is None or not status.proposal else _proposal(str(status.proposal))
 
@@ -52,7 +54,7 @@ def _proposal(text: str) -> dict[str, Any]:
 
 
 def fields_of(record: CalibrationRecord) -> dict[str, Any]:
-    """As JSON has them, with whether each figure, and all, are within their limits."""
+    """Return the fields as in JSON, with whether each figure, and all, are within their limits."""
     fields: dict[str, Any] = json.loads(record.model_dump_json())
     for shown, figure in zip(fields["quality"], record.quality, strict=True):
         shown["good"] = figure.good

@@ -57,7 +57,8 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/experiments")
     async def experiments() -> dict[str, Any]:
-        """Each with its options: bounds, choices, unit, description; and how it stands.
+        """Return each experiment with its options: bounds, choices, unit, description; and its
+        status.
 
         `calibration`: which one it proposes; `problem`: why a file of one's own cannot run.
         """
@@ -119,7 +120,9 @@ def _described(answer: Any) -> list[dict[str, Any]]:
 
 
 def experiment_summary(live: Live) -> dict[str, Any] | None:
-    """How the station's experiment stands, for the page; None before the station told."""
+    """Return the state of the station's experiment, for the page; None before the station reported
+    one.
+    """
     status = live.newest("experiment_status")
     if status is None:
         return None

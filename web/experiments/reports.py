@@ -48,8 +48,9 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/report_making")
     def making(run_id: str) -> dict[str, Any]:
-        """How the report asked for last stands: none, waiting, working, ready or failed, with
-        progress 0 to 1 or the reason; and the files there are."""
+        """Return the state of the report asked for last: none, waiting, working, ready or failed,
+        with progress 0 to 1 or the reason; and the files there are.
+        """
         return reports.state(run_id).as_json(catalogue.resolve(run_id))
 
     @app.get("/api/runs/{run_id}/report/{name}")

@@ -42,12 +42,12 @@ class Fleet:
 
     @property
     def lives(self) -> dict[str, Live]:
-        """What came of each vehicle, by name."""
+        """Return what came of each vehicle, by name."""
         return {side.name: side.parts.live for side in self._sides}
 
     @contextlib.contextmanager
     def plotted(self) -> Iterator[None]:
-        """While somebody looks at where they all are."""
+        """Count a viewer while someone looks at where they all are."""
         self._plots += 1
         try:
             yield
@@ -55,7 +55,7 @@ class Fleet:
             self._plots -= 1
 
     def summary(self) -> list[Message]:
-        """How each one stands."""
+        """Return the state of each vehicle."""
         return [_summary(side) for side in self._sides]
 
     def positions(self) -> list[list[float] | None]:

@@ -32,7 +32,7 @@ def add_fleet(app: FastAPI, fleet: Fleet) -> None:
 
     @app.get("/api/fleet")
     async def vehicles() -> list[dict[str, Any]]:
-        """How each vehicle stands; ages in s, null = never."""
+        """Return the state of each vehicle; ages in s, null = never."""
         return fleet.summary()
 
     @app.post("/api/fleet/land")

@@ -81,7 +81,7 @@ class Live:
         self._newest: dict[str, _Newest] = {}
 
     def put(self, topic: str, payload: bytes) -> None:
-        """From any thread."""
+        """Put a message, from any thread."""
         self._newest[topic] = _Newest(payload, self._clock())
 
     def age(self, topic: str) -> float:

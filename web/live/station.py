@@ -121,7 +121,7 @@ class Station:
         return Reply(run_id=str(getattr(response, "run_id", "")))
 
     async def answer(self, service: str, requester: str, **fields: Any) -> Any:
-        """As `command`, with the whole answer."""
+        """Call as `command` does, and return the whole answer."""
         return await self._call(service, requester, **fields)
 
     async def start_behavior(
@@ -184,7 +184,7 @@ class Station:
         return now
 
     def publish_presence(self, labels: Iterable[str]) -> None:
-        """Who has a page open."""
+        """Publish who has a page open."""
         if self._presence is not None:
             self._presence.put(encode(new("quadlab_msgs/Presence", names=list(labels))))
 
@@ -212,7 +212,7 @@ class Station:
         return self._node
 
     def _open(self) -> None:
-        """Until it works: the session, the node, its subscriptions."""
+        """Open session, node and subscriptions, trying again until it works."""
         told = False
         while not self._closing.is_set():
             try:

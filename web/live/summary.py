@@ -37,7 +37,7 @@ class Summary:
         return self._newest
 
     def fresh(self) -> Message:
-        """As of now."""
+        """Return the summary as of now."""
         parts = self._parts
         return {
             **summarize(parts.live),

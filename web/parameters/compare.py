@@ -50,7 +50,7 @@ def compare(mirror: ParameterMirror, values: Mapping[str, Any]) -> dict[str, Any
 
 
 def differing(mirror: ParameterMirror, values: Mapping[str, ParameterValue]) -> int:
-    """How many of these the vehicle does not have."""
+    """Return how many of these values the vehicle does not have."""
     return sum(mirror.value(name) != value for name, value in values.items())
 
 

@@ -78,7 +78,9 @@ class ParameterFollower:
                 self._scene.set_volume(box)
 
     def show_beacons(self) -> None:
-        """Once the station's parameters are known, and whenever one of the emulator's changed."""
+        """Show the beacons once the station's parameters are known, and whenever one of the
+        emulator's changed.
+        """
         names = {name: f"{BEARINGS}{name}" for name in BearingParameters.model_fields}
         values = {name: self._mirror.value(full) for name, full in names.items()}
         values = {name: value for name, value in values.items() if value is not None}

@@ -99,7 +99,9 @@ class ParameterMirror:
             self.revision = max(self.revision, revision)
 
     def told(self, name: str, value: ParameterValue, requester: str, revision: int) -> None:
-        """As `apply`, of a message that authorities send in order: a lower one is of a restart."""
+        """Apply as `apply` does a message that authorities send in order: a lower revision is of a
+        restart.
+        """
         authority = authority_of(name)
         if revision < self._told.get(authority, -1):
             for one in [n for n in self._revisions if authority_of(n) == authority]:
@@ -128,7 +130,7 @@ class ParameterMirror:
         return dict(self._values)
 
     def revision_of(self, name: str) -> int:
-        """At which `name` was applied as far as is known, -1 when that is nothing."""
+        """Return the revision at which `name` was applied, -1 when that is not known."""
         return self._revisions.get(name, -1)
 
     def description(self, name: str) -> ParameterDescription | None:

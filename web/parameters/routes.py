@@ -100,7 +100,7 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/parameters/flight")
     async def flight() -> dict[str, Any]:
-        """What it takes to be back to before the present flight, or the last one."""
+        """Return what it takes to be back to before the present flight, or the last one."""
         last = await run_in_threadpool(parts.history.flight)
         if last is None:
             nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
@@ -139,7 +139,7 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
         openapi_extra={"requestBody": {"required": True, "content": {"application/toml": {}}}},
     )
     async def read(request: Request, _: Operator) -> dict[str, Any]:
-        """What loading this file would change; nothing is changed by it."""
+        """Return what loading this file would change; nothing is changed by it."""
         content = b""
         async for piece in request.stream():
             content += piece
@@ -171,7 +171,7 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/parameters/presets/{preset}")
     async def look(preset: str) -> dict[str, Any]:
-        """What switching to it would change."""
+        """Return what switching to it would change."""
         found = built_in(mirror)
         if preset in found:
             return compare(mirror, found[preset])
@@ -193,13 +193,13 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.delete("/api/parameters/presets/{preset}")
     def delete(preset: str, _: Operator) -> dict[str, bool]:
-        """It can be restored."""
+        """Delete a preset; it can be restored."""
         presets.delete(_number(preset))
         return {"deleted": True}
 
     @app.post("/api/parameters/presets/{preset}/restore")
     def restore(preset: str, _: Operator) -> dict[str, Any]:
-        """What was deleted comes back."""
+        """Restore what was deleted."""
         return _facts(presets.restore(_number(preset)))
 
     def _counts(values: dict[str, ParameterValue]) -> dict[str, int]:

@@ -21,7 +21,7 @@ Call = Callable[[Values, str], Awaitable[tuple[dict[str, ParameterValue], int]]]
 
 
 def steps_between(mirror: ParameterMirror, values: Values) -> int:
-    """From the present values to these in flight; at least 1."""
+    """Return the number of steps from the present values to these in flight; at least 1."""
     counts = [1]
     for name, value in values.items():
         step, present = _step(mirror, name), mirror.value(name)
@@ -32,7 +32,7 @@ def steps_between(mirror: ParameterMirror, values: Values) -> int:
 
 
 def step_towards(mirror: ParameterMirror, name: str, value: ParameterValue) -> ParameterValue:
-    """As far as one step in flight goes from the present value."""
+    """Return the value as far as one step in flight goes from the present one."""
     step, present = _step(mirror, name), mirror.value(name)
     if step is None or present is None:
         return value
@@ -43,7 +43,7 @@ def step_towards(mirror: ParameterMirror, name: str, value: ParameterValue) -> P
 async def walk(
     mirror: ParameterMirror, call: Call, values: Values, requester: str, pause: float
 ) -> tuple[dict[str, ParameterValue], int]:
-    """What was applied in the end, and its revision.
+    """Change values step by step; return what was applied in the end, and its revision.
 
     When a step is refused it goes back the way it came.
 

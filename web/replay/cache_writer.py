@@ -36,7 +36,7 @@ class Arrays:
         self._file = file
 
     def add(self, values: npt.NDArray[Any]) -> int:
-        """Where it begins."""
+        """Write an array and return where it begins."""
         place = self._file.tell()
         place += -place % 8
         self._file.seek(place)
@@ -168,7 +168,7 @@ class CacheWriter:
                 self._fresh[topic, name] = values.astype(np.float32)
 
     def _store(self, topic: str, name: str) -> dict[str, Any]:
-        """Where a column and its levels are; or its one value."""
+        """Store a column; return where it and its levels are, or its one value."""
         made = self._fresh.pop((topic, name), None)
         if made is None:
             constant = self._spools[topic].columns[name].constant
@@ -265,7 +265,9 @@ class CacheWriter:
 
 
 def _namespace(spools: dict[str, TopicSpool]) -> str:
-    """Of the vehicle whose run it is: where the state is, else most of the messages."""
+    """Return the namespace of the vehicle whose run it is: where the state is, else most of the
+    messages.
+    """
     counts: dict[str, int] = {}
     for topic, spool in spools.items():
         space, _, name = topic.rpartition("/")

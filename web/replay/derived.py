@@ -76,7 +76,7 @@ def to_truth(
 
 
 def at(times: Array, source_times: Array, values: npt.NDArray[np.floating]) -> Array:
-    """Between the samples of `values`, linearly; NaN outside of them."""
+    """Interpolate linearly between the samples of `values`; NaN outside of them."""
     if len(source_times) == 0:
         return np.full(len(times), np.nan)
     if len(times) == len(source_times) and np.array_equal(times, source_times):

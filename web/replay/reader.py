@@ -45,7 +45,7 @@ class _Base:
         return self._replay.read(self._place + 8 * first, last - first, np.float64)
 
     def before(self, t: float) -> int:
-        """How many times are at or before t."""
+        """Return how many times are at or before t."""
         block = int(np.searchsorted(self._every, t, side="right")) - 1
         if block < 0:
             return 0
@@ -79,7 +79,7 @@ class Replay:
         return self.folder / TRACK
 
     def described(self) -> dict[str, Any]:
-        """For the page: everything but the places in the file."""
+        """Return the description for the page: everything but the places in the file."""
         left_out = {"bases", "topics", "signals", "version"}
         fields = {name: value for name, value in self.index.items() if name not in left_out}
         inner = ("column", "factor")

@@ -34,7 +34,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
     data = catalogue.folder.parent
 
     def onboard_logs() -> dict[str, Path]:
-        """By id."""
+        """Return the onboard logs by id."""
         found = {}
         for pattern, wheres in (
             ("onboard", "onboard"),

@@ -121,7 +121,7 @@ def _recorded(signal: Signal, topic: str, column: str, factor: float) -> Recorde
 
 
 def as_json(signal: Recorded, constant: float | None) -> dict[str, Any]:
-    """For the page; `constant`: the only value it has."""
+    """Return the signal for the page; `constant`: the only value it has."""
     fields: dict[str, Any] = {
         "name": signal.name,
         "label": signal.label,

@@ -33,7 +33,7 @@ Moment = dict[str, Any]
 def lines_of(
     spool: TopicSpool, times: Times, order: npt.NDArray[np.int64] | None
 ) -> list[dict[str, Any]]:
-    """Each message of one of WHOLE with its time t, its words, who and its other fields.
+    """Return each message of one of WHOLE with its time t, its words, who and its other fields.
 
     Of one instant they stay as they were logged: a mark's later text has the mark's own stamp.
 
@@ -98,7 +98,7 @@ def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
 
 
 def rises(times: Times, values: npt.NDArray[np.float32]) -> list[float]:
-    """When a flag went from no to yes; at the beginning when it was yes from there on."""
+    """Return when a flag went from no to yes; at the beginning when it was yes from there on."""
     on = values > 0.5
     before = np.concatenate([[False], on[:-1]])
     return [round(float(t), 4) for t in times[on & ~before]]
@@ -110,7 +110,7 @@ def moments(
     marks: list[dict[str, Any]],
     behaviors: list[dict[str, Any]],
 ) -> list[Moment]:
-    """What two runs can be aligned at: kind, label, t (s)."""
+    """Return what two runs can be aligned at: kind, label, t (s)."""
     found: list[Moment] = [{"kind": "start", "label": "start of recording", "t": 0.0}]
     found += _numbered("arming", "arming", armed)
     found += _numbered("take_off", "take-off", airborne)

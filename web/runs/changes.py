@@ -11,5 +11,5 @@ if TYPE_CHECKING:
 
 
 def tell_changed(hub: EventHub, run_ids: Iterable[str]) -> None:
-    """From any thread; pages ask again for what they show."""
+    """Notify the pages, from any thread; they ask again for what they show."""
     hub.publish_from_thread({"type": "runs", "runs": list(run_ids)})

@@ -72,7 +72,7 @@ class ViserExports:
 
 
 def _finish(log: Path, file: Path, export: Export, reason: str) -> str:
-    """Nothing half stays."""
+    """Finish an export so that no partial file stays."""
     if not log.exists():
         file.unlink(missing_ok=True)
         return "the run was deleted meanwhile"

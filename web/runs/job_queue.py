@@ -66,7 +66,7 @@ class Workshop:
     def put(
         self, work: Work, arguments: Sequence[str], finish: Callable[[str], str] = lambda why: why
     ) -> None:
-        """It follows those that wait; `work` is told how it stands.
+        """Queue work behind that which waits; its state is written into `work`.
 
         Args:
             finish: called in the workshop's thread behind the process, with the reason it failed
@@ -106,7 +106,7 @@ class Workshop:
                 work.progress, work.name = 1.0, "ready"
 
     def _work(self, work: Work, arguments: Sequence[str]) -> str:
-        """Why it failed; nothing when it did not."""
+        """Do the work and return why it failed; "" when it did not."""
         path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
         work.name = "working"
         with self._lock:

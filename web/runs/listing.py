@@ -19,8 +19,9 @@ from quadrotor.errors import StorageError
 
 
 def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, Any]]:
-    """Of each run: its row, tags, number of marks, who wrote the notes, verdict of its report,
-    and how it compares with the vehicle's own log (null: not at all)."""
+    """Return for each run its row, tags, number of marks, who wrote the notes, verdict of its
+    report, and how it compares with the vehicle's own log (null: not at all).
+    """
     ids = [entry.id for entry in entries]
     tags, notes = tags_of(catalogue, ids), newest_notes(catalogue, ids)
     marks = mark_counts(catalogue, ids)
@@ -40,7 +41,7 @@ def lines(catalogue: Catalogue, entries: Sequence[RunEntry]) -> list[dict[str, A
 
 
 def about(note: Note | None) -> dict[str, Any]:
-    """Who wrote the notes and when (s, epoch); version 0: nobody yet."""
+    """Return who wrote the notes and when (s, epoch); version 0: no one yet."""
     if note is None:
         return {"version": 0, "author": "", "stamp": None}
     stamp = note.stamp_ns * 1e-9 if note.stamp_ns else None

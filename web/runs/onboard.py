@@ -55,7 +55,7 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/onboard/{name}/cancel")
     async def cancel(name: Name, session: Operator) -> dict[str, bool]:
-        """What came of it is thrown away."""
+        """Cancel a transfer; what came of it is thrown away."""
         return await _transfer("cancel", name, session.label)
 
     @app.post("/api/runs/{run_id}/backfill")
@@ -86,7 +86,9 @@ def copy_of(folder: Path, vehicle: str, name: str, size: int) -> str | None:
 
 
 def transfers_summary(live: Live) -> list[dict[str, Any]]:
-    """What the station fetches from the vehicle, as quadlab_msgs/Transfer; sizes in bytes."""
+    """Return what the station fetches from the vehicle, as quadlab_msgs/Transfer; sizes in
+    bytes.
+    """
     message = live.current("transfers")
     if message is None:
         return []

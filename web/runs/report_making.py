@@ -23,7 +23,7 @@ class Making(Work):
     """How a report that was asked for stands."""
 
     def as_json(self, log: Path) -> dict[str, Any]:
-        """With the names of the files there are."""
+        """Return the fields with the names of the files there are."""
         return {
             "state": self.name,
             "progress": round(self.progress, 3),
@@ -67,7 +67,7 @@ class ReportMaking:
             return making
 
     def state(self, run_id: str) -> Making:
-        """Of the newest one asked for; `none` if nobody did since the start."""
+        """Return the state of the newest report asked for; `none` if none was since the start."""
         return self._asked.get(run_id) or Making("none")
 
     def stop(self) -> None:
@@ -76,7 +76,7 @@ class ReportMaking:
 
 
 def files_of(log: Path) -> list[str]:
-    """Names of what lies in the report's folder, documents first."""
+    """Return the names of what lies in the report's folder, documents first."""
     first = (".html", ".pdf", ".png")
     folder = report_folder(log)
     try:

@@ -126,7 +126,7 @@ def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/marks")
     def marks(run_id: str) -> list[dict[str, Any]]:
-        """In the order of time; `time` in s since the start of the run."""
+        """Return the marks in the order of time; `time` in s since the start of the run."""
         return [asdict(mark) for mark in marks_of(catalogue, run_id)]
 
     @app.post("/api/marks")

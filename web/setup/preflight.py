@@ -29,7 +29,7 @@ def _listed(check: Check) -> dict[str, str]:
 
 
 def check_fields(check: Check) -> dict[str, str]:
-    """As the page takes it."""
+    """Return a check as the page takes it."""
     return {
         "name": check.name,
         "place": check.place,

@@ -39,7 +39,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/setup/people")
     async def signed_in() -> list[dict[str, Any]]:
-        """Who has a browser signed in; `last_seen` in s, epoch."""
+        """Return who has a browser signed in; `last_seen` in s, epoch."""
         return [
             {
                 "name": one.label,
@@ -67,8 +67,9 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/setup/checks")
     async def checks() -> dict[str, Any]:
-        """What was found last by station and vehicle (`checked`: when, s, epoch, null = not yet),
-        and what the page finds now."""
+        """Return what was found last by station and vehicle (`checked`: when, s, epoch, null = not
+        yet), and what the page finds now.
+        """
         return await found("page", again=False)
 
     @app.post("/api/setup/checks")

@@ -62,7 +62,7 @@ def snapshot(live: Live, wanted: Set[str] | None = None) -> list[float]:
 
 
 def describe() -> dict[str, Any]:
-    """What the page needs to list and label the signals."""
+    """Return what the page needs to list and label the signals."""
     return {
         "signals": [asdict(signal) for signal in SIGNALS],
         "named": NAMED,

@@ -52,7 +52,7 @@ def _bound(of: str, unit: str) -> Signal:
 
 
 def _results() -> tuple[Source, ...]:
-    """Everything else that is said of an estimator, one source each."""
+    """Return the sources of everything else that is published of an estimator, one each."""
     plain = leaves(_RESULT, covered=("position_error", "attitude_error"))
 
     def source(name: str) -> Source:

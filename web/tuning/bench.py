@@ -65,7 +65,7 @@ class TuningBench:
         return self._starting or (self._task is not None and not self._task.done())
 
     def gains(self) -> dict[str, ParameterValue]:
-        """Those in force, as the vehicle confirmed them."""
+        """Return the gains in force, as the vehicle confirmed them."""
         return {
             name: value for name, value in self._mirror.values().items() if name.startswith(GAINS)
         }
@@ -166,7 +166,7 @@ class TuningBench:
         return collection.result()
 
     def kept_changed(self) -> None:
-        """From any thread: all pages read the list again."""
+        """Notify all pages, from any thread, to read the list again."""
         self._hub.publish_from_thread({"type": "tuning", "status": self.status, "runs": True})
 
     def _tell(self, phase: str, text: str, share: float, kept: str = "") -> None:

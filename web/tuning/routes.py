@@ -42,7 +42,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/tuning")
     def tuning() -> dict[str, Any]:
-        """How a test stands, the last ones newest first, and what may be asked for."""
+        """Return the state of a test, the last ones newest first, and what may be asked for."""
         return {
             "status": bench.status,
             "axes": AXES,
@@ -54,7 +54,9 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/tuning/run")
     async def run(body: TestBody, session: Operator) -> dict[str, bool]:
-        """From hover. Accepted when the vehicle has begun; the rest is told as `tuning`."""
+        """Run a test from hover. Returns when the vehicle has begun; the rest is published as
+        `tuning`.
+        """
         await bench.start(Plan(**body.model_dump()), session.label)
         return {"accepted": True}
 

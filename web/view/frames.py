@@ -26,7 +26,9 @@ _viser_producer = _infra._message_producer
 
 
 def share_frames() -> None:
-    """For every viser server of this process: viser looks its producer up for each new client."""
+    """Share frames in every viser server of this process: viser looks its producer up for each new
+    client.
+    """
     _infra._message_producer = _produce
 
 

@@ -119,7 +119,7 @@ class Upstream:
 
 
 def eye_of(position: object) -> Point | None:
-    """Where a camera message puts the camera, m, world; None when it says nothing sound."""
+    """Return where a camera message puts the camera, m, world; None when it is not sound."""
     try:
         x, y, z = msgspec.convert(position, Point)
     except msgspec.ValidationError:

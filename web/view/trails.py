@@ -115,7 +115,8 @@ class TrailRing:
 
 
 def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
-    """What to give a viser line so that it looks like this sRGB colour: lines come out brighter.
+    """Return the colour to give a viser line so that it looks like this sRGB colour: lines come out
+    brighter.
 
     The exponent was found by eye beside the page's own colours.
     """

@@ -88,7 +88,7 @@ def descend(p: Item, registers: Registers, dt: float) -> None:
 
 @compiled(inner=True)
 def begin_descent(p: Item) -> None:
-    """From what the vehicle does now; a vehicle that stands has landed already."""
+    """Begin a descent from the present motion; a vehicle on the ground has landed already."""
     p.landing, p.landed, p.carried = 1, 0, 0.0
     p.lift, p.sink = p.thrust, -p.climb
     p.angle_integral[0] = p.angle_integral[1] = 0.0

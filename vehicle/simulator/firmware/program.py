@@ -112,7 +112,9 @@ def _rate(registers: Registers, axis: int) -> float:
 
 @compiled(inner=True)
 def _show(p: Item, registers: Registers) -> None:
-    """What the estimates are, where they can be asked for; units in vehicle_link.serial.values."""
+    """Write the estimates into the registers where they can be asked for; units in
+    vehicle_link.serial.values.
+    """
     roll, pitch, _ = angles(p)
     registers[_ROLL] = _count(10.0 * _DEGREES * roll)
     registers[_PITCH] = _count(10.0 * _DEGREES * pitch)

@@ -35,7 +35,7 @@ class Statistics:
         self._packet_ms = ms
 
     def steps(self, ms: int, count: int, step_ms: int) -> None:
-        """So many periods of estimation and control, `step_ms` each at most."""
+        """Count so many periods of estimation and control, `step_ms` each at most."""
         self._steps += count
         self._longest_step = max(self._longest_step, step_ms)
         if ms - self._began_ms >= SECOND_MS:
