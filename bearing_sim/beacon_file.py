@@ -21,7 +21,7 @@ _HEADER = re.compile(r"(\w+)\s*(?:[\[(]\s*([^\])]*?)\s*[\])])?")
 
 
 def load_beacons(path: str | Path) -> Beacons:
-    """The beacons of a CSV file.
+    """Return the beacons of a CSV file.
 
     Raises StorageError when it cannot be read; MeasurementError naming line and column when it is
     not such a file, and DegenerateGeometryError as `Beacons`.
@@ -38,7 +38,7 @@ def load_beacons(path: str | Path) -> Beacons:
 
 
 def read_beacons(data: bytes, name: str | Path) -> Beacons:
-    """The beacons in the bytes of such a file; `name` is what its refusals call it.
+    """Return the beacons in the bytes of such a file; `name` is what its refusals call it.
 
     Raises MeasurementError and DegenerateGeometryError, as `load_beacons`.
     """
@@ -104,7 +104,7 @@ class _Reader:
         return text.replace("\r\n", "\n").replace("\r", "\n")
 
     def _cells(self, number: int, line: str) -> list[tuple[int, str]]:
-        """(column at which it begins, text) of the four of a line."""
+        """Return (column at which it begins, text) of the four of a line."""
         cells, at = [], 0
         for part in line.split(","):
             cells.append((at + 1 + len(part) - len(part.lstrip()), part.strip()))

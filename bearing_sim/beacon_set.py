@@ -57,7 +57,7 @@ class Beacons:
             object.__setattr__(self, name, array)
 
     def moved(self, id: int, position_w: npt.ArrayLike) -> Beacons:
-        """The set with one beacon elsewhere: (3,) m. Raises as the constructor does."""
+        """Return the set with one beacon elsewhere: (3,) m. Raises as the constructor does."""
         places = self.positions_w.copy()
         try:
             places[self._index(id)] = np.asarray(position_w, dtype=float).reshape(3)
@@ -149,7 +149,9 @@ def _checked_positions(positions_w: npt.ArrayLike, ids: npt.NDArray[np.int32]) -
 
 
 def _plane(places: Array) -> tuple[Array, Array]:
-    """Centre and unit normal of the nearest plane. Raises DegenerateGeometryError when none is."""
+    """Return centre and unit normal of the nearest plane. Raises DegenerateGeometryError when none
+    is.
+    """
     center = places.mean(axis=0)
     from_center = places - center
     _, singular, axes = np.linalg.svd(from_center, full_matrices=False)

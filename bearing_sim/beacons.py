@@ -29,7 +29,7 @@ def _square(half: float, height: float) -> Beacons:
 
 
 def _circle(count: int, radius: float, height: float) -> Beacons:
-    """Evenly, positions to the millimetre."""
+    """Return beacons spaced evenly on a circle, positions to the millimetre."""
     angles = [math.pi / count + 2.0 * math.pi * k / count for k in range(count)]
     places = [
         (round(radius * math.cos(a), 3), round(radius * math.sin(a), 3), height) for a in angles
@@ -53,7 +53,7 @@ PRESETS: dict[str, Beacons] = {
 
 
 def parse_layout(text: str) -> Beacons:
-    """The set that one line of text describes: a preset's name or `id x y z; …` in m.
+    """Return the set that one line of text describes: a preset's name or `id x y z; …` in m.
 
     Raises MeasurementError, DegenerateGeometryError.
     """
@@ -77,7 +77,9 @@ def parse_layout(text: str) -> Beacons:
 
 
 def format_layout(beacons: Beacons) -> str:
-    """One line that `parse_layout` reads back as the same set: a preset's name when it is one."""
+    """Return one line that `parse_layout` reads back as the same set: a preset's name when it is
+    one.
+    """
     for name, preset in PRESETS.items():
         if beacons == preset:
             return name
@@ -88,7 +90,7 @@ def format_layout(beacons: Beacons) -> str:
 
 
 def _beacon(number: int, part: str) -> tuple[int, float, float, float]:
-    """One `id x y z`; commas may separate too."""
+    """Return one `id x y z`; commas may separate too."""
     words = part.replace(",", " ").split()
     try:
         id, x, y, z = words

@@ -157,7 +157,7 @@ class BearingParameters(Parameters):
 
 
 def parse_lost(text: str) -> frozenset[int] | None:
-    """The ids in a text like `1 3` or `1, 3`; None for `all`. Raises OutOfBoundsError."""
+    """Return the ids in a text like `1 3` or `1, 3`; None for `all`. Raises OutOfBoundsError."""
     words = text.replace(",", " ").split()
     if words == [EVERY_BEACON]:
         return None

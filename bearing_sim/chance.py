@@ -25,7 +25,7 @@ class Draws:
         self._state = state
 
     def uniform(self) -> float:
-        """The next one, in (0, 1]."""
+        """Return the next one, in (0, 1]."""
         self._state = self._state + _STEP & _ALL
         return ((_mixed(self._state) >> 11) + 1) * _UNIT
 
@@ -37,7 +37,7 @@ def _mixed(z: int) -> int:
 
 
 def pair(draws: Draws, degrees_of_freedom: float) -> tuple[float, float]:
-    """Two numbers of unit standard deviation, isotropic in their plane.
+    """Return two numbers of unit standard deviation, isotropic in their plane.
 
     Independent N(0, 1) when `degrees_of_freedom` is infinite (Box and Muller, 1958). Otherwise,
     above 2, the bivariate Student t scaled to unit variance: each number is

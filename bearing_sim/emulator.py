@@ -156,7 +156,7 @@ class BearingEmulator:
 
 
 def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
-    """The ids as they are told: in `swap` of the frames, two of them exchanged."""
+    """Return the ids as they are reported: in `swap` of the frames, two of them are exchanged."""
     swapped, first, second = (1.0 - draws.uniform() for _ in range(3))
     if swapped < swap:
         one = int(first * len(ids))
@@ -166,7 +166,7 @@ def _identities(ids: list[int], swap: float, draws: Draws) -> list[int]:
 
 
 def _axis_of(p: BearingParameters) -> Triple:
-    """The sensor's axis in body axes: -z of axes turned by roll, pitch and yaw (ZYX)."""
+    """Return the sensor's axis in body axes: -z of axes turned by roll, pitch and yaw (ZYX)."""
     if p.mount_roll == p.mount_pitch == p.mount_yaw == 0.0:
         return 0.0, 0.0, -1.0
     roll, pitch, yaw = (math.radians(a) for a in (p.mount_roll, p.mount_pitch, p.mount_yaw))
@@ -179,14 +179,14 @@ def _axis_of(p: BearingParameters) -> Triple:
 
 
 def _bias_of(p: BearingParameters) -> tuple[Triple, Triple, Triple] | None:
-    """The rows of the constant rotation of all bearings, None for no bias."""
+    """Return the rows of the constant rotation of all bearings, None for no bias."""
     if p.bias_x == p.bias_y == p.bias_z == 0.0:
         return None
     return _turn_of((p.bias_x, p.bias_y, p.bias_z))
 
 
 def _turn_of(vector_deg: Triple) -> tuple[Triple, Triple, Triple]:
-    """The rows of the rotation by a vector, deg."""
+    """Return the rows of the rotation by a vector, deg."""
     x, y, z = (math.radians(a) for a in vector_deg)
     return rows_of(quaternion_of(x, y, z))
 
@@ -200,7 +200,7 @@ def _product(rows: tuple[Triple, Triple, Triple], v: Triple) -> Triple:
 
 
 def perturbed(bearing: Triple, along: float, across: float) -> Triple:
-    """A unit vector moved on the sphere by two angles (rad), along two tangent axes."""
+    """Return a unit vector moved on the sphere by two angles (rad), along two tangent axes."""
     x, y, z = bearing
     # Two tangents without a square root, well conditioned everywhere (Duff et al., JCGT 2017).
     sign = math.copysign(1.0, z)

@@ -95,7 +95,8 @@ def frame_bound(
     beacon_positions_w: npt.ArrayLike,
     sigma: float,
 ) -> tuple[float, float]:
-    """Cramer-Rao bound of one frame: rms lengths of the errors of position (m) and attitude (rad).
+    """Return Cramer-Rao bound of one frame: rms lengths of the errors of position (m) and attitude
+    (rad).
 
     NaN for both when fewer than 4 beacons are given, or when they do not determine the pose.
 
@@ -122,7 +123,7 @@ def bound_map(
     sight: Sight | None = None,
     spacing: float = 0.1,
 ) -> BoundMap:
-    """The position bound of one frame at level attitude, yaw 0, over a horizontal slice.
+    """Return the position bound of one frame at level attitude, yaw 0, over a horizontal slice.
 
     Args:
         sigma: rad on each of two tangent axes. x_limits, y_limits, height: m, world.
@@ -156,7 +157,8 @@ def _middles(low: float, high: float, spacing: float) -> Array:
 
 
 def _variances(ray: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Traces of the bounds for sigma 1, (K,) m^2 and rad^2; NaN where the pose is not determined.
+    """Return traces of the bounds for sigma 1, (K,) m^2 and rad^2; NaN where the pose is not
+    determined.
 
     Args:
         ray: (3, K, N) m, from K points to N beacons. seen: (K, N).
@@ -178,7 +180,7 @@ def _variances(ray: Array, seen: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
 
 
 def _less_outer(whole: Array, v: Array) -> Symmetric:
-    """whole I - sum v v^T over the last axis of v (3, K, N)."""
+    """Return whole I - sum v v^T over the last axis of v (3, K, N)."""
     x, y, z = v
     xx, yy, zz, xy, xz, yz = (
         np.einsum("kn,kn->k", a, b) for a, b in ((x, x), (y, y), (z, z), (x, y), (x, z), (y, z))
@@ -187,7 +189,7 @@ def _less_outer(whole: Array, v: Array) -> Symmetric:
 
 
 def _schur(A: Symmetric, s: Array, D: Symmetric) -> Symmetric:
-    """A - [s] D^-1 [s]^T, with [s] the matrix of the cross product; s is (3, K)."""
+    """Return a - [s] D^-1 [s]^T, with [s] the matrix of the cross product; s is (3, K)."""
     det, (xx, yy, zz, xy, xz, yz) = _adjugate(D)
     x, y, z = s
     return (
@@ -201,7 +203,7 @@ def _schur(A: Symmetric, s: Array, D: Symmetric) -> Symmetric:
 
 
 def _adjugate(m: Symmetric) -> tuple[Array, Symmetric]:
-    """Determinant, and the inverse times it."""
+    """Return determinant, and the inverse times it."""
     xx, yy, zz, xy, xz, yz = m
     adjugate = (
         yy * zz - yz * yz,
@@ -215,7 +217,9 @@ def _adjugate(m: Symmetric) -> tuple[Array, Symmetric]:
 
 
 def _trace_of_inverse(m: Symmetric, whole: Symmetric) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """The trace, and whether there is an inverse; `whole` is what m was before its subtraction."""
+    """Return the trace, and whether there is an inverse; `whole` is what m was before its
+    subtraction.
+    """
     det, (xx, yy, zz, *_) = _adjugate(m)
     trace = m[0] + m[1] + m[2]
     least = np.minimum(np.minimum(m[0], m[1]), m[2])

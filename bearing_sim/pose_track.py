@@ -34,12 +34,12 @@ class PoseTrack:
         self._curvature: Triple | None = None  # second divided difference of position, m/ns²
 
     def went_back(self, stamp_ns: int) -> bool:
-        """True when the source has begun anew: simulator restarted, log rewound."""
+        """Return True when the source has begun anew: simulator restarted, log rewound."""
         return self._newest is not None and stamp_ns < self._newest.stamp_ns - GAP_NS
 
     def add(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> int | None:
-        """The stamp after which, up to `stamp_ns`, instants can now be asked for; None for a pose
-        that is not newer than the newest, which is passed over.
+        """Return the stamp after which, up to `stamp_ns`, instants can now be asked for; None for a
+        pose that is not newer than the newest, which is passed over.
         """
         newest = self._newest
         if newest is not None and stamp_ns <= newest.stamp_ns:
@@ -55,7 +55,7 @@ class PoseTrack:
         return newest.stamp_ns if joined and newest else stamp_ns - 1
 
     def at(self, instant_ns: int) -> Pose:
-        """The pose at an instant that `add` has allowed."""
+        """Return the pose at an instant that `add` has allowed."""
         before, newest = self._before, self._newest
         assert newest is not None
         if before is None or instant_ns == newest.stamp_ns:
@@ -79,7 +79,9 @@ class PoseTrack:
 
 
 def _curvature(first: Pose, second: Pose, third: Pose) -> Triple | None:
-    """None when the first spacing is so short that noise of the poses would be blown up."""
+    """Return the curvature; None when the first spacing is so short that noise of the poses would
+    be blown up.
+    """
     early, late = second.stamp_ns - first.stamp_ns, third.stamp_ns - second.stamp_ns
     if 4 * early < late:
         return None

@@ -16,7 +16,7 @@ Quadruple = tuple[float, float, float, float]
 
 
 def rows_of(q: Quadruple) -> tuple[Triple, Triple, Triple]:
-    """The rows of R_wb of a unit quaternion."""
+    """Return the rows of R_wb of a unit quaternion."""
     w, x, y, z = q
     return (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -26,20 +26,20 @@ def rows_of(q: Quadruple) -> tuple[Triple, Triple, Triple]:
 
 
 def matrix_of(q: Array) -> Array:
-    """R_wb of a unit quaternion, shape (3, 3)."""
+    """Return R_wb of a unit quaternion, shape (3, 3)."""
     w, x, y, z = q.tolist()
     return np.array(rows_of((w, x, y, z)))
 
 
 def quaternion_of(x: float, y: float, z: float) -> Quadruple:
-    """The unit quaternion of a rotation vector, rad."""
+    """Return the unit quaternion of a rotation vector, rad."""
     half = 0.5 * math.sqrt(x * x + y * y + z * z)
     share = 0.5 * math.sin(half) / half if half > 1e-8 else 0.5
     return math.cos(half), share * x, share * y, share * z
 
 
 def turned(q: Array, rotation_vector_b: Sequence[float]) -> Array:
-    """q ⊗ exp(rotation vector), shape (4,): turned by that vector (rad) about body axes."""
+    """Return q ⊗ exp(rotation vector), shape (4,): turned by that vector (rad) about body axes."""
     # Plain floats: on four numbers, numpy's calls cost more than the arithmetic.
     pw, px, py, pz = quaternion_of(*rotation_vector_b)
     w, x, y, z = q.tolist()

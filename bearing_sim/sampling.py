@@ -24,7 +24,7 @@ class SampleGrid:
         self._last_ns = 0
 
     def takes(self, stamp_ns: int, rate: float) -> bool:
-        """True when the observation at `stamp_ns` is a sample of a sensor of `rate` Hz."""
+        """Return True when the observation at `stamp_ns` is a sample of a sensor of `rate` Hz."""
         period = SECOND_NS / rate
         went_back = stamp_ns < self._last_ns - period
         self._last_ns = stamp_ns

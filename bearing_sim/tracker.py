@@ -110,7 +110,7 @@ class SimulatedTracker:
 
 
 def _direction(draws: Draws) -> Triple:
-    """A unit vector, uniform over the sphere."""
+    """Return a unit vector, uniform over the sphere."""
     z, angle = 2.0 * draws.uniform() - 1.0, 2.0 * math.pi * draws.uniform()
     across = math.sqrt(max(0.0, 1.0 - z * z))
     return across * math.cos(angle), across * math.sin(angle), z

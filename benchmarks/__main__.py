@@ -130,7 +130,7 @@ def write(
 
 
 def draw(plot: dict[str, Any], path: Path) -> bool:
-    """One scatter of accuracy over time, or one figure a method; False without matplotlib.
+    """Return one scatter of accuracy over time, or one figure a method; False without matplotlib.
 
     Args:
         plot: kind "scatter" (x, y, labels), or "figures" (values, labels); x_label, y_label, and

@@ -29,7 +29,7 @@ class Timing:
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Fastest and slowest round, s."""
+        """Return fastest and slowest round, s."""
         return min(self.rounds), max(self.rounds)
 
     def over(self, other: Timing) -> float:
@@ -40,8 +40,9 @@ class Timing:
 def time_in_turns(
     methods: Mapping[str, tuple[Callable[[], object], int]], rounds: int = 9
 ) -> dict[str, Timing]:
-    """Times each `(function, calls a round)`; a function that does the work of many is given as
-    (function, 1) and its figure divided by the caller."""
+    """Time each `(function, calls a round)`; a function that does the work of many is given as
+    (function, 1) and its figure divided by the caller.
+    """
     for function, _ in methods.values():
         function()  # compile, fill caches
     found: dict[str, list[float]] = {name: [] for name in methods}

@@ -253,7 +253,9 @@ class BaseStation:
             thread.start()
 
     def _taken_up(self, kept: Mapping[str, ParameterValue]) -> str:
-        """Values of before the start, which another version may have written; why not, or ""."""
+        """Take up values of before the start, which another version may have written; return why
+        not, or "".
+        """
         try:
             self._store.preset(kept)
         except ParameterError as error:

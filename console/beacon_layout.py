@@ -46,7 +46,9 @@ Tell = Callable[[str, str], None]
 
 
 def vehicle_teller(node: Node) -> Tell:
-    """Through the vehicle's command service, which logs who asked."""
+    """Return a function that sets a layout through the vehicle's command service, which logs who
+    asked.
+    """
     client = node.client(SERVICE, SERVICES[SERVICE])
 
     def tell(text: str, requester: str) -> None:

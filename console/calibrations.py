@@ -93,7 +93,9 @@ class Calibrations:
 
     # ------------------------------------------------------------------ read
     def read(self) -> tuple[CalibrationRecord, ...]:
-        """The vehicle's history, newest first. Raises LinkError; what was known is forgotten."""
+        """Return the vehicle's history, newest first. Raises LinkError; what was known is
+        forgotten.
+        """
         with self._lock:
             self._due = float("inf")  # a change from now on is not in the answer
         try:
@@ -118,7 +120,7 @@ class Calibrations:
         return None if records is None else {record.name: record for record in records[IN_FORCE]}
 
     def attachment(self) -> bytes:
-        """calibrations.json of a run. Never waits."""
+        """Return calibrations.json of a run. Never waits."""
         known = self.in_force()
         with self._lock:
             problem = "" if known is not None else f"unknown: {self._problem}"

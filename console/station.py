@@ -34,7 +34,7 @@ def run_station(
     settings: Mapping[str, ParameterValue] | None = None,
     database_url: str | None = None,
 ) -> int:
-    """Runs until SIGINT or SIGTERM, then closes the runs' files and returns 0.
+    """Run until SIGINT or SIGTERM, then closes the runs' files and returns 0.
 
     Args:
         data: data folder: `runs/`, the catalogue, `certificates/`.

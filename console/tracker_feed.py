@@ -71,17 +71,19 @@ class TrackerFeed:
 
     @property
     def rate(self) -> float:
-        """Poses sent in the last second, Hz."""
+        """Return the poses sent in the last second, Hz."""
         return self._recent(self._sent)
 
     @property
     def bearings_rate(self) -> float:
-        """Frames of bearings sent in the last second, Hz."""
+        """Return the frames of bearings sent in the last second, Hz."""
         return self._recent(self._frames)
 
     @property
     def silence(self) -> float | None:
-        """s since the last truth, None before the first (no simulator, no tracking system)."""
+        """Return the seconds since the last truth, None before the first (no simulator, no tracking
+        system).
+        """
         return None if self._heard is None else self._clock() - self._heard
 
     def close(self) -> None:

@@ -11,7 +11,9 @@ from quadrotor.vehicle_model import GRAVITY, Four, thrusts_of_wrench
 
 @compiled(inner=True)
 def _largest_share(rest: float, low: float, high: float) -> float:
-    """Largest share, 0..1, of `rest` (N) within low <= 0 <= high; 0 for what is not finite."""
+    """Return largest share, 0..1, of `rest` (N) within low <= 0 <= high; 0 for what is not
+    finite.
+    """
     if rest > high:
         return high / rest if rest < math.inf else 0.0
     if rest < low:
@@ -27,7 +29,7 @@ def _thrust(gravity: float, scaling: float, rest: float, low: float, high: float
 
 @compiled(inner=True)
 def allocate(wrench: Four, model: Item) -> tuple[Four, float]:
-    """Feasible thrusts (N, motors front, left, rear, right) and the scaling lambda, 0..1.
+    """Return feasible thrusts (N, motors front, left, rear, right) and the scaling lambda, 0..1.
 
     The paper's problem in one variable has the closed form
     lambda = min(1, (f_max - f_g) / f_r where f_r > 0, (f_min - f_g) / f_r where f_r < 0)

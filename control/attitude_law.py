@@ -20,7 +20,7 @@ from quadrotor.vectors import (
 
 @compiled(inner=True)
 def attitude_error(axes: Axes, desired: Axes) -> Vector:
-    """e_R = ½ (Rᵀ R_d - R_dᵀ R)^v, rad for small errors, about body axes.
+    """Return e_R = ½ (Rᵀ R_d - R_dᵀ R)^v, rad for small errors, about body axes.
 
     Args: columns of R_wb and of R_d.
     """
@@ -43,7 +43,7 @@ def attitude_torque(
     gains: Item,
     J: Vector,
 ) -> Vector:
-    """Torque (N m, body axes) of eq. 5; signs as printed.
+    """Return torque (N m, body axes) of eq. 5; signs as printed.
 
     The feed-forward carries the desired rates from axes of R_d to body axes with E = Rᵀ R_d.
     Gains are per unit inertia; K_f is the integral gain.

@@ -38,7 +38,7 @@ CONTROL_MEMORY = np.dtype(
 
 
 def new_control_memory(size: int = 1) -> Record:
-    """Empty integrals and a level desired attitude, shape (size,)."""
+    """Return empty integrals and a level desired attitude, shape (size,)."""
     memory = np.zeros(size, CONTROL_MEMORY)
     memory["desired_attitude"] = np.eye(3)
     return memory
@@ -241,7 +241,7 @@ class Controller(Protocol):
 
     @property
     def tilt_limited(self) -> bool:
-        """True when the last step cut the desired force."""
+        """Return whether the last step cut the desired force."""
         ...
 
     def configure(self, parameters: ControlParameters, model: Record) -> None: ...
@@ -300,7 +300,9 @@ class GeometricController:
 
     @property
     def disturbance(self) -> Record:
-        """DISTURBANCE (1,), to be written before a step: what it takes off force and torque."""
+        """Return DISTURBANCE (1,), to be written before a step: what it takes off force and
+        torque.
+        """
         found: Record = self.memory["disturbance"]
         return found
 

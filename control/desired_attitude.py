@@ -24,7 +24,7 @@ def _unit(a: Vector) -> Vector:
 
 @compiled(inner=True)
 def _unit_motion(a: Motion) -> Motion:
-    """u = a / |a|.
+    """Return u = a / |a|.
 
     |a|' = u . a', u' = (a' - u |a|') / |a|, |a|'' = u' . a' + u . a'',
     u'' = (a'' - 2 u' |a|' - u |a|'') / |a|.
@@ -40,7 +40,7 @@ def _unit_motion(a: Motion) -> Motion:
 
 @compiled(inner=True)
 def _cross_motion(a: Motion, b: Motion) -> Motion:
-    """a x b."""
+    """Return a x b."""
     first = add(cross(a[1], b[0]), cross(a[0], b[1]))
     second = add(cross(a[2], b[0]), cross(a[0], b[2]))
     return cross(a[0], b[0]), first, along(second, 2.0, cross(a[1], b[1]))
@@ -48,7 +48,9 @@ def _cross_motion(a: Motion, b: Motion) -> Motion:
 
 @compiled(inner=True)
 def axes_of_force(force_w: Vector, yaw: float) -> Axes:
-    """Columns of R_d (world axes) for a force (N, not zero, not parallel to y_C) and a yaw."""
+    """Return columns of R_d (world axes) for a force (N, not zero, not parallel to y_C) and a
+    yaw.
+    """
     z = _unit(force_w)
     x = _unit(cross((-math.sin(yaw), math.cos(yaw), 0.0), z))
     return x, cross(z, x), z
@@ -63,7 +65,7 @@ def attitude_of_force(
     yaw_rate: float,
     yaw_acceleration: float,
 ) -> tuple[Axes, Vector, Vector]:
-    """Columns of R_d, omega_d (rad/s) and omega_d' (rad/s^2), the rates in axes of R_d.
+    """Return columns of R_d, omega_d (rad/s) and omega_d' (rad/s^2), the rates in axes of R_d.
 
     omega_d = (R_d^T R_d')^v and omega_d' = (R_d^T R_d'')^v: R'' = R (hat(w') + hat(w)^2), and
     hat(w)^2 is symmetric, so the skew part of R^T R'' is w'.

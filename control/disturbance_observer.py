@@ -81,7 +81,7 @@ nothing jumps when the observer is faded in or out."""
 
 
 def observer_record(parameters: DisturbanceParameters) -> Record:
-    """The parameters as one OBSERVER record, shape (1,)."""
+    """Return the parameters as one OBSERVER record, shape (1,)."""
     out = np.zeros(1, OBSERVER)
     for name in OBSERVER.names or ():
         out[name] = getattr(parameters, name)
@@ -146,7 +146,7 @@ def observe_one(
 
 @compiled(inner=True)
 def vector4(a: Array) -> Four:
-    """The four numbers of an array."""
+    """Return the four numbers of an array."""
     return a[0], a[1], a[2], a[3]
 
 
@@ -176,7 +176,7 @@ def _forget(m: Item, target: Four, out: Item) -> None:
 
 @compiled(inner=True)
 def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tuple[Vector, Vector]:
-    """Accelerations by the model: linear (m/s^2, world axes), angular (rad/s^2, body axes).
+    """Return accelerations by the model: linear (m/s^2, world axes), angular (rad/s^2, body axes).
 
     The rotors' speeds are those of the middle of the step.
     """
@@ -293,7 +293,7 @@ class DisturbanceObserver:
 
     @property
     def idle(self) -> bool:
-        """Switched off and faded out: nothing need be done."""
+        """Return whether it is switched off and faded out: nothing need be done."""
         if self._wanted:
             return False
         share = self.memory["force_share"].item() + self.memory["torque_share"].item()

@@ -63,12 +63,12 @@ class Margin:
 
     @property
     def delay(self) -> float:
-        """s of further delay the loop bears; 0 when it is unstable."""
+        """Return the further delay (s) the loop bears; 0 when it is unstable."""
         return max(0.0, math.radians(self.phase) / self.crossover)
 
 
 def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[Margin, ...]:
-    """Margins of the position, motor, height, yaw and estimate loops of these gains.
+    """Return margins of the position, motor, height, yaw and estimate loops of these gains.
 
     Args:
         motor_time_constant: s, > 0.
@@ -108,7 +108,7 @@ def margins(parameters: ControlParameters, motor_time_constant: float) -> tuple[
 def _observed(
     above: Polynomial, below: Polynomial, bandwidth: float, lag: Polynomial
 ) -> tuple[Polynomial, Polynomial]:
-    """The loop above / below with an observer of this bandwidth (rad/s); 0: as it is."""
+    """Return the loop above / below with an observer of this bandwidth (rad/s); 0: as it is."""
     if bandwidth == 0.0:
         return above, below
     low_pass = Polynomial([bandwidth, 1.0]) * lag
@@ -116,7 +116,7 @@ def _observed(
 
 
 def smallest(found: tuple[Margin, ...]) -> Margin:
-    """The loop nearest to oscillating."""
+    """Return the loop nearest to oscillating."""
     return min(found, key=lambda one: one.phase)
 
 

@@ -29,7 +29,7 @@ YAW_RATE_MAX = math.radians(127)
 
 @compiled(inner=True)
 def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float) -> Four:
-    """Thrust (N), roll, pitch (rad) and yaw rate (rad/s) for a desired force.
+    """Return thrust (N), roll, pitch (rad) and yaw rate (rad/s) for a desired force.
 
     Linear about hover: f_w = R_z(yaw) (weight pitch, -weight roll, thrust).
 
@@ -51,7 +51,7 @@ def hovering_command(force_w: Vector, weight: float, yaw: float, yaw_rate: float
 def hovering_torque(
     error: Vector, omega_b: Vector, integral: Vector, gains: Item, J: Vector
 ) -> Vector:
-    """Torque (N m, body axes) that holds angles and yaw rate.
+    """Return torque (N m, body axes) that holds angles and yaw rate.
 
     Args:
         error: (roll, pitch) rad and yaw rate rad/s, wanted minus present.

@@ -189,7 +189,7 @@ class ControlParameters(Parameters):
 
 
 def control_record(parameters: ControlParameters) -> Record:
-    """The parameters as one CONTROL record, shape (1,)."""
+    """Return the parameters as one CONTROL record, shape (1,)."""
     position, attitude, limits = parameters.position, parameters.attitude, parameters.limits
     out = np.zeros(1, CONTROL)
     out["kp"] = (position.kp_xy, position.kp_xy, position.kp_z)

@@ -17,7 +17,7 @@ LIFT_MIN = 0.3
 def desired_force(
     e_p: Vector, e_v: Vector, integral_w: Vector, acceleration_w: Vector, gains: Item, mass: float
 ) -> Vector:
-    """f_d (N, world axes) of eq. 4.
+    """Return f_d (N, world axes) of eq. 4.
 
     Departs from print: eq. 4 writes K_v before the integral; it is K_i, a gain of its own.
 
@@ -35,7 +35,7 @@ def desired_force(
 
 @compiled(inner=True)
 def limit_force(force_w: Vector, weight: float, tan_tilt_max: float) -> tuple[Vector, bool]:
-    """The force within its limits, and whether anything was cut.
+    """Return the force within its limits, and whether anything was cut.
 
     Departs from print, where f_d = 0 has no direction and f_d below the horizon flips the
     vehicle: first f_z >= 0.3 m g, then |f_xy| <= f_z tan(tilt_max), keeping its direction.
@@ -68,7 +68,7 @@ def force_rates(
     omega_b: Vector,
     force_w: Vector,
 ) -> tuple[Vector, Vector]:
-    """f_d' (N/s) and f_d'' (N/s^2), world axes, along the model.
+    """Return f_d' (N/s) and f_d'' (N/s^2), world axes, along the model.
 
     With u_1 = f_d . z_B and z_B' = R (omega x z), eq. 2 gives the acceleration and the jerk
     that eq. 4, differentiated twice, asks for: a = u_1 z_B / m - g z_W, and

@@ -43,7 +43,7 @@ DECIDED = ("position.", "attitude.", "disturbance.")
 
 
 def preset(name: str) -> ControlParameters:
-    """The whole gain set. Raises OutOfBoundsError for a name that is none."""
+    """Return the whole gain set. Raises OutOfBoundsError for a name that is none."""
     if name not in PRESETS:
         raise OutOfBoundsError(f"no gain set is called {name!r}: there are {', '.join(PRESETS)}")
     out = ControlParameters().model_copy(deep=True)
@@ -54,8 +54,8 @@ def preset(name: str) -> ControlParameters:
 
 
 def preset_values(name: str) -> dict[str, ParameterValue]:
-    """All that a gain set decides, by the vehicle's parameter names: gains and observer, not law
-    and limits. Raises OutOfBoundsError for a name that is none.
+    """Return all that a gain set decides, by the vehicle's parameter names: gains and observer, not
+    law and limits. Raises OutOfBoundsError for a name that is none.
     """
     values = ParameterStore(preset(name)).values()
     return {f"control.{key}": value for key, value in values.items() if key.startswith(DECIDED)}

@@ -24,7 +24,8 @@ Triple = tuple[float, float, float]
 
 @compiled
 def attitude_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> tuple[float, float]:
-    """Gains (1, 1/s) on the innovation (rad) for the attitude and for minus the gyroscope bias.
+    """Return gains (1, 1/s) on the innovation (rad) for the attitude and for minus the gyroscope
+    bias.
 
     The error's poles over one `interval` (s) are exp(-bandwidth interval) and
     exp(-bias_bandwidth interval); without bias this is 1 - exp(-K_est,q interval).
@@ -57,7 +58,7 @@ def turn_pose(pose: Array, x: float, y: float, z: float, penalty: float, dt: flo
 
 @compiled(inner=True)
 def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
-    """2 dq_s dq_v with dq = estimated* (x) measured (4,), rad about body axes.
+    """Return 2 dq_s dq_v with dq = estimated* (x) measured (4,), rad about body axes.
 
     It is the sine of the error angle about its axis, the same for +-q, and zero also for an
     error of exactly 180 degrees (the passive filter's unstable equilibrium).
@@ -74,7 +75,7 @@ def attitude_innovation(pose: Array, measured_wb: Array) -> Triple:
 
 @compiled(inner=True)
 def to_world(pose: Array, sign: float, x: float, y: float, z: float) -> Triple:
-    """R_wb (x, y, z) for sign +1; R_wb^T (x, y, z), to body axes, for sign -1."""
+    """Return R_wb (x, y, z) for sign +1; R_wb^T (x, y, z), to body axes, for sign -1."""
     w, a, b, c = pose[3], sign * pose[4], sign * pose[5], sign * pose[6]
     tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
     return (

@@ -56,7 +56,9 @@ class ComplementaryEstimator:
 
     @property
     def measurement_age(self) -> float:
-        """Seconds from the newest pose applied to the newest IMU sample; inf before one came."""
+        """Return the seconds from the newest pose applied to the newest IMU sample; inf before one
+        came.
+        """
         if not self._initialized:
             return math.inf
         age_ns = self._stamp_ns.item() - self._pose_stamp_ns.item()
@@ -69,7 +71,7 @@ class ComplementaryEstimator:
 
     @property
     def deviations(self) -> Deviations | None:
-        """None: a filter of fixed gains has no covariance."""
+        """Return None: a filter of fixed gains has no covariance."""
         return None
 
     @property
@@ -99,7 +101,7 @@ class ComplementaryEstimator:
 
     @property
     def converged(self) -> bool:
-        """Fit to be flown on; `convergence` says why."""
+        """Return whether it is fit to be flown on; `convergence` says why."""
         return self.convergence.reached
 
     @property

@@ -22,7 +22,9 @@ class Estimator(Protocol):
 
     @property
     def measurement_age(self) -> float:
-        """Seconds from the newest measurement applied to the newest sample; inf before both."""
+        """Return seconds from the newest measurement applied to the newest sample; inf before
+        both.
+        """
         ...
 
     @property
@@ -32,7 +34,7 @@ class Estimator(Protocol):
 
     @property
     def converged(self) -> bool:
-        """Fit to be flown on."""
+        """Return whether it is fit to be flown on."""
         ...
 
     @property
@@ -42,7 +44,7 @@ class Estimator(Protocol):
 
     @property
     def deviations(self) -> Deviations | None:
-        """Standard deviations by the estimator's own covariance; None when it has none."""
+        """Return standard deviations by the estimator's own covariance; None when it has none."""
         ...
 
     def configure(self, parameters: EstimationParameters) -> None:

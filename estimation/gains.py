@@ -61,7 +61,7 @@ def measurement_gains(parameters: EstimationParameters, rate: float) -> Measurem
 
 
 def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParameters:
-    """Parameters of gains as printed.
+    """Return parameters of gains as printed.
 
     Args:
         others: further fields, bias poles for instance.
@@ -79,7 +79,7 @@ def from_continuous(gains: ContinuousGains, **others: float) -> EstimationParame
 
 
 def from_measurement(gains: MeasurementGains, rate: float, **others: float) -> EstimationParameters:
-    """Parameters of gains per measurement at `rate` (Hz).
+    """Return parameters of gains per measurement at `rate` (Hz).
 
     Raises OutOfBoundsError when a share is not between 0 and 1, L_v does not belong to L_p, or a
     pole is out of its bounds.

@@ -60,7 +60,7 @@ ESTIMATOR_MEMORY = np.dtype(
 
 
 def new_memory(count: int = 1) -> Record:
-    """`count` filters at the origin, level and at rest, waiting for a first pose."""
+    """Return `count` filters at the origin, level and at rest, waiting for a first pose."""
     memory = np.zeros(count, ESTIMATOR_MEMORY)
     memory["pose"][:, 3] = 1.0
     memory["position_scale"], memory["attitude_scale"] = START_POSITION**2, START_ATTITUDE**2

@@ -184,7 +184,7 @@ PRESETS: dict[str, dict[str, float]] = {
 
 
 def estimation_record(parameters: EstimationParameters) -> Record:
-    """The gains as one ESTIMATION_GAINS record, shape (1,)."""
+    """Return the gains as one ESTIMATION_GAINS record, shape (1,)."""
     out = np.zeros(1, ESTIMATION_GAINS)
     for name in ESTIMATION_GAINS.names or ():
         out[name] = getattr(parameters, name)

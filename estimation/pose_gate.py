@@ -54,7 +54,7 @@ _USED, _REFUSED, _JUMPED, _DRIFTED, _MOVED = (int(a) for a in Agreement)
 
 @compiled(inner=True)
 def distance(m: Any, stamp_ns: int, square: float, turn2: float, g: Any) -> float:
-    """Squared distance of a pose from its prediction in variances; the worse of two.
+    """Return squared distance of a pose from its prediction in variances; the worse of two.
 
     Args:
         square: m^2, of the position. turn2: rad^2, of the attitude.
@@ -185,13 +185,15 @@ def move_to(m: Any, back: int, stamp_ns: int, offset_w: Triple, turn_w: Triple) 
 
 @compiled(inner=True)
 def chord2(q: Quaternion) -> float:
-    """(2 sin(angle / 2))^2 of a rotation: the squared angle of a small one, 4 of half a turn."""
+    """Return (2 sin(angle / 2))^2 of a rotation: the squared angle of a small one, 4 of half a
+    turn.
+    """
     return 4.0 * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
 
 
 @compiled(inner=True)
 def rotation_vector(q: Quaternion) -> Triple:
-    """Rad, of a unit quaternion or its negative, no longer than pi."""
+    """Return the rotation vector (rad) of a unit quaternion or its negative, no longer than pi."""
     sine = math.sqrt(0.25 * chord2(q))
     if sine < 1e-12:
         return 0.0, 0.0, 0.0

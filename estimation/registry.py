@@ -39,7 +39,7 @@ _ready: set[tuple[str, bool]] = set()
 
 
 def names() -> tuple[str, ...]:
-    """All that can be chosen."""
+    """Return all that can be chosen."""
     return tuple(_FACTORIES)
 
 
@@ -57,7 +57,7 @@ def register(name: str, factory: Factory) -> None:
 
 
 def create(name: str, parameters: EstimationParameters) -> Estimator:
-    """A new estimator. Raises UnknownParameterError."""
+    """Create an estimator. Raises UnknownParameterError."""
     if name not in _FACTORIES:
         raise UnknownParameterError(
             f"no estimator is called {name!r}: there are {', '.join(_FACTORIES)}"

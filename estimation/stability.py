@@ -19,7 +19,7 @@ FOLLOWS_NOISE = 0.9
 
 
 def printed_radius(gains: ContinuousGains, rate: float) -> float:
-    """Spectral radius over one period when gains as printed are taken times the period T.
+    """Return spectral radius over one period when gains as printed are taken times the period T.
 
     The error (position, velocity) goes with F = [[1, T], [0, 1]] between measurements and with
     I - T [K_p; K_v] [1, 0] at each; the attitude's with 1 - K_q T. Above 1 the filter diverges.
@@ -28,7 +28,7 @@ def printed_radius(gains: ContinuousGains, rate: float) -> float:
 
 
 def lowest_stable_rate(gains: ContinuousGains) -> float:
-    """Hz below which `printed_radius` exceeds 1, by bisection."""
+    """Return the rate (Hz) below which `printed_radius` exceeds 1, by bisection."""
     low, high = 1e-3, 1e6
     while high > (1.0 + 1e-9) * low:
         middle = math.sqrt(low * high)
@@ -47,7 +47,7 @@ def _translation_radius(gains: ContinuousGains, rate: float) -> float:
 
 
 def gain_warnings(parameters: EstimationParameters, rate: float) -> list[str]:
-    """One line for each thing wrong at `rate` poses a second (Hz); empty when nothing is.
+    """Return one line for each thing wrong at `rate` poses a second (Hz); empty when nothing is.
 
     A rate of 0 or less, or not finite, means that no pose comes.
     """
@@ -96,7 +96,7 @@ def gain_warnings(parameters: EstimationParameters, rate: float) -> list[str]:
 
 
 def _highest_bandwidth(multiple: float, rate: float) -> float:
-    """The pole (rad/s) at which 1 - exp(-omega T / multiple) reaches FOLLOWS_NOISE."""
+    """Return the pole (rad/s) at which 1 - exp(-omega T / multiple) reaches FOLLOWS_NOISE."""
     return -math.log(1.0 - FOLLOWS_NOISE) * multiple * rate
 
 

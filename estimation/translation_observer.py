@@ -24,7 +24,7 @@ Array = npt.NDArray[np.float64]
 
 @compiled
 def translation_gains(bandwidth: float, bias_bandwidth: float, interval: float) -> Triple:
-    """Gains (1, 1/s, 1/s^2) on the innovation (m) for position, velocity and acceleration.
+    """Return gains (1, 1/s, 1/s^2) on the innovation (m) for position, velocity and acceleration.
 
     With F = [[1, T, T^2/2], [0, 1, T], [0, 0, 1]], C = [1, 0, 0] and p = exp(-bandwidth T),
     s = exp(-bias_bandwidth T), the eigenvalues of (I - L C) F are p, p, s. With u = 1 - p and
@@ -40,7 +40,7 @@ def translation_gains(bandwidth: float, bias_bandwidth: float, interval: float) 
 
 @compiled(inner=True)
 def acceleration_of(pose: Array, specific_force_b: Array, bias_b: Array) -> Triple:
-    """R_wb (a_m - b) + g, m/s^2 in world axes."""
+    """Return R_wb (a_m - b) + g, m/s^2 in world axes."""
     x, y, z = to_world(
         pose,
         1.0,

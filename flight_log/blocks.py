@@ -187,7 +187,9 @@ class BlockReader:
         return channel is not None and channel.schema_id in (0, *self.schemas)
 
     def _walk(self, data: bytes) -> dict[int, Places]:
-        """Every record of a chunk, as far as it is whole; new schemas and channels are kept."""
+        """Collect every record of a chunk, as far as it is whole; new schemas and channels are
+        kept.
+        """
         found: dict[int, array[int]] = defaultdict(lambda: array("q"))
         position = 0
         while position + RECORD.size <= len(data):
@@ -239,7 +241,7 @@ class BlockReader:
 
 
 def _claimed(chunk: bytes) -> int:
-    """Bytes that a chunk says it has when it is opened; 0 for none."""
+    """Return bytes that a chunk says it has when it is opened; 0 for none."""
     return int(CHUNK.unpack_from(chunk)[2]) if len(chunk) >= CHUNK.size else 0
 
 
@@ -258,7 +260,7 @@ def _are_messages(data: Bytes, places: Mapping[int, Places]) -> bool:
 
 
 def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArray[Any]:
-    """A number that stands `offset` bytes behind each place, shape (N,)."""
+    """Return a number that is `offset` bytes behind each place, shape (N,)."""
     kind = np.dtype(dtype)
     if len(places) == 0:
         return np.zeros(0, kind)

@@ -53,12 +53,12 @@ class TopicCheck:
 
     @property
     def rate(self) -> float:
-        """Hz."""
+        """Return the rate in Hz."""
         return (self.count - 1) / self.duration if self.duration > 0.0 else 0.0
 
     @property
     def missing(self) -> float:
-        """s in gaps."""
+        """Return the seconds in gaps."""
         return sum(length for _, length in self.gaps)
 
 
@@ -144,7 +144,9 @@ def _look(topic: TopicCheck, columns: Columns) -> None:
 
 
 def _period(name: str, steps: Stamps) -> float:
-    """ns between two messages, as its table says or as it mostly is; 0 for what has no rate."""
+    """Return the ns between two messages, as its table says or as it mostly is; 0 for what has no
+    rate.
+    """
     row = TOPICS.get(name.rsplit("/", 1)[-1])
     if row is not None and row.rate == 0:
         return 0.0
@@ -209,7 +211,7 @@ def _judge(found: LogCheck) -> None:
 
 
 def damage(path: Path) -> list[str]:
-    """A line for each damaged chunk or other record: where it is, and from when.
+    """Return a line for each damaged chunk or other record: where it is, and from when.
 
     Reads the whole file. Raises LogFormatError or StorageError.
     """

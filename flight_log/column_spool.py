@@ -65,19 +65,19 @@ class ColumnSpool:
 
     @property
     def size(self) -> int:
-        """Bytes it holds; texts as they change."""
+        """Return bytes it holds; texts as they change."""
         stamps = self._publish_ns.itemsize * (len(self._publish_ns) + len(self._log_ns))
         numbers = sum(one.itemsize * len(one) for one in self._numbers.values())
         return stamps + numbers + self._written
 
     @property
     def log_ns(self) -> Stamps:
-        """(N,) reception at the writer; empty when it is not kept."""
+        """Return the stamps of reception at the writer, (N,) ns; empty when they are not kept."""
         return np.frombuffer(self._log_ns, np.int64)
 
     @property
     def publish_ns(self) -> Stamps:
-        """(N,) the source's stamp."""
+        """Return the source's stamps, (N,) ns."""
         return np.frombuffer(self._publish_ns, np.int64)
 
     def give_up_stamps(self) -> None:
@@ -86,11 +86,15 @@ class ColumnSpool:
 
     @property
     def numbers(self) -> dict[str, Floats]:
-        """(N,) each, NaN where there is none; to be taken when all is read."""
+        """Return the numbers by path, (N,) each, NaN where there is none; to be taken when all is
+        read.
+        """
         return {name: np.frombuffer(one, np.float32) for name, one in self._numbers.items()}
 
     def take(self, names: Collection[str]) -> Floats:
-        """(N, len(names)), NaN for a number that the topic has not; the columns are given up."""
+        """Return the columns, (N, len(names)), NaN for a number that the topic has not; they are
+        freed.
+        """
         out = np.full((len(self), len(names)), np.nan, np.float32)
         for k, name in enumerate(names):
             if name in self._numbers:

@@ -53,7 +53,7 @@ class LogFile:
             ) from error
 
     def write(self, data: bytes) -> int:
-        """All of `data`, or StorageError."""
+        """Write all of `data`, or raise StorageError."""
         left = memoryview(data)
         try:
             while left:
@@ -75,7 +75,7 @@ class LogFile:
             raise self._not_aside(error) from error
 
     def aside(self) -> Iterator[bytes]:
-        """All that was put aside, in pieces. Raises StorageError."""
+        """Yield all that was put aside, in pieces. Raises StorageError."""
         try:
             self._aside.seek(0)
             while piece := self._aside.read(PIECE):
@@ -99,7 +99,9 @@ class LogFile:
                 raise StorageError(f"cannot write {self.path}: {error.strerror}") from error
 
     def is_in_place(self) -> bool:
-        """False when the file was removed or its folder vanished: writing on would go nowhere."""
+        """Return False when the file was removed or its folder vanished: writing on would go
+        nowhere.
+        """
         try:
             return os.path.samestat(os.fstat(self._fd), os.stat(self.path))
         except OSError:
@@ -135,7 +137,7 @@ def open_log(path: Path) -> BinaryIO:
 
 
 def is_being_written(path: Path) -> bool:
-    """True while a LogFile has this path open, in any process of this machine.
+    """Return True while a LogFile has this path open, in any process of this machine.
 
     Raises OSError.
     """

@@ -49,7 +49,9 @@ class Damage:
 
 
 def chunks_of(source: FillSource, damage: Damage) -> Iterator[list[Onboard]]:
-    """Messages of FILLED_TOPICS, a list a chunk, in the order of the file. Raises StorageError."""
+    """Yield messages of FILLED_TOPICS, a list a chunk, in the order of the file. Raises
+    StorageError.
+    """
     wanted = {
         number: (name, type_name)
         for number, (topic, type_name) in source.channels.items()

@@ -48,12 +48,12 @@ Numbers = npt.NDArray[np.int64]
 
 
 def reading(file: int) -> Read:
-    """Args: an open file's descriptor."""
+    """Return a reader of an open file's descriptor."""
     return lambda place, length: os.pread(file, length, place)
 
 
 def is_closed(path: Path) -> bool:
-    """True when the file has its end mark. Raises StorageError."""
+    """Return True when the file has its end mark. Raises StorageError."""
     with open_log(path) as stream:
         try:
             size = stream.seek(0, os.SEEK_END)
@@ -73,7 +73,7 @@ def holds_nothing(path: Path) -> bool:
 
 
 def begins_as_log(file: int) -> bool:
-    """Args: an open file's descriptor. Raises OSError."""
+    """Return whether an open file's descriptor begins as a log. Raises OSError."""
     return os.pread(file, len(MAGIC), 0) == MAGIC
 
 
@@ -117,7 +117,7 @@ def _footer(read: Read, size: int) -> tuple[int, int, int]:
 
 
 def index_records(read: Read, size: int, wanted: Collection[int]) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of those records; nothing when the log was closed without an index.
+    """Yield opcode and content of those records; nothing when the log was closed without an index.
 
     Raises one of UNREADABLE for an index that is not sound, or holds too large a record; what
     `read` raises.
@@ -169,7 +169,9 @@ def _between(
 
 
 def index_names(path: Path) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of the schemas and channels of a sound index. Raises StorageError."""
+    """Yield opcode and content of the schemas and channels of a sound index. Raises
+    StorageError.
+    """
     if index_problem(path):
         return
     with open_log(path) as stream, suppress(*UNREADABLE):
@@ -179,7 +181,7 @@ def index_names(path: Path) -> Iterator[tuple[int, bytes]]:
 
 
 def channel_counts(read: Read, size: int) -> dict[int, int]:
-    """Channel id → number of its messages, by the index of a closed log of `size` bytes.
+    """Return channel id → number of its messages, by the index of a closed log of `size` bytes.
 
     Three short pieces are read. Raises LogFormatError when there is no such index, and what `read`
     raises.
@@ -213,7 +215,7 @@ class FileIndex:
     ends: Numbers = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def stretch(self, start_ns: int, end_ns: int, late_ns: int) -> tuple[int, int]:
-        """(begin, end) of whole chunks with all messages stamped between, both included.
+        """Return (begin, end) of whole chunks with all messages stamped between, both included.
 
         A message is received after its stamp: by `late_ns` at most, or with the first ones after
         a pause of its writer. (0, 0) when the file has no chunks.

@@ -332,5 +332,5 @@ def _packed(*records: McapRecord) -> bytes:
 
 @cache
 def _record_type(size: int) -> np.dtype[Any]:
-    """A message record with a payload of `size` bytes."""
+    """Return a message record with a payload of `size` bytes."""
     return np.dtype([*_FIELDS, ("payload", f"V{size}")])

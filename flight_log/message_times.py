@@ -36,7 +36,7 @@ def common_stamps(log_ns: Stamps, publish_ns: Stamps) -> Stamps:
 
 
 def gaps(times: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """Indices behind which a topic was silent for longer than it usually is, shape (G,)."""
+    """Return indices behind which a topic was silent for longer than it usually is, shape (G,)."""
     if len(times) < 3:
         return np.zeros(0, np.int64)
     usual = float(np.median(np.diff(times), overwrite_input=True))
@@ -45,7 +45,7 @@ def gaps(times: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
 
 
 def seconds_since(stamps_ns: Stamps, start_ns: int) -> npt.NDArray[np.float64]:
-    """(N,) s; piece by piece, a long log's stamps are held twice only."""
+    """Return the seconds (N,); piece by piece, so a long log's stamps are held twice only."""
     out = np.empty(len(stamps_ns))
     for begin in range(0, len(out), PIECE):
         piece = slice(begin, begin + PIECE)

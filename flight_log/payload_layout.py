@@ -92,7 +92,7 @@ class SchemaLayouts:
 
     @property
     def foreign(self) -> list[str]:
-        """Message types in it that have other fields than ours of the same name."""
+        """Return message types in it that have other fields than ours of the same name."""
         ours = typestore().fielddefs
         return [
             name

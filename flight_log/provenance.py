@@ -15,7 +15,9 @@ REPOSITORY = Path(__file__).parents[1]
 
 @cache
 def provenance() -> dict[str, str]:
-    """Asked once a process (git takes 10 ms); values are text, as MCAP metadata must be."""
+    """Return what recorded this, asked once a process (git takes 10 ms); values are text, as MCAP
+    metadata must be.
+    """
     revision = _git("rev-parse", "HEAD")
     return {
         "git_revision": revision or "unknown",
@@ -36,7 +38,9 @@ def _versions() -> dict[str, str]:
 
 
 def _git(*words: str) -> str:
-    """Empty without git or outside a repository: an installed copy has neither."""
+    """Return git's answer; empty without git or outside a repository: an installed copy has
+    neither.
+    """
     try:
         done = subprocess.run(
             ["git", "-C", str(REPOSITORY), *words],

@@ -33,7 +33,7 @@ class LogMessage(NamedTuple):
 def read_log(
     path: Path, topics: Collection[str] | None = None, state: ReadState | None = None
 ) -> Iterator[LogMessage]:
-    """Messages in the order they were written, up to the tear if the file has one.
+    """Yield messages in the order they were written, up to the tear if the file has one.
 
     Args:
         topics: only these; None for all.
@@ -57,7 +57,7 @@ def read_log(
 
 
 def read_attachments(path: Path) -> dict[str, bytes]:
-    """Name → bytes of those before the first message, where LogWriter puts them.
+    """Return name → bytes of those before the first message, where LogWriter puts them.
 
     Those are left out that are too large to be kept (`flight_log.limits`).
 
@@ -77,7 +77,8 @@ def read_attachments(path: Path) -> dict[str, bytes]:
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Every metadata record of the file (`quadlab.run`, `quadlab.recovered`), whole file read.
+    """Return every metadata record of the file (`quadlab.run`, `quadlab.recovered`), whole file
+    read.
 
     Raises LogFormatError or StorageError.
     """
@@ -85,7 +86,7 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 
 def read_topic(path: Path, name: str) -> Iterator[bytes]:
-    """Payloads in CDR of `/<vehicle>/<name>` of any vehicle, in the order they were written.
+    """Yield payloads in CDR of `/<vehicle>/<name>` of any vehicle, in the order they were written.
 
     Of a closed log only the chunks with them are opened.
 

@@ -61,7 +61,7 @@ def recover(path: Path) -> Recovery:
 
 
 def _mend(path: Path, target: LogFile, problem: str) -> Recovery:
-    """`problem` of its index."""
+    """Mend a log, and return what came of it; `problem` is that of its index."""
     state = ReadState()
     writer = McapWriter(target)
     count = _copy(path, writer, state)
@@ -96,7 +96,7 @@ def _holds_more(path: Path, whole_bytes: int) -> bool:
 
 
 def _copy(path: Path, writer: McapWriter, state: ReadState) -> int:
-    """All whole records; returns the number of messages."""
+    """Copy all whole records; return the number of messages."""
     schemas: dict[int, int] = {0: 0}  # 0: a channel without one
     channels: dict[int, int] = {}
     count, started = 0, False

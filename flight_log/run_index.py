@@ -94,7 +94,7 @@ class RunIndex:
         return int(np.median(np.diff(self.ticks))) if len(self.ticks) > 1 else 0
 
     def holes(self) -> list[tuple[int, int]]:
-        """Pairs of neighbouring ticks with others missing in between, in order."""
+        """Return pairs of neighbouring ticks with others missing in between, in order."""
         return holes_of(self.ticks, self.period_ns)
 
     def is_armed_after(self, stamp_ns: int) -> bool:
@@ -103,7 +103,7 @@ class RunIndex:
         return bool(after) and after[0]
 
     def gaps(self) -> list[tuple[int, int]]:
-        """Spans in which messages of the other topics seem to be missing, in no order."""
+        """Return spans in which messages of the other topics seem to be missing, in no order."""
         found = []
         for name in REGULAR_TOPICS:
             stamps = self.topics[name].stamps_ns if name in self.topics else np.zeros(0, np.int64)
@@ -206,7 +206,7 @@ def _armed(block: Block, stamps: Stamps, places: Stamps) -> dict[int, bool]:
 
 
 def _offset(block: Block, place: int) -> int:
-    """The vehicle's clock minus the station's, ns, as the link measured it."""
+    """Return the vehicle's clock minus the station's, ns, as the link measured it."""
     with suppress(LinkError):
         message = decode(_payload(block, place), "quadlab_msgs/LinkStatus")
         return round(float(message.clock_offset) * 1e9)

@@ -92,7 +92,7 @@ _WANTED = (
 
 
 def _by_index(path: Path, file: int) -> LogSummary | None:
-    """None when it was closed without an index."""
+    """Return the summary by the index; None when the log was closed without one."""
     schemas: dict[int, str] = {0: ""}
     channels: dict[int, Channel] = {}
     attachments: dict[str, int] = {}
@@ -148,7 +148,7 @@ def _metadata(read: Read, index: MetadataIndex) -> Metadata:
 
 
 def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> LogSummary:
-    """Block by block, as a chunk may hold millions of messages; `problem` of its index."""
+    """Read block by block, as a chunk may hold millions of messages; `problem` of its index."""
     reader = BlockReader(path)
     counts: Counter[int] = Counter()
     first, last = 2**64 - 1, 0

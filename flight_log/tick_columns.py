@@ -72,7 +72,7 @@ def layouts_of(vehicle: str) -> dict[str, FixedLayout]:
 
 
 def parse_column(name: str, layouts: dict[str, FixedLayout]) -> Column:
-    """`state.pose.pose.position.0` or `actuators.scaling`. Raises UsageError."""
+    """Parse `state.pose.pose.position.0` or `actuators.scaling`. Raises UsageError."""
     topic, _, field = name.partition(".")
     if topic not in layouts:
         raise UsageError(f"no column {name!r:.80}: a topic of {', '.join(layouts)} comes first")
@@ -163,7 +163,7 @@ class _Reader:
         return False
 
     def joined(self) -> tuple[Stamps, dict[str, npt.NDArray[np.void]]]:
-        """Stamps that every topic has, and each topic's records of them."""
+        """Return stamps that every topic has, and each topic's records of them."""
         stamps = {topic: _all(parts, np.int64) for topic, parts in self._stamps.items()}
         common = np.unique(stamps["state"])
         for its in stamps.values():
@@ -204,7 +204,7 @@ class _Reader:
 
 
 def _channels(path: Path, vehicle: str, topics: Sequence[str]) -> dict[int, str]:
-    """Channel → topic; they stand where the first ticks are."""
+    """Return the topics by channel; they are declared where the first ticks are."""
     wanted = {f"/{vehicle}/{topic}": topic for topic in topics}
     found: dict[int, str] = {}
     for record in records(path):

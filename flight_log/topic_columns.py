@@ -293,7 +293,7 @@ def _fill(
 
 
 def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
-    """The text of each row, a sequence's items parted by commas; shape (N,)."""
+    """Return the text of each row, a sequence's items parted by commas; shape (N,)."""
     size = sum(length for _, length in pieces)
     if not size:
         return np.full(len(rows), "", object)
@@ -311,7 +311,7 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
 
 
 def _rows(data: Bytes, places: Places, size: int) -> Bytes:
-    """The bytes behind each place, shape (N, size)."""
+    """Return the bytes behind each place, shape (N, size)."""
     if size == 0:
         return np.zeros((len(places), 0), np.uint8)
     stands: npt.NDArray[Any] = np.ndarray(
@@ -322,7 +322,9 @@ def _rows(data: Bytes, places: Places, size: int) -> Bytes:
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
-    """A message's own fields that are texts or numbers, by name; empty when it is unreadable."""
+    """Return a message's own fields that are texts or numbers, by name; empty when it is
+    unreadable.
+    """
     try:
         message = decode(payload, type_name)
     except (LinkError, KeyError):

@@ -86,17 +86,17 @@ class LogWriter:
 
     @property
     def size(self) -> int:
-        """Bytes in the file so far."""
+        """Return bytes in the file so far."""
         return self._file.size
 
     @property
     def channels(self) -> dict[int, tuple[str, str]]:
-        """id → topic and type of those that have messages so far; from any thread."""
+        """Return id → topic and type of those that have messages so far; from any thread."""
         found = self._channels.copy()
         return {k: (topic, messages.ros_name(kind)) for (topic, kind), k in found.items()}
 
     def is_in_place(self) -> bool:
-        """False when somebody removed the file or its folder."""
+        """Return False when another process removed the file or its folder."""
         return self._file.is_in_place()
 
     def write(

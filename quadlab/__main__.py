@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def program() -> NoReturn:
-    """`main` as a program of its own, which leaves without taking the interpreter apart.
+    """Run `main` as a program of its own, which leaves without taking the interpreter apart.
 
     A session of Zenoh may still be closing, and one of its threads that calls Python meanwhile
     aborts a process that is finalising.
@@ -88,7 +88,7 @@ def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
 
 
 def _one_setting_each(words: Sequence[str]) -> list[str]:
-    """`--set a=1 b=2` as `--set a=1 --set b=2`: both are how people write it."""
+    """Return `--set a=1 b=2` as `--set a=1 --set b=2`: both are how people write it."""
     out: list[str] = []
     setting = False
     for word in words:
@@ -100,7 +100,9 @@ def _one_setting_each(words: Sequence[str]) -> list[str]:
 
 
 def _one_line(boxed: str) -> str:
-    """tyro's boxed complaint as one sentence: what is wrong, and the nearest word there is."""
+    """Return tyro's boxed complaint as one sentence: what is wrong, and the nearest word there
+    is.
+    """
     plain = re.sub(r"\x1b\[[0-9;]*m", "", boxed)
     sections: list[list[str]] = [[]]
     for framed in plain.splitlines()[1:]:

@@ -19,7 +19,7 @@ FREE_SPACE_FLOOR = 500_000_000
 
 
 def open_data_folder(chosen: Path | None, option: str = "--data") -> Path:
-    """The data folder, made when missing: `chosen`, else the platform's (XDG).
+    """Return the data folder, made when missing: `chosen`, else the platform's (XDG).
 
     Args:
         option: of the command line that chooses it, for messages.

@@ -12,7 +12,7 @@ HEAD = "| name | default | allowed | unit | meaning |\n|---|---|---|---|---|\n"
 
 
 def page() -> str:
-    """The whole page as Markdown."""
+    """Return the whole page as Markdown."""
     from bearing_sim.emulator import BearingParameters
     from bearing_sim.tracker import TrackerParameters
     from console.parameters.station import StationParameters

@@ -13,14 +13,14 @@ from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, par
 
 
 def _control_preset(name: str) -> dict[str, ParameterValue]:
-    """All gains of the named set, by parameter name. Raises ParameterError."""
+    """Return all gains of the named set, by parameter name. Raises ParameterError."""
     from control.presets import preset_values
 
     return preset_values(name)
 
 
 def _estimation_preset(name: str) -> dict[str, ParameterValue]:
-    """The gains of the named set, by parameter name. Raises ParameterError."""
+    """Return the gains of the named set, by parameter name. Raises ParameterError."""
     from estimation.parameters import PRESETS
 
     if name not in PRESETS:

@@ -47,7 +47,9 @@ class StationClient:
         self._thread.start()
 
     def ask(self, service: str, **fields: Any) -> Any:
-        """The station's accepted answer. Raises RefusedError with its reason, or LinkError."""
+        """Return the station's accepted answer. Raises RefusedError with its reason, or
+        LinkError.
+        """
         kind = SERVICES[service]
         if service not in self._clients:
             self._clients[service] = self._node.client(f"station/{service}", kind)
@@ -84,7 +86,7 @@ class StationClient:
         return lambda: decode(payloads[0], row.type_name) if payloads else None
 
     def parameters(self) -> dict[str, Any]:
-        """The vehicle's present values. Raises LinkError."""
+        """Return the vehicle's present values. Raises LinkError."""
         return self._parameters.values()
 
     def close(self) -> None:

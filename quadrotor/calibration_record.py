@@ -57,7 +57,7 @@ class CalibrationRecord(BaseModel):
 
     @property
     def good(self) -> bool:
-        """No figure is beyond its limit."""
+        """Return whether no figure is beyond its limit."""
         return all(figure.good for figure in self.quality)
 
 

@@ -55,7 +55,8 @@ def compiled(function: Function) -> Function: ...
 @overload
 def compiled(*, nogil: bool = ..., inner: bool = ...) -> Callable[[Function], Function]: ...
 def compiled(function: Any = None, *, nogil: bool = False, inner: bool = False) -> Any:
-    """`function` compiled at its first call, or loaded if this very source was compiled before.
+    """Return `function` compiled at its first call, or loaded if this very source was compiled
+    before.
 
     Bare, or with options:
 

@@ -46,7 +46,7 @@ def parameter(
     choices: tuple[str, ...] = (),
     flight_step: float | None = None,
 ) -> Any:
-    """A scalar field with unit, bounds, slider step and description.
+    """Return a scalar field with unit, bounds, slider step and description.
 
     Vectors are written as named scalars (`kp_xy`, `kp_z`): each has its own bounds and slider.
 
@@ -115,7 +115,7 @@ class ParameterStore:
         return {name: self.get(name) for name in self._places}
 
     def check(self, name: str, value: object) -> ParameterValue:
-        """The value as it would be applied.
+        """Return the value as it would be applied.
 
         Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or ReadOnlyError.
         """
@@ -170,7 +170,7 @@ class ParameterStore:
 
 
 def coerce(description: ParameterDescription, value: object) -> ParameterValue:
-    """`value` as the described type and within its bounds.
+    """Return `value` as the described type and within its bounds.
 
     Raises WrongTypeError or OutOfBoundsError.
     """
@@ -200,7 +200,7 @@ def coerce(description: ParameterDescription, value: object) -> ParameterValue:
 
 
 def parse_text(description: ParameterDescription, text: str) -> ParameterValue:
-    """A value typed by a person (`--set name=value`, a text box), checked as in `coerce`."""
+    """Return a value typed by a person (`--set name=value`, a text box), checked as in `coerce`."""
     if description.type == "bool":
         if text.lower() in ("true", "false"):
             return text.lower() == "true"

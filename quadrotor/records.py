@@ -150,19 +150,19 @@ TICK = np.dtype(
 
 
 def new_state() -> Record:
-    """One state at the origin, level and at rest, shape (1,)."""
+    """Return one state at the origin, level and at rest, shape (1,)."""
     state = np.zeros(1, STATE)
     state["quaternion_wb"][:, 0] = 1.0
     return state
 
 
 def new_reference() -> Record:
-    """One reference at the origin, at rest, yaw 0, shape (1,)."""
+    """Return one reference at the origin, at rest, yaw 0, shape (1,)."""
     return np.zeros(1, REFERENCE)
 
 
 def new_tick() -> Record:
-    """One empty tick record with a valid attitude, shape (1,)."""
+    """Return one empty tick record with a valid attitude, shape (1,)."""
     tick = np.zeros(1, TICK)
     tick["state"]["quaternion_wb"][:, 0] = 1.0
     tick["estimate"]["measurement_age"] = np.inf

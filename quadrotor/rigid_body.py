@@ -61,14 +61,14 @@ def derivative(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, o
 
 @compiled(inner=True)
 def _lean(q: Quaternion) -> Vector:
-    """(a, b, c) with z_B = (2 a, 2 b, 1 - 2 c)."""
+    """Return (a, b, c) with z_B = (2 a, 2 b, 1 - 2 c)."""
     w, x, y, z = q
     return x * z + w * y, y * z - w * x, x * x + y * y
 
 
 @compiled(inner=True)
 def _turning(q: Quaternion, omega: Vector) -> Quaternion:
-    """2 q' = q (x) (0, omega)."""
+    """Return 2 q' = q (x) (0, omega)."""
     w, a, b, c = q
     x, y, z = omega
     return (
@@ -81,20 +81,20 @@ def _turning(q: Quaternion, omega: Vector) -> Quaternion:
 
 @compiled(inner=True)
 def _spin(omega: Vector, turn: Vector, ratios: Vector) -> Vector:
-    """omega' of eq. 3; `turn` is the torque over the inertia."""
+    """Return omega' of eq. 3; `turn` is the torque over the inertia."""
     x, y, z = omega
     return turn[0] - ratios[0] * y * z, turn[1] - ratios[1] * z * x, turn[2] - ratios[2] * x * y
 
 
 @compiled(inner=True)
 def gyroscopic_ratios(J: Vector, inverse: Vector) -> Vector:
-    """((J_z - J_y) / J_x, ...), what omega x J omega is made of; `inverse` is 1 / J."""
+    """Return ((J_z - J_y) / J_x, ...), what omega x J omega is made of; `inverse` is 1 / J."""
     return (J[2] - J[1]) * inverse[0], (J[0] - J[2]) * inverse[1], (J[1] - J[0]) * inverse[2]
 
 
 @compiled(inner=True)
 def _ahead(q: Quaternion, s: float, d: Quaternion) -> Quaternion:
-    """q + s d."""
+    """Return q + s d."""
     return q[0] + s * d[0], q[1] + s * d[1], q[2] + s * d[2], q[3] + s * d[3]
 
 
@@ -108,7 +108,7 @@ def rk4(
     ratios: Vector,
     dt: float,
 ) -> Motion:
-    """Motion after dt (s) under thrust and torque that change within the step.
+    """Return motion after dt (s) under thrust and torque that change within the step.
 
     The classical scheme, ordered by what depends on what: omega on nothing else, the attitude
     on omega, the velocity on the attitude, the position on the velocity. Each stage is the one
@@ -156,7 +156,7 @@ def rk4(
 
 @compiled(inner=True)
 def _acceleration(q: Quaternion, lift: float, push_w: Vector, damping: float, v: Vector) -> Vector:
-    """v' of eq. 2 with linear drag, world axes."""
+    """Return v' of eq. 2 with linear drag, world axes."""
     a, b, c = _lean(q)
     return (
         2.0 * a * lift + push_w[0] - damping * v[0],
@@ -178,7 +178,7 @@ def rk4_step(x: Array, wrench: Array, force_w: Array, mass: float, J: Array, dt:
 
 @compiled(inner=True)
 def motion_of(x: Array) -> Motion:
-    """The tuples of x (13,)."""
+    """Return the tuples of x (13,)."""
     return ((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8], x[9]), (x[10], x[11], x[12]))
 
 
@@ -208,13 +208,15 @@ def motor_step(speeds: Array, references: Array, time_constant: float, dt: float
 
 @compiled(inner=True)
 def rotor_thrust(speed: float, slope: float, offset: float) -> float:
-    """Thrust (N) of one rotor turning at `speed` (counts); a stopped one gives nothing."""
+    """Return thrust (N) of one rotor turning at `speed` (counts); a stopped one gives nothing."""
     return thrust_of_reference(speed, slope, offset) if speed > STOPPED else 0.0
 
 
 @compiled(inner=True)
 def rotors(speeds: Four, slope: float, offset: float, arm: float, ratio: float) -> Four:
-    """Wrench of four rotors turning at `speeds` (counts): thrust (N), torques (N m), eq. 1."""
+    """Return wrench of four rotors turning at `speeds` (counts): thrust (N), torques (N m), eq.
+    1.
+    """
     front = rotor_thrust(speeds[0], slope, offset)
     left = rotor_thrust(speeds[1], slope, offset)
     rear = rotor_thrust(speeds[2], slope, offset)
@@ -224,7 +226,7 @@ def rotors(speeds: Four, slope: float, offset: float, arm: float, ratio: float) 
 
 @compiled
 def rotor_wrench(speeds: Array, slope: float, offset: float, arm: float, ratio: float) -> Array:
-    """`rotors` on arrays (4,)."""
+    """Return `rotors` on arrays (4,)."""
     wrench = rotors((speeds[0], speeds[1], speeds[2], speeds[3]), slope, offset, arm, ratio)
     out = np.empty(4)
     for i in range(4):

@@ -21,7 +21,7 @@ _SMALL_ANGLE = 1e-6  # below, series to O(angle^2): relative error under 1e-12
 
 @compiled
 def hat(v: Array) -> Array:
-    """Skew matrix of v, so that hat(v) @ u = v x u."""
+    """Return skew matrix of v, so that hat(v) @ u = v x u."""
     out = np.zeros((3, 3))
     out[0, 1], out[0, 2] = -v[2], v[1]
     out[1, 0], out[1, 2] = v[2], -v[0]
@@ -31,7 +31,7 @@ def hat(v: Array) -> Array:
 
 @compiled
 def vee(S: Array) -> Array:
-    """Vector of the skew part of S: vee(hat(v)) = v."""
+    """Return vector of the skew part of S: vee(hat(v)) = v."""
     out = np.empty(3)
     out[0] = 0.5 * (S[2, 1] - S[1, 2])
     out[1] = 0.5 * (S[0, 2] - S[2, 0])
@@ -41,7 +41,7 @@ def vee(S: Array) -> Array:
 
 @compiled
 def cross(a: Array, b: Array) -> Array:
-    """a x b."""
+    """Return a x b."""
     out = np.empty(3)
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
@@ -51,7 +51,7 @@ def cross(a: Array, b: Array) -> Array:
 
 @compiled
 def norm(v: Array) -> float:
-    """Euclidean length of v, any length."""
+    """Return Euclidean length of v, any length."""
     total = 0.0
     for i in range(v.shape[0]):
         total += v[i] * v[i]
@@ -60,7 +60,7 @@ def norm(v: Array) -> float:
 
 @compiled
 def quaternion_multiply(p: Array, q: Array) -> Array:
-    """Hamilton product p (x) q, as printed in Sec. 6.1 of the paper."""
+    """Return Hamilton product p (x) q, as printed in Sec. 6.1 of the paper."""
     out = np.empty(4)
     out[0] = p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3]
     out[1] = p[0] * q[1] + q[0] * p[1] + p[2] * q[3] - p[3] * q[2]
@@ -71,7 +71,7 @@ def quaternion_multiply(p: Array, q: Array) -> Array:
 
 @compiled
 def quaternion_conjugate(q: Array) -> Array:
-    """The inverse rotation of a unit quaternion."""
+    """Return the inverse rotation of a unit quaternion."""
     out = np.empty(4)
     out[0], out[1], out[2], out[3] = q[0], -q[1], -q[2], -q[3]
     return out
@@ -79,7 +79,7 @@ def quaternion_conjugate(q: Array) -> Array:
 
 @compiled
 def quaternion_normalize(q: Array) -> Array:
-    """q scaled to unit length; q must not be zero."""
+    """Return q scaled to unit length; q must not be zero."""
     length = norm(q)
     out = np.empty(4)
     for i in range(4):
@@ -89,7 +89,7 @@ def quaternion_normalize(q: Array) -> Array:
 
 @compiled
 def quaternion_exp(phi: Array) -> Array:
-    """Unit quaternion of the rotation vector phi (rad), quaternion_exp(0) = (1, 0, 0, 0)."""
+    """Return unit quaternion of the rotation vector phi (rad), quaternion_exp(0) = (1, 0, 0, 0)."""
     angle = norm(phi)
     out = np.empty(4)
     if angle < _SMALL_ANGLE:
@@ -104,7 +104,7 @@ def quaternion_exp(phi: Array) -> Array:
 
 @compiled
 def quaternion_log(q: Array) -> Array:
-    """Rotation vector (rad, length <= pi) of a unit quaternion; q and -q give the same."""
+    """Return rotation vector (rad, length <= pi) of a unit quaternion; q and -q give the same."""
     sign = 1.0 if q[0] >= 0.0 else -1.0
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     scale = 2.0 * sign if sine < _SMALL_ANGLE else 2.0 * sign * math.atan2(sine, sign * q[0]) / sine
@@ -115,7 +115,7 @@ def quaternion_log(q: Array) -> Array:
 
 @compiled
 def quaternion_to_matrix(q: Array) -> Array:
-    """R_wb of the unit quaternion q_wb."""
+    """Return R_wb of the unit quaternion q_wb."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     out = np.empty((3, 3))
     out[0, 0] = 1.0 - 2.0 * (y * y + z * z)
@@ -132,7 +132,7 @@ def quaternion_to_matrix(q: Array) -> Array:
 
 @compiled
 def quaternion_from_matrix(R: Array) -> Array:
-    """Unit quaternion (w >= 0) of R_wb, by the largest pivot (Shepperd 1978)."""
+    """Return unit quaternion (w >= 0) of R_wb, by the largest pivot (Shepperd 1978)."""
     out = np.empty(4)
     trace = R[0, 0] + R[1, 1] + R[2, 2]
     if trace >= R[0, 0] and trace >= R[1, 1] and trace >= R[2, 2]:
@@ -165,7 +165,7 @@ def quaternion_from_matrix(R: Array) -> Array:
 
 @compiled
 def rotate(q: Array, v: Array) -> Array:
-    """R_wb v: a body vector in world axes."""
+    """Return R_wb v: a body vector in world axes."""
     # v + 2 w (u x v) + 2 u x (u x v), u the vector part: no matrix needed.
     tx = 2.0 * (q[2] * v[2] - q[3] * v[1])
     ty = 2.0 * (q[3] * v[0] - q[1] * v[2])
@@ -179,31 +179,31 @@ def rotate(q: Array, v: Array) -> Array:
 
 @compiled
 def rotate_inverse(q: Array, v: Array) -> Array:
-    """R_wb^T v: a world vector in body axes."""
+    """Return R_wb^T v: a world vector in body axes."""
     return rotate(quaternion_conjugate(q), v)
 
 
 @compiled
 def rotation_exp(phi: Array) -> Array:
-    """SO(3) exponential of the rotation vector phi (rad)."""
+    """Return SO(3) exponential of the rotation vector phi (rad)."""
     return quaternion_to_matrix(quaternion_exp(phi))
 
 
 @compiled
 def rotation_log(R: Array) -> Array:
-    """Rotation vector (rad) of R, length <= pi."""
+    """Return rotation vector (rad) of R, length <= pi."""
     return quaternion_log(quaternion_from_matrix(R))
 
 
 @compiled
 def yaw_of(q: Array) -> float:
-    """ZYX yaw (rad, -pi..pi) of q_wb."""
+    """Return ZYX yaw (rad, -pi..pi) of q_wb."""
     return math.atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] * q[2] + q[3] * q[3]))
 
 
 @compiled
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
-    """q_wb of ZYX Euler angles (rad)."""
+    """Return q_wb of ZYX Euler angles (rad)."""
     cr, sr = math.cos(0.5 * roll), math.sin(0.5 * roll)
     cp, sp = math.cos(0.5 * pitch), math.sin(0.5 * pitch)
     cy, sy = math.cos(0.5 * yaw), math.sin(0.5 * yaw)
@@ -217,7 +217,7 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
 
 @compiled
 def euler_from_quaternion(q: Array) -> Array:
-    """(roll, pitch, yaw) in rad, ZYX, of q_wb."""
+    """Return (roll, pitch, yaw) in rad, ZYX, of q_wb."""
     out = np.empty(3)
     out[0] = math.atan2(2.0 * (q[0] * q[1] + q[2] * q[3]), 1.0 - 2.0 * (q[1] * q[1] + q[2] * q[2]))
     out[1] = math.asin(min(1.0, max(-1.0, 2.0 * (q[0] * q[2] - q[3] * q[1]))))
@@ -227,5 +227,5 @@ def euler_from_quaternion(q: Array) -> Array:
 
 @compiled
 def wrap_angle(angle: float) -> float:
-    """angle (rad) in -pi..pi."""
+    """Return angle (rad) in -pi..pi."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi

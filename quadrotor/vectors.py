@@ -22,13 +22,13 @@ Axes = tuple[Vector, Vector, Vector]
 
 @compiled(inner=True)
 def vector(a: Array) -> Vector:
-    """The first three numbers of an array."""
+    """Return the first three numbers of an array."""
     return a[0], a[1], a[2]
 
 
 @compiled(inner=True)
 def quaternion(a: Array) -> Quaternion:
-    """The first four numbers of an array."""
+    """Return the first four numbers of an array."""
     return a[0], a[1], a[2], a[3]
 
 
@@ -40,55 +40,55 @@ def store(v: Vector, out: Array) -> None:
 
 @compiled(inner=True)
 def add(a: Vector, b: Vector) -> Vector:
-    """a + b."""
+    """Return a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled(inner=True)
 def subtract(a: Vector, b: Vector) -> Vector:
-    """a - b."""
+    """Return a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled(inner=True)
 def scale(s: float, a: Vector) -> Vector:
-    """s a."""
+    """Return s a."""
     return s * a[0], s * a[1], s * a[2]
 
 
 @compiled(inner=True)
 def times(a: Vector, b: Vector) -> Vector:
-    """The product of each component: a diagonal matrix on a vector."""
+    """Return the product of each component: a diagonal matrix times a vector."""
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @compiled(inner=True)
 def along(a: Vector, s: float, b: Vector) -> Vector:
-    """a + s b."""
+    """Return a + s b."""
     return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
 
 
 @compiled(inner=True)
 def dot(a: Vector, b: Vector) -> float:
-    """a . b."""
+    """Return a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled(inner=True)
 def cross(a: Vector, b: Vector) -> Vector:
-    """a x b."""
+    """Return a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @compiled(inner=True)
 def length(a: Vector) -> float:
-    """|a|."""
+    """Return |a|."""
     return math.sqrt(dot(a, a))
 
 
 @compiled(inner=True)
 def to_world(axes: Axes, v_b: Vector) -> Vector:
-    """R_wb v_b."""
+    """Return R_wb v_b."""
     x, y, z = axes
     return (
         x[0] * v_b[0] + y[0] * v_b[1] + z[0] * v_b[2],
@@ -99,13 +99,13 @@ def to_world(axes: Axes, v_b: Vector) -> Vector:
 
 @compiled(inner=True)
 def to_body(axes: Axes, v_w: Vector) -> Vector:
-    """R_wb^T v_w."""
+    """Return R_wb^T v_w."""
     return dot(axes[0], v_w), dot(axes[1], v_w), dot(axes[2], v_w)
 
 
 @compiled(inner=True)
 def axes_of(q: Quaternion) -> Axes:
-    """Columns of R_wb of a unit quaternion q_wb."""
+    """Return columns of R_wb of a unit quaternion q_wb."""
     w, x, y, z = q
     return (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
@@ -116,7 +116,7 @@ def axes_of(q: Quaternion) -> Axes:
 
 @compiled(inner=True)
 def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
-    """Hamilton product p (x) q."""
+    """Return Hamilton product p (x) q."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + q[0] * p[1] + p[2] * q[3] - p[3] * q[2],
@@ -127,7 +127,7 @@ def multiply(p: Quaternion, q: Quaternion) -> Quaternion:
 
 @compiled(inner=True)
 def turned(q: Quaternion, phi: Vector) -> Quaternion:
-    """q (x) exp(phi): q turned by the rotation vector phi (rad) about body axes."""
+    """Return q (x) exp(phi): q turned by the rotation vector phi (rad) about body axes."""
     half = 0.5 * length(phi)
     s = 0.5 * (math.sin(half) / half if half > 1e-9 else 1.0)
     return multiply(q, (math.cos(half), s * phi[0], s * phi[1], s * phi[2]))
@@ -135,6 +135,6 @@ def turned(q: Quaternion, phi: Vector) -> Quaternion:
 
 @compiled(inner=True)
 def normalized(q: Quaternion) -> Quaternion:
-    """q at length 1."""
+    """Return q at length 1."""
     s = 1.0 / math.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     return s * q[0], s * q[1], s * q[2], s * q[3]

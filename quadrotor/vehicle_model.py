@@ -156,7 +156,7 @@ class VehicleModel(Parameters):
     )
 
     def record(self, voltage: float | None = None) -> Record:
-        """The model as one MODEL record, shape (1,).
+        """Return the model as one MODEL record, shape (1,).
 
         Args:
             voltage: V, of the battery; None is the nominal one. Speed is affine in the reference
@@ -179,7 +179,7 @@ class VehicleModel(Parameters):
         return out
 
     def battery_gain(self, voltage: float) -> float:
-        """Rotor speed at `voltage` (V) over that at the nominal one, for the same reference.
+        """Return rotor speed at `voltage` (V) over that at the nominal one, for the same reference.
 
         A voltage beyond half and one and a half of the nominal is a broken reading: clamped.
         """
@@ -188,7 +188,8 @@ class VehicleModel(Parameters):
 
 
 def mixing_matrix(arm: float, torque_ratio: float) -> Array:
-    """M of eq. 1, shape (4, 4): thrusts (N) of motors front, left, rear, right to the wrench.
+    """Return m of eq. 1, shape (4, 4): thrusts (N) of motors front, left, rear, right to the
+    wrench.
 
     The wrench is (total thrust in N; torques about body x, y, z in N m).
     """
@@ -198,14 +199,16 @@ def mixing_matrix(arm: float, torque_ratio: float) -> Array:
 
 @compiled(inner=True)
 def wrench_of_thrusts(thrusts: Four, arm: float, torque_ratio: float) -> Four:
-    """u = M f, eq. 1."""
+    """Return u = M f, eq. 1."""
     a, b, c, d = thrusts[0], thrusts[1], thrusts[2], thrusts[3]
     return a + b + c + d, arm * (b - d), arm * (c - a), torque_ratio * (a - b + c - d)
 
 
 @compiled(inner=True)
 def thrusts_of_wrench(wrench: Four, arm: float, torque_ratio: float) -> Four:
-    """f = M^-1 u: M M^T is diagonal, so the inverse is M^T diag(1/4, 1/2l^2, 1/2l^2, 1/4c^2)."""
+    """Return f = M^-1 u: M M^T is diagonal, so the inverse is M^T diag(1/4, 1/2l^2, 1/2l^2,
+    1/4c^2).
+    """
     a = 0.25 * wrench[0]
     roll = 0.5 * wrench[1] / arm
     pitch = 0.5 * wrench[2] / arm
@@ -215,7 +218,7 @@ def thrusts_of_wrench(wrench: Four, arm: float, torque_ratio: float) -> Four:
 
 @compiled
 def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
-    """Steady thrust (N) of a motor reference (counts), f = (slope (ref + offset))^2.
+    """Return steady thrust (N) of a motor reference (counts), f = (slope (ref + offset))^2.
 
     The paper's two printed forces fit only a law affine in speed (docs/deviations.md).
     """
@@ -225,5 +228,5 @@ def thrust_of_reference(reference: float, slope: float, offset: float) -> float:
 
 @compiled
 def reference_of_thrust(thrust: float, slope: float, offset: float) -> float:
-    """Motor reference (counts) of a thrust (N); 0 N and below give the law's zero, >= 0."""
+    """Return motor reference (counts) of a thrust (N); 0 N and below give the law's zero, >= 0."""
     return max(0.0, math.sqrt(max(0.0, thrust)) / slope - offset)

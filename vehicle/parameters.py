@@ -178,5 +178,5 @@ def check_pairs(values: Mapping[str, ParameterValue]) -> None:
 
 
 def new_parameters() -> VehicleParameters:
-    """A fresh tree of defaults, sharing nothing with any other."""
+    """Return a fresh tree of defaults, sharing nothing with any other."""
     return VehicleParameters().model_copy(deep=True)

@@ -31,7 +31,7 @@ class Check:
 
 
 def to_messages(checks: Iterable[Check]) -> list[Any]:
-    """quadlab_msgs/Check of each."""
+    """Encode each as quadlab_msgs/Check."""
     return [
         new(
             "quadlab_msgs/Check",
@@ -47,7 +47,7 @@ def to_messages(checks: Iterable[Check]) -> list[Any]:
 
 
 def from_messages(messages: Iterable[Any]) -> list[Check]:
-    """A state that this version does not know is `unknown`."""
+    """Decode checks; a state that this version does not know is `unknown`."""
     return [
         Check(
             str(one.name),

@@ -46,7 +46,7 @@ def follow(path: str | Path | None) -> None:
 
 
 def open_page(path: str | Path) -> memoryview:
-    """The page's 8-byte words. Raises StorageError."""
+    """Open the page's 8-byte words. Raises StorageError."""
     try:
         with open(path, "r+b") as file:
             return memoryview(mmap.mmap(file.fileno(), 0)).cast("q")
@@ -91,7 +91,7 @@ def wall_time() -> float:
 
 
 def real_time_factor() -> float:
-    """Simulated time over the computer's, of the last seconds; 0 without a simulation."""
+    """Return simulated time over the computer's, of the last seconds; 0 without a simulation."""
     words = _followed.page
     if words is None or words[LIMIT] == FREE:
         return 0.0

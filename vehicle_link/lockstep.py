@@ -100,7 +100,7 @@ class Part:
 
 
 def words_of(page: memoryview, name: str) -> memoryview | None:
-    """A vehicle's words; None when the page has no such vehicle."""
+    """Return a vehicle's words; None when the page has no such vehicle."""
     count = page[clock.VEHICLES]
     names = clock.HEADER + WORDS * count
     for number in range(count):

@@ -174,7 +174,9 @@ class ClockWatch:
 
 
 def _try_priority(priority: int) -> str:
-    """Empty when granted, else the system's word. In a thread: the right is a thread's own."""
+    """Try a priority; return "" when granted, else the system's word. In a thread: the right is a
+    thread's own.
+    """
     refusal: list[str] = []
 
     def attempt() -> None:

@@ -6,10 +6,10 @@ import secrets
 
 
 def new_instance() -> int:
-    """1 … 2**64 - 1; 0 stands for "not known" in messages."""
+    """Return a new instance, 1 … 2**64 - 1; 0 means "not known" in messages."""
     return secrets.randbelow(2**64 - 1) + 1
 
 
 def spoken(instance: int) -> str:
-    """Six digits, enough to tell processes apart in a line for people."""
+    """Return six digits, enough to tell processes apart in a line for people."""
     return f"{instance:016x}"[:6]

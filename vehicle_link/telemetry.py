@@ -50,7 +50,7 @@ def _layout(count: int) -> FixedLayout:
 
 
 def pack(ticks: Record, sequence: int) -> bytes:
-    """One packet of the given TICK records, shape (N,), N ≥ 1.
+    """Pack the given TICK records, shape (N,), N ≥ 1, into one packet.
 
     Ticks more than 4 s before the newest are left out (their offset would not fit); what float32
     cannot hold travels as inf.
@@ -79,7 +79,7 @@ def pack(ticks: Record, sequence: int) -> bytes:
 
 
 def unpack(payload: bytes) -> tuple[int, Record]:
-    """(sequence of the packet, TICK records of shape (N,)).
+    """Unpack a packet: (sequence of the packet, TICK records of shape (N,)).
 
     Estimate, status and the ticks' own sequence do not travel and are zero.
 

@@ -40,7 +40,7 @@ class Exchange:
 
     @property
     def offset_ns(self) -> int:
-        """Server's clock minus client's."""
+        """Return server's clock minus client's."""
         there = self.server_received_ns - self.client_sent_ns
         back = self.server_sent_ns - self.client_received_ns
         return (there + back) // 2
@@ -63,7 +63,7 @@ class ClockOffset:
 
     @property
     def offset_ns(self) -> int:
-        """Server's clock minus client's; 0 before the first exchange."""
+        """Return server's clock minus client's; 0 before the first exchange."""
         return self._offset_ns
 
     @property
@@ -74,7 +74,7 @@ class ClockOffset:
 
     @property
     def jitter_ns(self) -> int:
-        """Largest minus smallest round trip in the window."""
+        """Return largest minus smallest round trip in the window."""
         trips = [exchange.round_trip_ns for exchange in self._exchanges]
         return max(trips) - min(trips) if trips else 0
 
@@ -85,7 +85,7 @@ class ClockOffset:
         self._offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns
 
     def to_server(self, client_ns: int) -> int:
-        """A time of the client's clock in the server's."""
+        """Return a time of the client's clock in the server's."""
         return client_ns + self.offset_ns
 
     def to_client(self, server_ns: int) -> int:
@@ -116,7 +116,7 @@ def serve_time_sync(node: Node, clock: Callable[[], int] = time_ns) -> None:
 def exchange(
     client: ServiceClient, clock: Callable[[], int] = time_ns, timeout: float = 1.0
 ) -> Exchange:
-    """One exchange with a server of TimeSync. Raises LinkError."""
+    """Make one exchange with a server of TimeSync. Raises LinkError."""
     sent = clock()
     response = client.call(new(f"{TIME_SYNC}_Request", client_sent_ns=sent), timeout)
     return Exchange(sent, int(response.server_received_ns), int(response.server_sent_ns), clock())

@@ -66,7 +66,7 @@ def create_app(
     fleet: Fleet,
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
-    """One vehicle's application."""
+    """Create one vehicle's application."""
     app = FastAPI(
         title="quadlab",
         version="0.1.0",
@@ -112,7 +112,7 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/vendor/{name}", include_in_schema=False)
     def vendor(name: str) -> FileResponse:
-        """uPlot, found without importing its package, which would pull IPython in."""
+        """Return uPlot, found without importing its package, which would pull IPython in."""
         if name not in UPLOT:
             raise HTTPException(404, f"no {name} here; there are {', '.join(UPLOT)}")
         try:
@@ -129,17 +129,17 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/signals")
     def signals() -> Response:
-        """Signals for charts and table; topics in the order of the ages in a frame."""
+        """Return signals for charts and table; topics in the order of the ages in a frame."""
         return Response(described(), media_type="application/json")
 
     @app.get("/api/summary")
     async def summary() -> dict[str, Any]:
-        """Newest status messages and the age of every topic, as on the page's bar."""
+        """Return newest status messages and the age of every topic, as on the page's bar."""
         return {**Summary(parts).fresh(), "emergency": parts.emergency.state}
 
     @app.get("/api/events")
     async def newest_events() -> list[dict[str, Any]]:
-        """The last log lines of the vehicle, the station and the page."""
+        """Return the last log lines of the vehicle, the station and the page."""
         return parts.hub.lines
 
 
@@ -158,14 +158,14 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/commands/start_behavior")
     async def start_behavior(body: commands.StartBehaviorBody, session: Operator) -> dict[str, Any]:
-        """Arguments are checked by the vehicle, which knows them."""
+        """Start a behavior; its arguments are checked by the vehicle, which knows them."""
         await station.start_behavior(session.label, body.name, body.arguments, **body.fields)
         return {"accepted": True}
 
     @app.post("/api/commands/emergency")
     async def emergency(body: commands.EmergencyBody, session: Asker) -> dict[str, Any]:
-        """`land` comes down at once as `safety.emergency_land` says, and is everybody's; `cut`
-        stops the motors.
+        """Command an emergency: `land` comes down at once as `safety.emergency_land` says, and is
+        open to all; `cut` stops the motors.
 
         Answers once the vehicle has accepted it; whether it shows it is told as `emergency`.
         """
@@ -188,7 +188,9 @@ def _add_commands(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/invitations")
     def invite(body: commands.InvitationBody, session: Operator) -> dict[str, str]:
-        """A sign-in link for one more browser: of a viewer; admins may invite operators too."""
+        """Make a sign-in link for one more browser: of a viewer; admins may invite operators
+        too.
+        """
         role = Role(body.role)
         if role is not Role.VIEWER and not session.role.may(Role.ADMIN):
             raise HTTPException(403, f"{session.label} may invite viewers; ask an admin for more")

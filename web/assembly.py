@@ -50,7 +50,7 @@ def assemble(
     attempts: Attempts | None = None,
     passwords: Passwords | None = None,
 ) -> ASGIApp:
-    """The whole application behind its gate.
+    """Assemble the whole application behind its gate.
 
     Args:
         base_url: where the page is; under https the cookie is Secure.
@@ -134,7 +134,9 @@ def assemble(
 
 
 def _start(part: Runs, say: Callable[[str, str], None]) -> asyncio.Task[None]:
-    """A loop that ends by an error is a defect: told on the page, its trace in the terminal."""
+    """Start a loop. One that ends by an error is a defect: shown on the page, its trace in the
+    terminal.
+    """
 
     def ended(task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:
@@ -148,7 +150,7 @@ def _start(part: Runs, say: Callable[[str, str], None]) -> asyncio.Task[None]:
 
 
 def allowed_hosts(base_url: str, names: Collection[str] = ()) -> frozenset[str]:
-    """Values of the Host header that mean us; others are a foreign name pointed at us."""
+    """Return values of the Host header that mean us; others are a foreign name pointed at us."""
     place = urlsplit(base_url)
     port = place.port
     hosts = {place.hostname or "", "127.0.0.1", "localhost", "::1", *names}

@@ -163,7 +163,7 @@ def _resolved(importer: str, address: str) -> str:
 
 
 def _bindings(name: str, listed: str) -> list[tuple[str, str]]:
-    """Their name and ours, "" for the same."""
+    """Return their names and ours, "" for the same."""
     pairs = []
     for one in filter(None, (part.strip() for part in listed.split(","))):
         found = _BINDING.fullmatch(one)
@@ -192,7 +192,9 @@ def _variable(name: str) -> str:
 def _source_map(
     modules: Mapping[str, _Module], places: list[tuple[int, int] | None], place: str
 ) -> str:
-    """Version 3: each line of the script begins a line of a file, or is nobody's."""
+    """Return a source map, version 3: each line of the script begins a line of a file, or belongs
+    to none.
+    """
     told = [(0, 0), *(one for one in places if one is not None)]
     steps = iter([(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(told)])
     mappings = []
@@ -213,7 +215,7 @@ def _source_map(
 
 
 def _vlq(value: int) -> str:
-    """Base 64, five bits a digit, the sign in the lowest."""
+    """Encode in base 64, five bits a digit, the sign in the lowest."""
     rest, digits = (-value << 1 | 1) if value < 0 else value << 1, ""
     while True:
         digit, rest = rest & 31, rest >> 5

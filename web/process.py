@@ -107,7 +107,7 @@ def url_of(host: str, port: int, *, has_tls: bool) -> str:
 
 
 def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
-    """uvicorn as we run it: our websocket protocol, no compression, nothing but warnings.
+    """Return uvicorn as we run it: our websocket protocol, no compression, nothing but warnings.
 
     Headers of a proxy are not believed: who sits on this computer could name any address there,
     and wrong passwords are counted by address.

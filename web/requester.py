@@ -19,7 +19,7 @@ Asker = Annotated[Session, Depends(session_of)]
 
 
 def operator_of(session: Asker) -> Session:
-    """Answers 403 to a viewer."""
+    """Return the session; answers 403 to a viewer."""
     if not session.role.may(Role.OPERATOR):
         raise HTTPException(
             403, f"{session.label} may watch but not command; ask an operator for an invitation"
@@ -31,7 +31,7 @@ Operator = Annotated[Session, Depends(operator_of)]
 
 
 def admin_of(session: Asker) -> Session:
-    """Answers 403 to all but admins."""
+    """Return the session; answers 403 to all but admins."""
     if not session.role.may(Role.ADMIN):
         raise HTTPException(403, f"{session.label} is no admin; users are managed by admins")
     return session

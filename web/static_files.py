@@ -49,7 +49,7 @@ class KeptFiles(StaticFiles):
         self._joined: dict[str, tuple[str, bytes]] = {}  # by name: of which version, content
 
     def document(self, name: str) -> HTMLResponse:
-        """A page of the folder, which names the others by their version as of now.
+        """Return a page of the folder, which names the others by their version as of now.
 
         Raises JoinError for files that cannot be joined.
         """
@@ -109,7 +109,7 @@ class KeptFiles(StaticFiles):
         return response
 
     async def _current(self, path: str, scope: Scope) -> Response:
-        """Anything unusual is left to the library."""
+        """Serve the file as it is; anything unusual is left to the library."""
         if path.startswith(JOINED):
             return self._current_joined(path, scope)
         found, about = None, None

@@ -31,7 +31,7 @@ def skew(v: Array) -> Array:
 
 
 def bound(flight: Flight) -> Array:
-    """Variance (n, 3) of position (m^2), velocity and attitude (rad^2) at each IMU instant.
+    """Return variance (n, 3) of position (m^2), velocity and attitude (rad^2) at each IMU instant.
 
     Frames of the instant itself not included: as an estimator that is read before they come.
     """
@@ -73,7 +73,7 @@ def _predict(P: Array, R_wb: Array, force_w: Array, dt: float) -> Array:
 
 
 def _update(P: Array, frame: Frame) -> Array:
-    """(P^-1 + sum J^T J / sigma^2)^-1 with two tangent rows a bearing."""
+    """Return (P^-1 + sum J^T J / sigma^2)^-1 with two tangent rows a bearing."""
     information = np.linalg.inv(P)
     for place in BEACONS:
         away = place - frame.position_w

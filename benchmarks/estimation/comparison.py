@@ -28,7 +28,9 @@ SEED = 7
 
 
 def run(quick: bool = False) -> Report:
-    """A flight with noise and biases through the comparison, as the station's process feeds it."""
+    """Return a flight with noise and biases through the comparison, as the station's process feeds
+    it.
+    """
     duration, rounds = (5.0, 3) if quick else (30.0, 7)
     flown = flight(SEED, duration)
     payloads, frames = _telemetry(flown), _frames(flown)
@@ -79,7 +81,7 @@ def run(quick: bool = False) -> Report:
 def _fly(
     words: str, payloads: list[bytes], frames: list[BearingMeasurement], flown: Flight
 ) -> tuple[float, list[Result]]:
-    """Processor time (s) and the last results."""
+    """Return processor time (s) and the last results."""
     comparison = EstimatorComparison(timer=time.thread_time)
     choices = parse_estimators(words)
     comparison.choose([one.word for one in choices])
@@ -108,7 +110,7 @@ def _stamp(k: int) -> int:
 
 
 def _telemetry(flown: Flight) -> list[bytes]:
-    """Packets; the vehicle's own estimate is the truth."""
+    """Return packets; the vehicle's own estimate is the truth."""
     ticks: Record = np.zeros(len(flown.t), TICK)
     ticks["imu"]["stamp_ns"] = [_stamp(k) for k in range(len(ticks))]
     ticks["imu"]["angular_velocity_b"] = flown.sample[:, :3]

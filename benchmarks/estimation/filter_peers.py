@@ -25,7 +25,7 @@ from estimation.poses.planar_pose import planar_pose
 def peers(
     flights: list[Flight], discarded: float, ours: Callable[[], Any], fly: Callable[..., Any]
 ) -> tuple[list[Row], list[str]]:
-    """Rows and notes; a peer that is not installed is a note."""
+    """Return rows and notes; a peer that is not installed is a note."""
     rows, notes = [], []
     try:
         rows += list(_ahrs(flights, discarded))
@@ -118,7 +118,9 @@ def _filterpy(
 
 
 def _poses(flight: Flight) -> list[tuple[float, Array, Array]]:
-    """Time, position (3,) and its covariance (3, 3) of each frame by itself, started at truth."""
+    """Return time, position (3,) and its covariance (3, 3) of each frame by itself, started at
+    truth.
+    """
     out = []
     for frame in flight.frames:
         start = (frame.position_w, quaternion(frame.R_wb))
@@ -128,7 +130,7 @@ def _poses(flight: Flight) -> list[tuple[float, Array, Array]]:
 
 
 def _turned(q: Array, v: Array) -> Array:
-    """R(q) v for each row of q (n, 4) and v (n, 3)."""
+    """Return R(q) v for each row of q (n, 4) and v (n, 3)."""
     w, u = q[:, :1], q[:, 1:]
     t = 2.0 * np.cross(u, v)
     out: Array = v + w * t + np.cross(u, t)

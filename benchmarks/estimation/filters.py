@@ -74,7 +74,7 @@ class Accuracy:
 
     @property
     def rms(self) -> Array:
-        """m, m/s, rad over all flights."""
+        """Return m, m/s, rad over all flights."""
         out: Array = np.sqrt(np.mean(self.squares, axis=0))
         return out
 
@@ -97,7 +97,7 @@ class OneFrame(ComplementaryEstimator):
 
 
 def error_state() -> ErrorStateEstimator:
-    """Told the true noise and the deviations the biases were drawn with."""
+    """Return an estimator given the true noise and the deviations the biases were drawn with."""
     parameters = EstimationParameters(measurement_timeout=0.2)
     parameters.error_state = ErrorStateParameters(
         accelerometer_noise=FORCE_NOISE / np.sqrt(RATE),
@@ -171,7 +171,9 @@ def _first_pose(frame: Record) -> Record:
 
 
 def squares(truth: Flight, states: Record) -> Array:
-    """Mean squared error vectors of position, velocity, attitude after the discarded time."""
+    """Return mean squared error vectors of position, velocity, attitude after the discarded
+    time.
+    """
     used = truth.t > DISCARDED
     w, x, y, z = states["quaternion_wb"][used].T
     tw, tx, ty, tz = quaternion(truth.R_wb[used]).T
@@ -196,7 +198,9 @@ def squares(truth: Flight, states: Record) -> Array:
 
 
 def run(quick: bool = False) -> Report:
-    """Bound and error-state filter on 64 flights (8 when quick), the others on the first 16 (4)."""
+    """Return bound and error-state filter on 64 flights (8 when quick), the others on the first 16
+    (4).
+    """
     many, count = (8, 4) if quick else (64, 16)
     report = Report(
         "filters",
@@ -313,7 +317,9 @@ def _targets(
 
 
 def _spread(squares: Array, bounds: Array) -> Array:
-    """Standard error (3,) of the ratio of rms values, flights drawn anew (bootstrap)."""
+    """Return the standard error (3,) of the ratio of rms values, with the flights drawn again
+    (bootstrap).
+    """
     random = np.random.default_rng(0)
     drawn = random.integers(0, len(squares), (500, len(squares)))
     out: Array = np.sqrt(squares[drawn].mean(axis=1) / bounds[drawn].mean(axis=1)).std(axis=0)

@@ -79,7 +79,7 @@ class Path:
         return self._waves(t, 1)
 
     def attitude(self, t: Array) -> Array:
-        """R_wb (n, 3, 3)."""
+        """Return R_wb (n, 3, 3)."""
         z = self._waves(t, 2) + UP
         z /= np.linalg.norm(z, axis=1)[:, None]
         yaw = self.yaw[0] + self.yaw[1] * np.sin(0.7 * t)
@@ -89,7 +89,7 @@ class Path:
 
 
 def flight(seed: int, duration: float) -> Flight:
-    """One flight of so many seconds; the same seed gives the same."""
+    """Return one flight of so many seconds; the same seed gives the same."""
     random = np.random.default_rng(seed)
     path = Path(random)
     t = np.arange(round(duration * RATE) + 1) / RATE
@@ -126,7 +126,9 @@ def flight(seed: int, duration: float) -> Flight:
 
 
 def quaternion(R: Array) -> Array:
-    """(w, x, y, z) of R (3, 3), by its trace; R is never near half a turn from level here."""
+    """Return (w, x, y, z) of R (3, 3), by its trace; R is never near half a turn from level
+    here.
+    """
     from scipy.spatial.transform import Rotation
 
     q: Array = np.roll(Rotation.from_matrix(R).as_quat(), 1, axis=-1)

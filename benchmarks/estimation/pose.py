@@ -46,7 +46,7 @@ class Frames:
 
     @property
     def bounds(self) -> Array:
-        """(n, 6, 6) Cramer-Rao bound: position, then rotation vector, world axes.
+        """Return (n, 6, 6) Cramer-Rao bound: position, then rotation vector, world axes.
 
         A tangent component of the bearing d changes by -(I - d d^T) / rho with position and by
         d cross phi with rotation; those of N bearings are independent.
@@ -66,7 +66,9 @@ FARTHEST_DRAWN = 10.0
 
 
 def frames(beacons: Array, count: int, seed: int, low: float = 0.3, high: float = 2.0) -> Frames:
-    """Poses of the envelope, x, y in +-1.2 m, roll, pitch +-20 deg, any yaw, seen with noise."""
+    """Return poses of the envelope, x, y in +-1.2 m, roll, pitch +-20 deg, any yaw, seen with
+    noise.
+    """
     rng = np.random.default_rng([seed, len(beacons)])
     r = np.column_stack([rng.uniform(-1.2, 1.2, (count, 2)), rng.uniform(low, high, count)])
     angles = np.column_stack([rng.uniform(-180, 180, count), rng.uniform(-20, 20, (count, 2))])
@@ -80,7 +82,7 @@ def frames(beacons: Array, count: int, seed: int, low: float = 0.3, high: float 
 
 
 def accuracy(method: Method, seen: Frames) -> dict[str, float]:
-    """Ratios to the bound, share refused and share beyond FAR (of all)."""
+    """Return ratios to the bound, share refused and share beyond FAR (of all)."""
     taken, positions, attitudes = [], [], []
     for k, bearings in enumerate(seen.bearings):
         try:
@@ -120,8 +122,9 @@ def as_printed(beacons: Array) -> Method:
 
 
 def poselib_pose(beacons: Array, polish: bool) -> Method:
-    """V. Larsson and contributors' PoseLib: p3p on bearings, the fourth chooses; `polish` refines
-    it on image points of a camera aimed along the bearings."""
+    """Return v. Larsson and contributors' PoseLib: p3p on bearings, the fourth chooses; `polish`
+    refines it on image points of a camera aimed along the bearings.
+    """
     import poselib  # type: ignore[import-not-found, unused-ignore]
 
     camera = {"model": "PINHOLE", "width": 1, "height": 1, "params": [1.0, 1.0, 0.0, 0.0]}
@@ -317,7 +320,7 @@ def _from_the_truth(solver: PlanarPoseSolver, seen: Frames) -> dict[str, float]:
 
 
 def _apart(rng: np.random.Generator, count: int, least: float) -> Array:
-    """(count, 2) points of the square +-1 m, none nearer to another than `least` (m)."""
+    """Return (count, 2) points of the square +-1 m, none nearer to another than `least` (m)."""
     points: list[Array] = []
     while len(points) < count:
         one = rng.uniform(-1.0, 1.0, 2)

@@ -148,7 +148,7 @@ def fly(
     fault: Fault | None = None,
     tracker: bool = True,
 ) -> Outcome:
-    """One flight of the experiment with these of its options."""
+    """Return one flight of the experiment with these of its options."""
     parameters = FlightParameters().model_copy(deep=True)
     parameters.seed(seed)
     experiment = BearingsExperiment()
@@ -200,7 +200,7 @@ def run(quick: bool = False) -> Report:
 
 
 def run_with(seeds: int, duration: float, say: Callable[[str], object]) -> Report:
-    """Seeds 1 to `seeds`, manoeuvres of `duration` s."""
+    """Return seeds 1 to `seeds`, manoeuvres of `duration` s."""
     report = Report(
         "bearing_flights",
         "Flown on bearings alone",

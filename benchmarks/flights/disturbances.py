@@ -76,7 +76,9 @@ CASES: dict[str, tuple[Settings, float | None, dict[str, Settings]]] = {
 
 
 def run(quick: bool = False) -> Report:
-    """Position errors on steady laps of the 8, each disturbance with the observer off and on."""
+    """Return position errors on steady laps of the 8, each disturbance with the observer off and
+    on.
+    """
     seeds = range(1, 3 if quick else SEEDS + 1)
     report = Report(
         "disturbances",
@@ -111,12 +113,12 @@ def run(quick: bool = False) -> Report:
 
 
 def smallest_delay(name: str, lag: float) -> float:
-    """s of delay borne by the loop of a gain set that bears least."""
+    """Return the delay (s) borne by the loop of a gain set that bears least."""
     return min(one.delay for one in margins(preset(name), lag))
 
 
 def _fly(seed: int, settings: Settings) -> float:
-    """Position error, mm rms, of the steady laps; inf when they were not flown."""
+    """Return position error, mm rms, of the steady laps; inf when they were not flown."""
     flight = WatchedFlight(seed, dict(settings))
     try:
         flight.hover()

@@ -27,7 +27,7 @@ class Flown:
     proposal: CalibrationRecord | None
 
     def value(self, name: str) -> float:
-        """A proposed parameter."""
+        """Return a proposed parameter."""
         assert self.proposal is not None
         return float(self.proposal.values[name])
 
@@ -39,7 +39,10 @@ def fly(
     seed: int = 1,
     true_state: bool = False,
 ) -> Flown:
-    """Args: `settings` of vehicle, `simulator`, `tracker`, `experiment`. Raises QuadlabError."""
+    """Fly the experiment.
+
+    Args: `settings` of vehicle, `simulator`, `tracker`, `experiment`. Raises QuadlabError.
+    """
     experiment = find(name, VEHICLE)
     parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
     parameters.seed(seed)

@@ -39,7 +39,7 @@ LONGEST = 45.0
 
 
 def conditions(seed: int) -> dict[str, ParameterValue]:
-    """The truth of a seed: wind, gusts, motors, battery, drift of the gyroscope."""
+    """Return the truth of a seed: wind, gusts, motors, battery, drift of the gyroscope."""
     chance = np.random.default_rng((seed, 11))
     speed, heading = chance.uniform(0.0, 1.0), chance.uniform(-math.pi, math.pi)
     drift = chance.normal(0.0, 1.0, 3)
@@ -77,7 +77,7 @@ class FailingFlight(WatchedFlight):
 
 
 def fly_seed(seed: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
-    """All failures from all starts under the conditions of one seed."""
+    """Fly all failures from all starts under the conditions of one seed."""
     settings = {f"simulator.{name}": value for name, value in conditions(seed).items()} | SETTINGS
     flight = FailingFlight(seed, settings)
     chance = np.random.default_rng((seed, 13))
@@ -194,7 +194,7 @@ def break_it(flight: FailingFlight, failure: str) -> None:
 
 
 def fly_all(seeds: int, failures: tuple[str, ...], starts: tuple[str, ...]) -> list[Outcome]:
-    """Seeds 1 to `seeds`, on all cores."""
+    """Fly seeds 1 to `seeds`, on all cores."""
     fork = multiprocessing.get_context("fork")
     with ProcessPoolExecutor(mp_context=fork) as pool:
         found = [pool.submit(fly_seed, seed, failures, starts) for seed in range(1, seeds + 1)]

@@ -37,7 +37,7 @@ class NotFlownError(Exception):
 
 
 def until(what: str, look: Callable[[], Any], patience: float = PATIENCE) -> Any:
-    """The first true answer. Raises NotFlownError after `patience` (s)."""
+    """Return the first true answer. Raises NotFlownError after `patience` (s)."""
     end = time.monotonic() + patience
     while time.monotonic() < end:
         found = look()
@@ -103,7 +103,7 @@ class Ground:
             threading.Thread(target=self._beat, daemon=True).start()
 
     def _bridge(self, stack: ExitStack) -> Callable[[], None]:
-        """Hands the truth on to the station's router, whenever that is there."""
+        """Pass the truth on to the station's router, whenever that exists."""
 
         def run() -> None:
             while not self._closing.is_set():
@@ -153,7 +153,7 @@ class Ground:
 
     # ------------------------------------------------------------------ asking
     def ask(self, service: str, **fields: Any) -> Message | None:
-        """The answer; None when nobody gave one."""
+        """Return the answer; None when there was none."""
         if self._node is None:
             return None
         kind = topics.SERVICES[service]

@@ -101,7 +101,7 @@ class Processes:
 
 
 def fly_real(failure: str, start: str, seed: int) -> Outcome:
-    """One flight, a failure in it, and what became of it.
+    """Return one flight, a failure in it, and what became of it.
 
     A flight that does not come as far as its failure, on a machine that stood still for a quarter
     of a second for instance, is begun again, and that is told.

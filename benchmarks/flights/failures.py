@@ -46,7 +46,7 @@ def run(quick: bool = False) -> Report:
 
 
 def fly(seeds: int, real_seeds: int, only: Sequence[str]) -> list[Outcome]:
-    """Simulated time first; then the real processes, one flight after the other."""
+    """Fly in simulated time first; then with the real processes, one flight after the other."""
     names = dict.fromkeys(
         failing_flights.SILENT if name in ("flight", "frozen") else name
         for name in only
@@ -68,7 +68,7 @@ def fly(seeds: int, real_seeds: int, only: Sequence[str]) -> list[Outcome]:
 
 
 def line(outcome: Outcome) -> str:
-    """One flight in a line."""
+    """Return one flight in a line."""
     o = outcome
     return (
         f"{'real' if o.real else 'simulated'} {o.failure}, {o.start}, seed {o.seed}: {o.verdict}; "
@@ -78,7 +78,7 @@ def line(outcome: Outcome) -> str:
 
 
 def report(outcomes: Sequence[Outcome]) -> Report:
-    """One row a failure and start: median and worst."""
+    """Return one row a failure and start: median and worst."""
     seeds = [{o.seed for o in outcomes if o.real is real} for real in (False, True)]
     found = Report(
         "failures",

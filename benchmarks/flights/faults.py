@@ -128,7 +128,7 @@ def _payload(report: Report, seeds: range) -> dict[str, Any]:
 
 # ---------------------------------------------------------------- the battery
 def _battery(report: Report, quick: bool) -> dict[str, Any]:
-    """A whole discharge in hover: thrust falls with the square of the voltage."""
+    """Return a whole discharge in hover: thrust falls with the square of the voltage."""
     lines = []
     for known in (0.0, 1.0):
         flight = WatchedFlight(
@@ -207,7 +207,7 @@ def _descents(report: Report, seeds: range) -> None:
 
 
 def _timeouts(report: Report, step: float) -> dict[str, Any]:
-    """Held commands in a steep 8: how long before it is too late."""
+    """Return held commands in a steep 8: how long before it is too late."""
     flight = WatchedFlight(1, STEEP).hover(1.5)
     flight.start(
         "follow_trajectory", trajectory="figure_eight_lap", period=STEEP_PERIOD, yaw_amplitude=0.2
@@ -252,7 +252,9 @@ def _timeouts(report: Report, step: float) -> dict[str, Any]:
 
 
 def _silence(flight: WatchedFlight, timeout: float) -> tuple[bool, float, float]:
-    """The flight process stands still from now on: upright, impact (m/s), largest tilt (deg)."""
+    """Stop the flight process from now on; return whether it ended upright, impact (m/s), largest
+    tilt (deg).
+    """
     flight.robot.firmware.registers[Id.EMERGENCY_TIMEOUT] = round(1e3 * timeout)
     flight.forget()
     flight.frozen = True
@@ -262,7 +264,9 @@ def _silence(flight: WatchedFlight, timeout: float) -> tuple[bool, float, float]
 
 
 def in_a_copy(call: Callable[[], Any]) -> Any:
-    """The result of a call in a forked process: this one's flight goes on as if it had not been."""
+    """Return the result of a call in a forked process: this one's flight goes on as if it had not
+    been.
+    """
     reader, writer = os.pipe()
     child = os.fork()
     if not child:

@@ -167,13 +167,13 @@ def cpu_ticks(up: int) -> Counter[str]:
 
 
 def taken() -> float:
-    """s of processor time that the host gave to others than this machine."""
+    """Return the processor time (s) that the host gave to others than this machine."""
     return int(Path("/proc/stat").read_text().split()[8]) / TICK
 
 
 @contextmanager
 def laboratory(count: int) -> Iterator[tuple[int, list[str]]]:
-    """The process of `quadlab up`, once its page is there, and its lines as they come."""
+    """Yield the process of `quadlab up`, once its page is there, and its lines as they come."""
     with started(PORT, LINK_PORT, "--vehicles", str(count)) as (up, lines):
         try:
             until(lambda: "token=" in "".join(lines), "the page")

@@ -239,7 +239,7 @@ def _judge_accelerometer(
 
 
 def _off(matrix: np.ndarray, bias: np.ndarray) -> tuple[float, float]:  # type: ignore[type-arg]
-    """Largest entries, of b and T."""
+    """Return largest entries, of b and T."""
     return float(np.abs(bias).max()), float(np.abs(matrix).max())
 
 
@@ -249,7 +249,9 @@ def _computed(
     bias: np.ndarray,  # type: ignore[type-arg]
     random: np.random.Generator,
 ) -> tuple[float, float]:
-    """Errors of one calibration from poses whose attitudes are wrong by 0.2° on each axis."""
+    """Return errors of one calibration from poses whose attitudes are wrong by 0.2° on each
+    axis.
+    """
     poses = []
     for up in ups:
         turn = 0.5 * random.normal(0.0, math.radians(0.2), 3)
@@ -311,5 +313,5 @@ def _motor(report: Report, quick: bool) -> None:
 
 
 def _worst(flown: list[Flown], *names: str) -> dict[str, float]:
-    """The largest of each metric."""
+    """Return the largest of each metric."""
     return {name: max(one.result.metrics[name] for one in flown) for name in names}

@@ -132,7 +132,7 @@ class Laboratory:
         return re.findall(r"http://\S+token=\S+", "".join(self.lines))
 
     def fly(self) -> Flight:
-        """One figure 8 from the ground to the ground."""
+        """Return one figure 8 from the ground to the ground."""
         flight, known = Flight(), {path.name for path in self._runs()}
         self.until(lambda: (self.summary().get("preflight") or {}).get("ready"))
         # By the status too: an answer may take longer than its caller waits.
@@ -232,7 +232,7 @@ def judge(flight: Flight, run: Path) -> None:
 
 
 def _ordinary() -> list[str]:
-    """Words before a command that take the rights away which a laptop's user lacks."""
+    """Return words before a command that take the rights away which a laptop's user lacks."""
     if os.geteuid() != 0 or shutil.which("setpriv") is None:
         return []
     return ["setpriv", "--bounding-set", "-sys_nice", "--inh-caps", "-sys_nice", "--"]
@@ -240,7 +240,7 @@ def _ordinary() -> list[str]:
 
 @contextmanager
 def busy() -> Iterator[None]:
-    """Two loops a core."""
+    """Run two loops a core."""
     count = BUSY_A_CORE * (os.cpu_count() or 1)
     loops = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
     try:

@@ -82,22 +82,22 @@ class WatchedFlight(SimulatedFlight):
 
     @property
     def tilt(self) -> float:
-        """rad, between the true z_B and z_W."""
+        """Return the angle between the true z_B and z_W in rad."""
         _, a, b, _ = self._true_quaternion_wb.tolist()
         return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (a * a + b * b))))
 
     @property
     def height(self) -> float:
-        """m, the true one."""
+        """Return the true height in m."""
         return float(self._true_position_w[2])
 
     @property
     def airborne(self) -> bool:
-        """Motors turn, as the microcontroller knows."""
+        """Return whether the motors turn, as the microcontroller knows."""
         return bool(self.robot.rotor_speeds.max() > 25.0)
 
     def trace(self, since: float = 0.0) -> tuple[Array, Array, Array]:
-        """Times (N,) s, true and wanted positions (N, 3) m, from `since` (s) on."""
+        """Return times (N,) s, true and wanted positions (N, 3) m, from `since` (s) on."""
         rows = np.array([row for row in self._trace if row[0] >= since])
         return rows[:, 0], rows[:, 1:4], rows[:, 4:7]
 

@@ -89,7 +89,7 @@ class Wire:
         heapq.heappush(self._on_wire, (arrives, next(self._count), packet))
 
     def due(self, now: float) -> list[bytes]:
-        """Packets that have arrived."""
+        """Return packets that have arrived."""
         arrived = []
         while self._on_wire and self._on_wire[0][0] <= now:
             arrived.append(heapq.heappop(self._on_wire)[2])

@@ -21,7 +21,7 @@ SECONDS, QUICK_SECONDS = 30.0, 6.0
 
 
 def narrow(quick: bool = False) -> Report:
-    """Telemetry's delay, and how much of what it leaves the download gets."""
+    """Return telemetry's delay, and how much of what it leaves the download gets."""
     seconds = QUICK_SECONDS if quick else SECONDS
     with running(Plan(2 * seconds + 30.0, udp=False)) as ends:
         ends.link.change(Conditions(rate=RATE))

@@ -67,12 +67,12 @@ class Found:
 
 
 def delays(rows: Rows) -> npt.NDArray[np.float64]:
-    """ms, of what came."""
+    """Return the delays (ms) of what came."""
     return np.asarray((rows[:, 2] - rows[:, 1]) * MS, np.float64)
 
 
 def ages(rows: Rows) -> npt.NDArray[np.float64]:
-    """ms, how old the newest is at each millisecond."""
+    """Return how old (ms) the newest is at each millisecond."""
     heard = rows[np.argsort(rows[:, 2], kind="stable")]
     newest = np.maximum.accumulate(heard[:, 1])
     moments = np.arange(heard[0, 2], heard[-1, 2], 1_000_000)
@@ -94,7 +94,7 @@ def beside(rows: Rows, udp: Rows, most: float) -> Rows:
 
 
 def lost(rows: Rows) -> float:
-    """%, of those between the first and the last that came."""
+    """Return the loss (%) between the first and the last that came."""
     numbers = np.unique(rows[:, 0])
     return float(100.0 * (1.0 - len(numbers) / (numbers[-1] - numbers[0] + 1)))
 
@@ -108,7 +108,7 @@ def p99(values: npt.NDArray[np.float64]) -> float:
 
 
 def answers(calls: Rows) -> npt.NDArray[np.float64]:
-    """ms until those that were answered were."""
+    """Return the ms until those that were answered were."""
     return np.asarray(calls[calls[:, 1] >= 0, 1] * MS, np.float64)
 
 

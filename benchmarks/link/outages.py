@@ -35,7 +35,7 @@ class Outage:
 
 
 def outages(quick: bool = False) -> Report:
-    """Fresh data and answers after each; memory; when each end knew."""
+    """Return fresh data and answers after each; memory; when each end knew."""
     count = QUICK_COUNT if quick else COUNT
     drawn = random.Random(8)
     lengths = [drawn.uniform(SHORTEST, LONGEST) for _ in range(count)]
@@ -54,7 +54,9 @@ def outages(quick: bool = False) -> Report:
 
 
 def _break(ends: Running, length: float, more: float) -> Outage:
-    """`more`: so that beats do not always stop at the same moment."""
+    """Break the link and return the outage; `more` shifts it, so that beats do not always stop at
+    the same moment.
+    """
     begin = time.monotonic_ns()
     ends.link.interrupt(length)
     time.sleep(length + BETWEEN + more)
@@ -99,21 +101,25 @@ def _report(found: Found, broken: list[Outage], growth: tuple[float, float]) -> 
 
 
 def first_fresh(found: Found, outage: Outage) -> float:
-    """ms from the end of the outage to telemetry that was to be shown; inf when none came."""
+    """Return the ms from the end of the outage to telemetry that was to be shown; inf when none
+    came.
+    """
     rows = found.telemetry
     came = rows[(rows[:, 2] >= outage.end) & (rows[:, 3] == 1), 2]
     return _since(came, outage.end)
 
 
 def first_answer(found: Found, outage: Outage) -> float:
-    """ms from the end of the outage to an answer, whenever it was asked for."""
+    """Return the ms from the end of the outage to an answer, whenever it was asked for."""
     calls = found.calls[found.calls[:, 1] >= 0]
     answered = calls[:, 0] + calls[:, 1]
     return _since(answered[answered >= outage.end], outage.end)
 
 
 def noticed(changes: npt.NDArray[np.int64], outage: Outage) -> float:
-    """ms from the begin of the outage until one end missed the other; inf when it did not."""
+    """Return the ms from the begin of the outage until one end missed the other; inf when it did
+    not.
+    """
     after = changes[(changes[:, 0] >= outage.begin) & (changes[:, 1] > 0), 0]
     return _since(after, outage.begin)
 

@@ -42,7 +42,7 @@ class Running:
         time.sleep(SETTLED)
 
     def memory(self) -> tuple[float, float]:
-        """MB resident, of vehicle and station."""
+        """Return the resident memory (MB) of vehicle and station."""
         pages = [int(Path(f"/proc/{p.pid}/statm").read_text().split()[1]) for p in self._programs]
         size = os.sysconf("SC_PAGE_SIZE") / 1e6
         return pages[0] * size, pages[1] * size

@@ -130,13 +130,13 @@ def _report(
 
 
 def _ticks(logs: list[Path]) -> npt.NDArray[np.int64]:
-    """Stamps of all ticks, in order, each once."""
+    """Return stamps of all ticks, in order, each once."""
     found = [message.publish_ns for log in logs for message in read_log(log, topics=[TICKS])]
     return np.unique(np.array(found, np.int64))
 
 
 def _verdict(data: Path) -> tuple[Path, Completeness]:
-    """The log of the only run, and what the station says of it once it has decided."""
+    """Return the log of the only run, and what the station reports of it once it has decided."""
     end = time.monotonic() + FILLING
     while time.monotonic() < end:
         catalogue = Catalogue(data)
@@ -153,7 +153,7 @@ def _verdict(data: Path) -> tuple[Path, Completeness]:
 
 
 def _memory(pid: int) -> float:
-    """MB resident."""
+    """Return the resident memory in MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / MB
 

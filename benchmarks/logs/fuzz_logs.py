@@ -37,7 +37,7 @@ class Worker:
         self._process: subprocess.Popen[str] | None = None
 
     def run(self, command: str, log: Path, out: Path) -> dict[str, Any]:
-        """Status, peak and what it holds afterwards (MB), the end of what it said."""
+        """Return status, peak and what it holds afterwards (MB), the end of what it said."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "benchmarks.logs.fuzz_worker"],

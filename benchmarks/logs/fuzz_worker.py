@@ -58,7 +58,7 @@ def _page(log: Path, folder: Path) -> int:
 
 
 def _recording(log: Path, folder: Path) -> int:
-    """The recording for viser."""
+    """Return the recording for viser."""
     from web.runs.viser_recording import record
 
     try:
@@ -84,7 +84,7 @@ COMMANDS: dict[str, Callable[[Path, Path], int]] = {
 
 
 def _megabytes(name: str) -> float:
-    """A line of this process's status: VmHWM, the most since it was reset, or VmRSS."""
+    """Return a line of this process's status: VmHWM, the most since it was reset, or VmRSS."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith(f"{name}:"):
             return float(line.split()[1]) * 1024e-6

@@ -85,7 +85,7 @@ def problems_of(log: Path, count: int) -> list[str]:
 
 
 def summary(what: str, kills: Sequence[Kill]) -> tuple[Row, list[Target], list[str]]:
-    """One row of the table, its targets, and a line for each problem."""
+    """Return one row of the table, its targets, and a line for each problem."""
     lost = [kill.lost_ms for kill in kills]
     bad = [kill for kill in kills if kill.problems]
     sound = len(kills) - len(bad)

@@ -48,7 +48,7 @@ NAME = "quad1"
 
 
 def kills(count: int, seed: int = 1) -> Iterator[Kill]:
-    """`count` kills in one flight, each at a moment by chance."""
+    """Yield `count` kills in one flight, each at a moment by chance."""
     chance = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory(prefix="quadlab-killed-") as name:
         data = Path(name)
@@ -100,7 +100,7 @@ class Flight:
 
     @property
     def taken(self) -> int:
-        """Ticks that comms has read."""
+        """Return ticks that comms has read."""
         return int(self._rings.ticks._words[READ])
 
     def _run(self) -> None:

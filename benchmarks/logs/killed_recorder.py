@@ -37,7 +37,7 @@ MATERIAL, BOARD = "material.mcap", "board"
 
 
 def kills(count: int, seed: int = 1) -> Iterator[Kill]:
-    """`count` processes, one after the other, each killed at a moment by chance."""
+    """Yield `count` processes, one after the other, each killed at a moment by chance."""
     chance = np.random.default_rng(seed)
     with tempfile.TemporaryDirectory(prefix="quadlab-killed-") as name:
         write_run(Path(name) / MATERIAL, MadeRun(MATERIAL_S))

@@ -64,7 +64,7 @@ class MadeRun:
 
 
 def position_at(run: MadeRun, t: Any) -> Any:
-    """Reference position without noise, m, shape (N, 3)."""
+    """Return reference position without noise, m, shape (N, 3)."""
     t = np.asarray(t, float)
     flown = np.clip(t - run.trajectory, 0.0, max(0.0, run.duration - REST - run.trajectory))
     angle = 2.0 * math.pi / LAP * flown

@@ -27,7 +27,7 @@ processor time when they were spent in another process."""
 
 
 def run(quick: bool = False) -> Report:
-    """Rows of steps a second of wall time and of processor time, all threads together."""
+    """Return rows of steps a second of wall time and of processor time, all threads together."""
     report = Report(
         "closed_loop",
         "Closed-loop simulation",
@@ -101,7 +101,9 @@ def run(quick: bool = False) -> Report:
 def _in_turns(
     methods: dict[str, Method], rounds: int
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, float | None]]:
-    """Steps a second of wall and of processor time (rounds,), and the last error, a method."""
+    """Return steps a second of wall and of processor time (rounds,), and the last error, a
+    method.
+    """
     for method in methods.values():
         method()  # compile, fill caches
     wall: dict[str, list[float]] = {name: [] for name in methods}

@@ -151,7 +151,9 @@ def _cyclictest(interval_us: int, seconds: int) -> Iterator[subprocess.Popen[str
 
 
 def histogram(said: str) -> npt.NDArray[np.int64]:
-    """Latencies (µs) of what `cyclictest --histogram` printed, one for each of its cycles."""
+    """Return latencies (µs) of what `cyclictest --histogram` printed, one for each of its
+    cycles.
+    """
     rows = re.findall(r"^(\d+)\s+(\d+)$", said, re.MULTILINE)
     latencies = [np.repeat(np.int64(us), int(count)) for us, count in rows]
     over = re.search(r"^# Histogram Overflows: 0*(\d+)$", said, re.MULTILINE)

@@ -163,7 +163,7 @@ def _fly(
     *,
     true_state: bool = False,
 ) -> Flown | str:
-    """rms in hover, rms and largest error on the 8 (mm), or why it was not flown."""
+    """Return rms in hover, rms and largest error on the 8 (mm), or why it was not flown."""
     flight = WatchedFlight(
         seed, {"simulator.imu_rate": rate, **(settings or {})}, true_state=true_state
     )
@@ -184,7 +184,7 @@ def _fly(
 
 
 def _errors(flight: WatchedFlight, since: float, until: float) -> Array:
-    """Distance (mm) from the reference at each tick."""
+    """Return distance (mm) from the reference at each tick."""
     times, true, wanted = flight.trace(since)
     away: Array = 1e3 * np.linalg.norm(true - wanted, axis=1)
     return away[times <= until]

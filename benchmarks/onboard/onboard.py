@@ -34,7 +34,7 @@ TWINS = {
 
 
 def run(quick: bool = False) -> Report:
-    """Rows of one onboard step each; accuracy is the largest difference of any thrust, N."""
+    """Return rows of one onboard step each; accuracy is the largest difference of any thrust, N."""
     report = Report(
         "onboard",
         "Onboard step",
@@ -114,7 +114,7 @@ def run(quick: bool = False) -> Report:
 
 
 def recorded(count: int) -> Record:
-    """The ideal IMU samples (count,) of a true-state flight of the 8."""
+    """Return the ideal IMU samples (count,) of a true-state flight of the 8."""
     flight = fly_batch(
         [Scenario(true_state=True, whole_references=False)], count * PERIOD, history_rate=500.0
     )
@@ -131,7 +131,7 @@ def recorded(count: int) -> Record:
 
 
 def started(imu: Record, like: Record | None = None) -> Record:
-    """An ONBOARD record at the 8's beginning, or a copy of one."""
+    """Return an ONBOARD record at the 8's beginning, or a copy of one."""
     if like is not None:
         return like.copy()
     onboard = new_onboard()
@@ -189,7 +189,9 @@ def _tick(report: Report, seconds: float) -> None:
 
 
 def ticks(seconds: float) -> list[tuple[int, int]]:
-    """ns of each tick, on the clock and of processor time, over `seconds` of a simulated 8."""
+    """Return the ns of each tick, on the clock and of processor time, over `seconds` of a simulated
+    8.
+    """
     from quadlab.simulated.flight import FlightParameters, SimulatedFlight
     from vehicle.flight.realtime import freeze_garbage
     from vehicle.simulator.simulated_vehicle import SimulatedVehicle

@@ -101,7 +101,7 @@ class Logged:
 
 
 def run(quick: bool = False) -> Report:
-    """Turns of `SECONDS` in all with the log, and as long without."""
+    """Measure turns of `SECONDS` in all with the log, and as long without."""
     seconds = QUICK_SECONDS if quick else SECONDS
     report = Report(
         "onboard_log",

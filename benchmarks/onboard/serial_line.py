@@ -143,7 +143,8 @@ def run(quick: bool = False) -> Report:
 def latencies(
     flight: Notes, robot: Notes, began_ns: int, ended_ns: int
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """ms from sample to motors by the microcontroller's and by the host's clock, commands (N,).
+    """Return the ms from sample to motors by the microcontroller's and by the host's clock,
+    commands (N,).
 
     Args: `began_ns`, `ended_ns`: of the window, by the host's clock.
 
@@ -170,7 +171,9 @@ def latencies(
 
 
 def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
-    """ms of the microcontroller's clock, as its samples carry them, but not modulo a minute."""
+    """Return the ms of the microcontroller's clock, as its samples carry them, but not modulo a
+    minute.
+    """
     epoch_ns, elapsed_ms, last_ms = clock.tolist()
     carried_ms = last_ms - elapsed_ms + (stamps_ns - epoch_ns) // MS
     return carried_ms - START_MS + _minutes(elapsed_ms, last_ms) * TIME_PERIOD_MS
@@ -189,7 +192,7 @@ def _between(table: Table, column: int, first: int, end: int) -> Table:
 
 
 def _fly(folder: Path, seconds: int) -> tuple[Notes, Notes, tuple[int, int], str]:
-    """Notes of flight process and simulator, the window by the host's clock, and rights."""
+    """Return notes of flight process and simulator, the window by the host's clock, and rights."""
     truth, out = PipedTruth(), folder / "robot.npz"
     robot = subprocess.Popen(
         [

@@ -34,7 +34,7 @@ STARTS: dict[str, dict[str, ParameterValue]] = {
 
 
 def run(quick: bool = False) -> Report:
-    """Times and costs; seeds fixed."""
+    """Return times and costs; seeds fixed."""
     rounds = 3 if quick else 9
     rng = np.random.default_rng(7)
     points = np.column_stack(

@@ -48,7 +48,8 @@ LIMITS = {
 
 @contextmanager
 def started(port: int, link_port: int, *words: str) -> Iterator[tuple[int, list[str]]]:
-    """The process of a `quadlab up` with a data folder of its own, and its lines as they come.
+    """Yield the process of a `quadlab up` with a data folder of its own, and its lines as they
+    come.
 
     In real time: what is measured is not to be waited for.
     """
@@ -116,7 +117,7 @@ def _origin(url: str) -> Any:
 
 
 def processes(parent: int) -> dict[int, str]:
-    """`parent` and all its descendants by process id, with a short name."""
+    """Return `parent` and all its descendants by process id, with a short name."""
     parents = {}
     for entry in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -141,7 +142,7 @@ def cpu_seconds(pids: dict[int, str]) -> dict[str, float]:
 
 
 def memory_mb(pids: dict[int, str]) -> dict[str, float]:
-    """Proportional set size: shared pages counted once over all processes."""
+    """Return proportional set size: shared pages counted once over all processes."""
     out = {}
     for pid, name in pids.items():
         text = Path(f"/proc/{pid}/smaps_rollup").read_text()

@@ -90,20 +90,20 @@ def run(quick: bool = False) -> Report:
 
 
 def noticed(page: Any, comms: int, what: signal.Signals, wanted: bool) -> float:
-    """ms from the signal to the page's saying so."""
+    """Return the ms from the signal until the page shows it."""
     begin = time.time()
     os.kill(comms, what)
     return float(_until(lambda: _when(page, wanted)) - 1e3 * begin)
 
 
 def _when(page: Any, wanted: bool) -> float:
-    """ms since the epoch at which the page began to say it; 0 when it has not."""
+    """Return the ms since the epoch at which the page began to show it; 0 when it has not."""
     return next((float(at) for says, at in page.evaluate(SAID) if says is wanted), 0.0)
 
 
 @contextmanager
 def laboratory() -> Iterator[tuple[str, int]]:
-    """A signed-in address of the page, and the process of the vehicle's comms."""
+    """Yield a signed-in address of the page, and the process of the vehicle's comms."""
     with started(PORT, LINK_PORT) as (up, lines):
         try:
             address = _until(lambda: re.findall(r"http://\S+token=\S+", "".join(lines)))[-1]
@@ -114,7 +114,7 @@ def laboratory() -> Iterator[tuple[str, int]]:
 
 
 def _comms(parent: int) -> list[int]:
-    """Descendants of `parent` that run the vehicle's comms."""
+    """Return descendants of `parent` that run the vehicle's comms."""
     return [pid for pid, name in processes(parent).items() if name == "vehicle.comms.process"]
 
 

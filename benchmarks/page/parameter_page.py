@@ -98,7 +98,7 @@ def metrics(session: Any) -> dict[str, float]:
 
 
 def parameters() -> list[dict[str, Any]]:
-    """All of vehicle and station, and copies of them under other names up to `COUNT`."""
+    """Return all of vehicle and station, and copies of them under other names up to `COUNT`."""
     trees = (new_parameters(), StationTree().model_copy(deep=True))
     real = [d for tree in trees for d in ParameterStore(tree).descriptions()]
     made = []

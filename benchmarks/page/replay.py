@@ -75,7 +75,9 @@ SEEKS = """async (shares) => {
 
 
 def run(quick: bool = False) -> Report:
-    """The targets are those of the control room: seek 200 ms p95, 300 MB more at most."""
+    """Measure the replay page; the targets are those of the control room: seek 200 ms p95, 300 MB
+    more at most.
+    """
     from playwright.sync_api import sync_playwright
 
     duration = 120.0 if quick else 1200.0
@@ -172,13 +174,13 @@ def open_replay(page: Any, url: str) -> None:
 
 
 def memory(pid: int) -> float:
-    """Resident MB of a process."""
+    """Return resident MB of a process."""
     text = Path(f"/proc/{pid}/status").read_text()
     return float(next(row for row in text.splitlines() if row.startswith("VmRSS")).split()[1]) / 1e3
 
 
 def processor(pid: int | None) -> float:
-    """Seconds of processor time: of a process, or of all below this one but that (None)."""
+    """Return seconds of processor time: of a process, or of all below this one but that (None)."""
     times, parents = {}, {}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -214,7 +216,7 @@ class _Watch:
         self._thread.start()
 
     def stop(self) -> float:
-        """s"""
+        """Return the processor time in s."""
         self._going.clear()
         self._thread.join()
         return self._worst

@@ -108,7 +108,7 @@ def options_of(base: str, cookie: str) -> dict[str, Any]:
 
 
 def view(base: str, cookie: str, name: str) -> Any:
-    """A websocket of the 3D view."""
+    """Return a websocket of the 3D view."""
     import viser
 
     protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
@@ -117,7 +117,7 @@ def view(base: str, cookie: str, name: str) -> Any:
 
 
 async def backlog(base: str, cookie: str) -> int:
-    """Bytes a page gets in its first half second: what viser keeps for those who come."""
+    """Return bytes a page gets in its first half second: what viser keeps for those who come."""
     size = 0
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(0.5), view(base, cookie, "backlog") as socket:
@@ -127,7 +127,7 @@ async def backlog(base: str, cookie: str) -> int:
 
 
 async def one_page(base: str, cookie: str, name: str, seconds: float) -> list[float]:
-    """Times (s) at which frames of the 3D view came."""
+    """Return times (s) at which frames of the 3D view came."""
     web, came = base.replace("http", "ws"), []
     options = options_of(base, cookie)
     signals = ["state.position.x", "state.position.y", "state.position.z"]
@@ -174,7 +174,9 @@ async def pages(base: str, cookie: str, count: int, seconds: float) -> None:
 
 @contextlib.contextmanager
 def sampled(room: Room, out: list[dict[str, float]]) -> Iterator[None]:
-    """The vehicle's own figures of its loop each second, and the processor's share of web."""
+    """Sample the vehicle's own figures of its loop each second, and the processor's share of
+    web.
+    """
     pids = processes(room.up.pid)
     stop, lateness = threading.Event(), []
 

@@ -123,7 +123,7 @@ def page_of(catalogue: Catalogue, search: RunSearch, offset: int) -> dict[str, A
 
 
 def scrolled(catalogue: Catalogue, steps: int) -> tuple[list[float], int]:
-    """ms of each step, and how many nodes the document has at the end."""
+    """Return the ms of each step, and how many nodes the document has at the end."""
     from playwright.sync_api import sync_playwright
 
     def answer(route: Any) -> None:

@@ -168,7 +168,9 @@ def _latency(report: Report, page: Any, listener: Listener, seconds: float) -> N
 
 
 def _hold(page: Any, listener: Listener, script: str) -> float:
-    """ms from the event to the order to stop; once more when a busy machine dropped them before."""
+    """Return the ms from the event to the order to stop; once more when a busy machine dropped them
+    before.
+    """
     while True:
         page.evaluate("window.plugged = true; window.isHidden = false;")
         offset, _ = _offset(page, 20)
@@ -224,7 +226,7 @@ def _press(page: Any, listener: Listener) -> None:
 
 
 def _offset(page: Any, tries: int = 200) -> tuple[float, float]:
-    """ms the system's clock is ahead of the page's, and how well that is known."""
+    """Return the ms the system's clock is ahead of the page's, and how well that is known."""
     best = (float("inf"), 0.0)
     for _ in range(tries):
         before = time.time_ns() * 1e-6
@@ -267,7 +269,7 @@ def _row(report: Report, name: str, values: list[float]) -> float:
 
 @contextmanager
 def _processes(folder: Path) -> Iterator[tuple[str, Listener]]:
-    """A station and a web process on it: the sign-in link, and a listener."""
+    """Yield a station and a web process on it: the sign-in link, and a listener."""
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     common = ["--data", str(folder), "--loopback-port", str(port)]

@@ -63,7 +63,7 @@ class CppTwin:
     def fly_true_state(
         self, settings: Record, plant: Record, onboard: Record, ticks: int, period: float
     ) -> float:
-        """A closed loop on the true state, in place; rms position error, m."""
+        """Fly a closed loop on the true state, in place; return the rms position error, m."""
         error: float = self._library.fly_true_state(
             _of(settings),
             _of(plant),

@@ -48,7 +48,7 @@ class Crazyflow:
             raise ImportError(error[-1] if error else "its process ended")
 
     def fly(self, steps: int) -> tuple[int, float]:
-        """All worlds by `steps` of 1 ms: steps together, seconds of processor time."""
+        """Step all worlds by `steps` of 1 ms; return steps together, seconds of processor time."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{steps}\n")
         self._process.stdin.flush()

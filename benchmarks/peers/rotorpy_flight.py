@@ -40,7 +40,7 @@ class RotorPy:
         self._controller.update(0.0, self._state, self._flat)
 
     def fly(self, seconds: float) -> tuple[int, float]:
-        """Steps of 1 ms done and the rms position error, m."""
+        """Return steps of 1 ms done and the rms position error, m."""
         result = self._environment.run(t_final=seconds, plot=False)
         error = result["state"]["x"] - result["flat"]["x"]
         return len(result["time"]) - 1, float(np.sqrt((error**2).sum(axis=1).mean()))

@@ -45,7 +45,7 @@ class RunEntry:
 
     @property
     def start(self) -> datetime:
-        """UTC."""
+        """Return the start in UTC."""
         return datetime.fromtimestamp(self.start_ns * 1e-9, UTC)
 
 
@@ -118,7 +118,7 @@ class Catalogue:
     def runs(
         self, search: RunSearch | str = "", vehicle: str = "", limit: int = 200, offset: int = 0
     ) -> list[RunEntry]:
-        """Newest first, without deleted ones; a text is searched for as words."""
+        """Return the runs, newest first, without deleted ones; a text is searched for as words."""
         query = select(RunRow).where(condition(_search(search, vehicle)))
         query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc())
         with self.session() as session:
@@ -136,7 +136,7 @@ class Catalogue:
             session.delete(self.existing(session, run_id))
 
     def resolve(self, run_id: str) -> Path:
-        """The file of a catalogued run, never anything outside the runs folder.
+        """Return the file of a catalogued run, never anything outside the runs folder.
 
         Raises StorageError for an unknown or deleted run, a missing file, or a name that leads
         elsewhere.
@@ -151,7 +151,9 @@ class Catalogue:
         return path
 
     def existing(self, session: Session, run_id: str) -> RunRow:
-        """Within `session`. Raises StorageError for an unknown or deleted run."""
+        """Return the row of a run within `session`. Raises StorageError for an unknown or deleted
+        run.
+        """
         row = session.get(RunRow, run_id)
         if row is None:
             raise StorageError(f"no run {run_id!r} in the catalogue; list them on the Runs page")
@@ -161,7 +163,7 @@ class Catalogue:
 
     @contextmanager
     def session(self) -> Iterator[Session]:
-        """One transaction; what the database cannot do is a StorageError."""
+        """Yield one transaction; what the database cannot do is a StorageError."""
         try:
             with self._sessions.begin() as session:
                 yield session
@@ -172,7 +174,9 @@ class Catalogue:
 def run_name(
     now: datetime, vehicle: str, folder: Path, taken: Collection[str] = frozenset()
 ) -> str:
-    """`20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its file exists."""
+    """Return `20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its file
+    exists.
+    """
     name = stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{vehicle}"
     number = 1
     while name in taken or (folder / f"{name}{SUFFIX}").exists():

@@ -59,7 +59,7 @@ def completeness_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, C
 
 
 def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
-    """Ids of the vehicle's runs that are still to be compared, newest first."""
+    """Return ids of the vehicle's runs that are still to be compared, newest first."""
     query = select(RunRow.id).join(CompletenessRow, CompletenessRow.run_id == RunRow.id)
     query = query.where(CompletenessRow.state == "open", RunRow.vehicle == vehicle, NOT_DELETED)
     query = query.order_by(RunRow.start_ns.desc(), RunRow.id.desc()).limit(MOST_OPEN)

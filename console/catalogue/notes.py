@@ -69,7 +69,7 @@ def write_notes(
 
 
 def notes_history(catalogue: Catalogue, run_id: str) -> list[Note]:
-    """Newest first. Raises StorageError for an unknown or deleted run."""
+    """Return all notes, newest first. Raises StorageError for an unknown or deleted run."""
     with catalogue.session() as session:
         catalogue.existing(session, run_id)
         rows = select(NoteRow).where(NoteRow.run_id == run_id).order_by(NoteRow.version.desc())

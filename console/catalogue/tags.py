@@ -20,7 +20,7 @@ MOST = 20
 
 
 def all_tags(catalogue: Catalogue) -> dict[str, int]:
-    """Tag → number of runs that have it, the most used first; deleted runs do not count."""
+    """Return tag → number of runs that have it, the most used first; deleted runs do not count."""
     with catalogue.session() as session:
         count = func.count().label("count")
         query = select(TagRow.tag, count).join(RunRow, RunRow.id == TagRow.run_id)
@@ -63,7 +63,7 @@ def change_tags(
 
 
 def checked(text: str) -> str:
-    """The tag without blanks around it. Raises ParameterError."""
+    """Return the tag without blanks around it. Raises ParameterError."""
     tag = " ".join(text.split())
     if not 0 < len(tag) <= LONGEST or not tag.isprintable() or "," in tag:
         raise ParameterError(

@@ -32,12 +32,14 @@ class AlarmBoard:
             self._said(line)
 
     def keyed(self) -> dict[str, str]:
-        """The alarms by cause."""
+        """Return the alarms by cause."""
         with self._lock:
             return dict(self._lines)
 
     def lines(self, foreign: Sequence[str] = ()) -> list[str]:
-        """All alarms with those another object keeps itself (the recorder), each line once."""
+        """Return all alarms with those another object keeps itself (the recorder), each line
+        once.
+        """
         with self._lock:
             own = list(dict.fromkeys(self._lines.values()))
             foreign = [line for line in dict.fromkeys(foreign) if line not in own]

@@ -110,7 +110,9 @@ class Gatherer:
         return ((x_min, x_max), (y_min, y_max), (z_min, z_max))
 
     def _behind(self) -> float | None:
-        """s since our copy of the vehicle's parameters was seen to be the vehicle's."""
+        """Return the seconds since our copy of the vehicle's parameters was seen to be the
+        vehicle's.
+        """
         now = self._clock()
         if self._vehicle.in_step:
             self._in_step = now

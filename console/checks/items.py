@@ -88,7 +88,7 @@ def estimator(f: Facts, p: PreflightParameters) -> Check:
 
 
 def measurements(f: Facts, p: PreflightParameters) -> Check:
-    """The pose the estimate rests on, and that the tracker goes on."""
+    """Check the pose the estimate rests on, and that the tracker goes on."""
     name = "measurements"
     least = p.tracker_share_min * f.tracker_nominal
     if f.tracker_rate < least:
@@ -128,7 +128,9 @@ def level_and_still(f: Facts, p: PreflightParameters) -> Check:
 
 
 def flight_volume(f: Facts, p: PreflightParameters) -> Check:
-    """Below its floor is where a vehicle stands; above its ceiling or beside it is not."""
+    """Check the place against the flight volume: a vehicle on the ground is below its floor; none
+    may be above its ceiling or outside its sides.
+    """
     name = "flight volume"
     if f.position_w is None or f.volume is None:
         return Check(name, "fail", _SILENT, "inside", "wait for the vehicle")
@@ -180,7 +182,9 @@ def sticks(f: Facts, p: PreflightParameters) -> Check:
 
 
 def flight_loop(f: Facts, p: PreflightParameters) -> Check:
-    """Worth a word, no reason to stay: in simulation it is seldom real time."""
+    """Check the flight loop: worth a note, no reason to stay on the ground, as in simulation it is
+    seldom real time.
+    """
     wanted = "real time, at most 1 % of its periods missed"
     if f.mode is None:
         return Check("flight loop", "unknown", _SILENT, wanted)
@@ -212,7 +216,7 @@ ITEMS: tuple[Item, ...] = (
 
 
 def judged(facts: Facts, limits: PreflightParameters) -> list[Check]:
-    """The whole list, in its order. Only `fail` keeps the vehicle on the ground.
+    """Return the whole list, in its order. Only `fail` keeps the vehicle on the ground.
 
     Without a link that is the reason; of a vehicle that is not heard nothing else is known.
     """

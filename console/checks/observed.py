@@ -55,7 +55,9 @@ class Observed:
         return self._fresh("status", self._status)
 
     def newest(self, name: str) -> Any | None:
-        """The message, decoded; None when there is none, an old one, or one that is no message."""
+        """Return the message, decoded; None when there is none, an old one, or one that is no
+        message.
+        """
         payload = self._fresh(name, self._payloads.get(name))
         if payload is None:
             return None
@@ -93,6 +95,6 @@ class Observed:
 
 
 def _tilt(quaternion_wb: Any) -> float:
-    """rad between z_B and z_W; quaternion (w, x, y, z)."""
+    """Return the angle (rad) between z_B and z_W; quaternion (w, x, y, z)."""
     _, x, y, _ = (float(part) for part in quaternion_wb)
     return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

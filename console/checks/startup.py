@@ -175,7 +175,7 @@ class StartupChecks:
 
 
 def _compared(check: Check, ours: str) -> Check:
-    """The vehicle's version beside ours."""
+    """Compare the vehicle's version with ours."""
     if check.name != "version":
         return check
     state, theirs = ("ok" if check.found == ours else "warn"), _short(check.found)

@@ -36,7 +36,7 @@ class StickWatchdog:
     def feed(
         self, axes: tuple[float, float, float, float], enabled: bool, now: float, timeout: float
     ) -> StickOrder:
-        """One message of the page's sticks; returns what to forward for it."""
+        """Take one message of the page's sticks; return what to forward for it."""
         if self._heard is not None and now - self._heard > timeout:
             self._drop()
         if not enabled:
@@ -61,12 +61,12 @@ class StickWatchdog:
         return None
 
     def due(self, now: float, timeout: float) -> float | None:
-        """s until silence is a drop; None = there is nothing to drop."""
+        """Return the seconds until silence is a drop; None = there is nothing to drop."""
         return None if self._heard is None else max(self._heard + timeout - now, 0.0) + 1e-4
 
     @property
     def dropped(self) -> bool:
-        """True from a drop until the dead-man is released."""
+        """Return True from a drop until the dead-man is released."""
         return self._latched
 
     def _drop(self) -> None:

@@ -26,7 +26,7 @@ class Frame(NamedTuple):
 
     @classmethod
     def of(cls, measurement: BearingMeasurement, beacons: Beacons) -> Frame:
-        """Ids that stand nowhere are left out."""
+        """Return the frame; ids without a known place are left out."""
         places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
         ids = measurement.beacon_ids.tolist()
         known = [k for k, id in enumerate(ids) if id in places][:MAX_BEACONS]
@@ -39,7 +39,7 @@ class Frame(NamedTuple):
         )
 
     def record(self) -> Record:
-        """BEARINGS_SAMPLE (1,), what estimators take."""
+        """Return BEARINGS_SAMPLE (1,), what estimators take."""
         out, count = np.zeros(1, BEARINGS_SAMPLE), len(self.beacon_ids)
         item = out[0]
         item["stamp_ns"], item["count"], item["sigma"] = self.stamp_ns, count, self.sigma
@@ -48,7 +48,7 @@ class Frame(NamedTuple):
 
 
 def residuals(frame: Frame, states: Array, since: float) -> Array:
-    """Angles (E, n), rad, between measured bearings and those that states (E, 13) expect.
+    """Return angles (E, n), rad, between measured bearings and those that states (E, 13) expect.
 
     Args:
         since: s from the states to the frame; they are carried on with their velocities.
@@ -63,7 +63,7 @@ def residuals(frame: Frame, states: Array, since: float) -> Array:
 
 
 def _turned(q: Array, rotation_vector_b: Array) -> Array:
-    """q exp(rotation vector) of each row, for angles well below 1 rad, to second order."""
+    """Return q exp(rotation vector) of each row, for angles well below 1 rad, to second order."""
     w, v = q[:, :1], q[:, 1:]
     half = 0.5 * rotation_vector_b
     scalar = 1.0 - 0.5 * (half**2).sum(axis=1, keepdims=True)
@@ -79,7 +79,7 @@ def _turned(q: Array, rotation_vector_b: Array) -> Array:
 
 
 def _matrices(q: Array) -> Array:
-    """R_wb (E, 3, 3) of unit quaternions (E, 4)."""
+    """Return R_wb (E, 3, 3) of unit quaternions (E, 4)."""
     w, x, y, z = q.T
     return np.array(
         [

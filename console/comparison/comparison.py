@@ -128,7 +128,7 @@ class EstimatorComparison:
 
     # ------------------------------------------------------------------ what is told
     def report(self) -> Comparison | None:
-        """The newest estimates compared; None when there is nothing newer than last time."""
+        """Return the newest estimates compared; None when there is nothing newer than last time."""
         if not self._rows:
             return None
         row, true = self._rows[-1], None
@@ -239,7 +239,7 @@ class EstimatorComparison:
 
 
 def _numbers(state: Record) -> Array:
-    """A STATE (1,) as 13 numbers."""
+    """Return a STATE (1,) as 13 numbers."""
     numbers: Array = np.ascontiguousarray(state).view(np.float64)[:13]
     return numbers
 

@@ -174,7 +174,7 @@ class ComparisonFeed:
 
 
 def both(first: Callable[[Any], None], second: Callable[[Any], None]) -> Callable[[Any], None]:
-    """A function that hands its argument to two."""
+    """Return a function that hands its argument to two."""
 
     def hand(one: Any) -> None:
         first(one)

@@ -46,7 +46,7 @@ class ComparisonParameters(Parameters):
 
 
 def parse_estimators(text: str) -> tuple[Choice, ...]:
-    """The words of a text, in its order. Raises OutOfBoundsError with what is allowed."""
+    """Return the words of a text, in its order. Raises OutOfBoundsError with what is allowed."""
     words = text.split()
     if not words:
         return ()  # without a look at what there is: a station nobody asks loads no estimator

@@ -51,7 +51,7 @@ class Comparison:
 
 
 def message_of(comparison: Comparison) -> Any:
-    """quadlab_msgs/EstimatorComparison."""
+    """Return quadlab_msgs/EstimatorComparison."""
     c = comparison
     return new(
         "quadlab_msgs/EstimatorComparison",

@@ -58,7 +58,7 @@ class SampleQueue:
         del self._waiting[:-WAITING]
 
     def packet(self, imu: Record) -> Stretch:
-        """IMU_SAMPLE (N,) in order. What is not newer than the newest is passed over."""
+        """Return IMU_SAMPLE (N,) in order. What is not newer than the newest is passed over."""
         event = Event.GOES_ON
         last_ns = int(imu["stamp_ns"][-1])
         if self._newest is not None:
@@ -94,7 +94,7 @@ class SampleQueue:
 
 
 def bridge(before: Record, after: Record, gap: float) -> Record:
-    """Samples between two (1,) that are `gap` s apart, on the straight line between them."""
+    """Return samples between two (1,) that are `gap` s apart, on the straight line between them."""
     count = math.ceil(gap / BRIDGE_STEP) - 1
     out = np.zeros(count, IMU_SAMPLE)
     share = np.arange(1, count + 1) / (count + 1)

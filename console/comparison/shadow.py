@@ -79,7 +79,7 @@ class Shadow:
 
     @property
     def processor(self) -> float:
-        """Share of a core over the last seconds, NaN before there is one."""
+        """Return the share of a core over the last seconds, NaN before there is one."""
         if len(self._spent) < 2:
             return math.nan
         (first_ns, first), (last_ns, last) = self._spent[0], self._spent[-1]

@@ -20,7 +20,7 @@ POSITION, VELOCITY, QUATERNION, RATE = slice(0, 3), slice(3, 6), slice(6, 10), s
 
 
 def errors(states: Array, true: Pose) -> Array:
-    """Lengths (E, 2), m and rad, of states (E, 13) with unit quaternions; NaN of NaN."""
+    """Return lengths (E, 2), m and rad, of states (E, 13) with unit quaternions; NaN of NaN."""
     apart = states[:, POSITION] - true.position_w
     q, t = states[:, QUATERNION], np.array(true.quaternion_wb)
     # By the chord between quaternions: the arc cosine of their product loses small angles.
@@ -75,7 +75,7 @@ class ErrorStatistics:
 
     @property
     def duration(self) -> float:
-        """s between the first and the newest error of the session."""
+        """Return the seconds between the first and the newest error of the session."""
         return 1e-9 * (self._last_ns - self._first_ns)
 
     def session(self) -> Summary:

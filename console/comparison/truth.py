@@ -63,7 +63,7 @@ class TruthMerge:
         self._poses.append((stamp_ns, position_w, quaternion_wb))
 
     def compared(self) -> Iterator[tuple[Row, Pose]]:
-        """Rows whose true pose is known by now; those in a gap of the truth are left out."""
+        """Yield rows whose true pose is known by now; those in a gap of the truth are left out."""
         while self._rows:
             row = self._rows[0]
             while self._until_ns < row.stamp_ns and self._poses:

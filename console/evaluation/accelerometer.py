@@ -47,7 +47,7 @@ class InForce:
 
     @classmethod
     def of(cls, client: Client) -> InForce:
-        """The vehicle's present one."""
+        """Return the vehicle's present calibration."""
         entries = [float(client.parameter(name)) for name in MATRIX]
         bias = [float(client.parameter(name)) for name in BIAS]
         return cls(np.array(entries).reshape(3, 3), np.array(bias))
@@ -65,7 +65,7 @@ class Held:
 def identify(
     log: Path, vehicle: str, in_force: InForce | None, held: Sequence[Held], noise: float
 ) -> AccelerometerCalibration:
-    """T and b from the poses `held` in the log.
+    """Identify T and b from the poses `held` in the log.
 
     Args:
         noise: rad, standard deviation of a pose's attitude.

@@ -15,7 +15,7 @@ LARGEST_GAP_NS = 20_000_000
 
 
 def at_stamps(stamps: Stamps, messages: Mapping[int, Array]) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Linearly between the neighbours; exactly a message where one has the very stamp.
+    """Interpolate linearly between the neighbours; exactly a message where one has the very stamp.
 
     In simulated time the stamps of all topics meet; over a link each source has its own.
 

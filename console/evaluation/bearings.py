@@ -72,13 +72,15 @@ class BearingsFlight:
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
-        """(N,) which rows lie in the window."""
+        """Return (N,) which rows lie in the window."""
         start, end = self.window
         return (self.time >= start) & (self.time <= end)
 
     @property
     def turns(self) -> Array:
-        """(N, 3) rad, world axes: rotation vector from the estimated attitude to the true one."""
+        """Return (N, 3) rad, world axes: rotation vector from the estimated attitude to the true
+        one.
+        """
         w, x, y, z = self.truth[:, 6:].T
         a, b, c, d = self.estimate[:, 6:].T
         scalar = w * a + x * b + y * c + z * d
@@ -97,7 +99,7 @@ class BearingsFlight:
         return turns
 
     def metrics(self) -> dict[str, float]:
-        """Tracking and estimation errors in the window: m, m/s, deg, shares."""
+        """Return tracking and estimation errors in the window: m, m/s, deg, shares."""
         rows = self.judged
         truth, estimate = self.truth[rows], self.estimate[rows]
         tracking = np.linalg.norm(truth[:, :3] - self.reference_w[rows], axis=1)
@@ -125,7 +127,7 @@ def _rms(values: Array) -> float:
 
 
 def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
-    """The first stay on bearings of a log.
+    """Return the first stay on bearings of a log.
 
     Args:
         ramp: s left out at both ends of a trajectory, and at the start of anything else.
@@ -218,7 +220,9 @@ def _emergencies(status: ColumnSpool, begin_ns: int) -> int:
 def _rows(
     spools: dict[str, ColumnSpool], topic: str, begin_ns: int, end_ns: int
 ) -> tuple[Stamps, Floats]:
-    """Stamps (N,), rising, and the numbers wanted of the topic, (N, K). The spool is given up."""
+    """Return stamps (N,), rising, and the numbers wanted of the topic, (N, K). The spool is given
+    up.
+    """
     spool = spools.pop(topic)
     stamps, rows = spool.publish_ns, spool.take(WANTED[topic])
     del spool
@@ -239,7 +243,9 @@ def _unflip(odometry: Floats) -> None:
 
 
 def _state(odometry: npt.NDArray[np.floating]) -> Array:
-    """Position, velocity (world, NaN without one) and quaternion, (N, 10), of ODOMETRY's rows."""
+    """Return position, velocity (world, NaN without one) and quaternion, (N, 10), of ODOMETRY's
+    rows.
+    """
     position_w, quaternion, velocity_b = odometry[:, :3], odometry[:, 3:7], odometry[:, 7:]
     if velocity_b.shape[1]:
         axis = quaternion[:, 1:]
@@ -270,7 +276,7 @@ def _window(
 
 
 def _frames(spool: ColumnSpool, begin: float, end: float) -> list[Frame]:
-    """The usable frames of bearings between two times (s), in order."""
+    """Return the usable frames of bearings between two times (s), in order."""
     frames = {}
     for ns, payload in _payloads(spool):
         if begin <= ns * 1e-9 <= end:
@@ -281,7 +287,7 @@ def _frames(spool: ColumnSpool, begin: float, end: float) -> list[Frame]:
 
 
 def _values(log: Path, changes: ColumnSpool, until: float) -> dict[str, ParameterValue]:
-    """The vehicle's parameters at a time (s), as far as the log tells them."""
+    """Return the vehicle's parameters at a time (s), as far as the log shows them."""
     try:
         values = dict(read_parameters(log).vehicle)
     except LogFormatError:

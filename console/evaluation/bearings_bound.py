@@ -125,7 +125,7 @@ def posterior_bound(
 
 
 def _transition(R_wb: Array, dt: float) -> Array:
-    """(15, 15) of the error over `dt` s, at the specific force of hover."""
+    """Return (15, 15) of the error over `dt` s, at the specific force of hover."""
     force_w = np.array([[0.0, -GRAVITY, 0.0], [GRAVITY, 0.0, 0.0], [0.0, 0.0, 0.0]])  # [f] cross
     F = np.eye(ERRORS)
     F[0:3, 6:9] = dt * np.eye(3)
@@ -138,7 +138,9 @@ def _transition(R_wb: Array, dt: float) -> Array:
 
 
 def _rows(places_w: Sequence[Sequence[float]], position_w: Array) -> Array:
-    """(2 M, 6), what two tangent angles of each bearing change with position and attitude."""
+    """Return (2 M, 6), what two tangent angles of each bearing change with position and
+    attitude.
+    """
     away = np.asarray(places_w, dtype=float).reshape(-1, 3) - position_w
     away = away[np.linalg.norm(away, axis=1) > NEAREST]
     distance = np.linalg.norm(away, axis=1, keepdims=True)

@@ -14,7 +14,7 @@ from quadrotor.parameters import Parameters
 
 
 def write(flight: BearingsFlight, options: Parameters, result: Result, stem: Path) -> list[Path]:
-    """STEM.png and STEM.md. Raises UsageError when matplotlib is not installed."""
+    """Write STEM.png and STEM.md. Raises UsageError when matplotlib is not installed."""
     require_matplotlib()
     from matplotlib.figure import Figure
 

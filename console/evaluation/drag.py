@@ -66,11 +66,11 @@ class DragFlight:
 
     @property
     def spread(self) -> float:
-        """N s/m, standard deviation of the mean of the pieces."""
+        """Return the standard deviation of the mean of the pieces, N s/m."""
         return float(self.pieces.std(ddof=1)) / math.sqrt(PIECES)
 
     def metrics(self) -> dict[str, float]:
-        """N s/m, m/s, N, s; what is not known is left out."""
+        """Return the metrics in N s/m, m/s, N, s; what is not known is left out."""
         found = {
             "drag_N_s_m": self.found,
             "truth_N_s_m": self.truth,
@@ -83,7 +83,7 @@ class DragFlight:
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def limits(self) -> dict[str, float]:
-        """The largest that are good."""
+        """Return the largest values that are good."""
         known = {"error_N_s_m": ERROR_MAX} if math.isfinite(self.truth) else {}
         return {**known, "spread_N_s_m": SPREAD_MAX}
 
@@ -162,7 +162,7 @@ def estimate_drag(
     start: float,
     parameters: FlownParameters,
 ) -> DragFlight:
-    """The coefficient from N ticks, of which those from `start` (s) on count.
+    """Estimate the coefficient from N ticks, of which those from `start` (s) on count.
 
     Args:
         velocity_w: (N, 3) m/s. z_b: (N, 3) the body's z axis in world axes.
@@ -205,7 +205,7 @@ def estimate_drag(
 
 
 def _solve(force: Array, velocity: Array) -> tuple[float, Array]:
-    """D (N s/m) and c (2,) N of force = c - D velocity, both (N, 2)."""
+    """Return d (N s/m) and c (2,) N of force = c - D velocity, both (N, 2)."""
     c = force.mean(axis=0)
     v = velocity - velocity.mean(axis=0)
     drag = -float(np.sum(v * (force - c)) / np.sum(v * v))
@@ -213,7 +213,7 @@ def _solve(force: Array, velocity: Array) -> tuple[float, Array]:
 
 
 def _circled(status: TopicColumns) -> tuple[float, float]:
-    """s, of the circles without their ramps; NaN when none were flown."""
+    """Return start and end (s) of the circles without their ramps; NaN when none were flown."""
     behaviors = status.words.get("behavior", [])
     for k, (begin, name) in enumerate(behaviors):
         if name == "follow_trajectory":

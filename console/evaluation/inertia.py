@@ -66,19 +66,21 @@ class InertiaFlight:
 
     @property
     def found_b(self) -> Array:
-        """(3,) kg m²."""
+        """Return the inertia found, (3,) kg m²."""
         found: Array = self.inertia_b[-1]
         return found
 
     @property
     def spread_b(self) -> Array:
-        """(3,) standard deviation over the last third, a share of the estimate."""
+        """Return the standard deviation (3,) over the last third, as a share of the estimate."""
         spread: Array = self.inertia_b[-(len(self.time) // 3 or 1) :].std(axis=0) / self.found_b
         return spread
 
     @property
     def settled_b(self) -> Array:
-        """(3,) s from the first excitation until each stays within 3 % of truth, or of its end."""
+        """Return the time (3,) in s from the first excitation until each stays within 3 % of truth,
+        or of its end.
+        """
         aim = np.where(np.isfinite(self.truth_b), self.truth_b, self.found_b)
         away = np.abs(self.inertia_b / aim - 1.0) > ERROR_MAX
         after = [int(np.flatnonzero(column)[-1]) + 1 if column.any() else 0 for column in away.T]
@@ -86,7 +88,7 @@ class InertiaFlight:
         return np.array([late[k] if k < len(late) else math.inf for k in after])
 
     def metrics(self) -> dict[str, float]:
-        """kg m², shares, s; what is not known is left out."""
+        """Return the metrics in kg m², shares, s; what is not known is left out."""
         error_b = np.abs(self.found_b / self.truth_b - 1.0)
         out = {
             f"inertia_{axis}_kg_m2": float(v) for axis, v in zip(AXES, self.found_b, strict=True)
@@ -103,7 +105,7 @@ class InertiaFlight:
         return {name: value for name, value in out.items() if not math.isnan(value)}
 
     def limits(self) -> dict[str, float]:
-        """The largest that are good."""
+        """Return the largest values that are good."""
         known = {"error_share": ERROR_MAX} if np.isfinite(self.truth_b).all() else {}
         return {**known, "spread_share": SPREAD_MAX}
 
@@ -225,7 +227,9 @@ def estimate_inertia(
 
 
 def _excited(status: TopicColumns) -> tuple[float, float]:
-    """s, from the first excitation to shortly after the last, in the air; NaN without one."""
+    """Return the span (s) from the first excitation to shortly after the last, in the air; NaN
+    without one.
+    """
     flying = status.time[status.numbers["airborne"] > 0.5]
     behaviors = status.words.get("behavior", [])
     begins = [t for t, name in behaviors if name == "excite"]

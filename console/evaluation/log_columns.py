@@ -30,21 +30,22 @@ class TopicColumns:
     words: dict[str, Words] = field(default_factory=dict)
 
     def table(self, names: tuple[str, ...], start: float, end: float) -> Array:
-        """(M, len(names)) of start <= t <= end; NaN where the log has no such number."""
+        """Return (M, len(names)) of start <= t <= end; NaN where the log has no such number."""
         inside = (self.time >= start) & (self.time <= end)
         nothing = np.full(len(self.time), np.nan)
         columns = [self.numbers.get(name, nothing)[inside] for name in names]
         return np.stack(columns, axis=1)
 
     def first(self, name: str, *words: str) -> float:
-        """s at which a text first is one of `words`; NaN when it never is."""
+        """Return the time (s) at which a text first is one of `words`; NaN when it never is."""
         return next((t for t, text in self.words.get(name, []) if text in words), float("nan"))
 
 
 def read_columns(
     log: Path, vehicle: str, wanted: Mapping[str, tuple[str, ...]], optional: tuple[str, ...] = ()
 ) -> dict[str, TopicColumns]:
-    """The fields of each topic, named without namespace. Raises LogFormatError for missing ones.
+    """Return the fields of each topic, named without namespace. Raises LogFormatError for missing
+    ones.
 
     Args:
         optional: topics that may be missing; they have no messages then.

@@ -54,7 +54,9 @@ class MassFlight:
 
     @property
     def judged(self) -> npt.NDArray[np.bool_]:
-        """(N,) what the mass is the mean of: the erratic flight, else the last of the hover."""
+        """Return the rows (N,) whose mean is the mass: the erratic flight, else the last of the
+        hover.
+        """
         start, end = self.erratic
         if not end - start >= LEAST:
             end = self.landing if math.isfinite(self.landing) else float(self.time[-1])
@@ -63,18 +65,22 @@ class MassFlight:
 
     @property
     def found(self) -> float:
-        """kg."""
+        """Return the mass found, kg."""
         return float(self.mass[self.judged].mean())
 
     @property
     def spread(self) -> float:
-        """kg, standard deviation of the estimate in erratic flight; NaN when it was not flown."""
+        """Return the standard deviation of the estimate in erratic flight, kg; NaN when it was not
+        flown.
+        """
         start, end = self.erratic
         return float(self.mass[self.judged].std()) if end - start >= LEAST else math.nan
 
     @property
     def settled(self) -> float:
-        """s from lift-off until the estimate stays within 1 % of the truth, or of its own end."""
+        """Return the seconds from lift-off until the estimate stays within 1 % of the truth, or of
+        its own end.
+        """
         aim = self.truth if math.isfinite(self.truth) else self.found
         rows = (self.time >= self.lift_off) & (self.time <= self.time[self.judged][-1])
         away = np.flatnonzero(np.abs(self.mass[rows] / aim - 1.0) > WITHIN)
@@ -85,7 +91,7 @@ class MassFlight:
         return float(time[after] - self.lift_off) if after < len(time) else math.inf
 
     def metrics(self) -> dict[str, float]:
-        """kg, s, shares; what is not known is left out."""
+        """Return the metrics in kg, s, shares; what is not known is left out."""
         found = {
             "mass_kg": self.found,
             "truth_kg": self.truth,
@@ -99,7 +105,7 @@ class MassFlight:
         return {name: value for name, value in found.items() if not math.isnan(value)}
 
     def limits(self) -> dict[str, float]:
-        """The largest that are good."""
+        """Return the largest values that are good."""
         known = {"error_share": ERROR_MAX} if math.isfinite(self.truth) else {}
         return {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
 
@@ -185,7 +191,7 @@ def read_mass(log: Path, vehicle: str) -> MassFlight:
 
 
 def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, float]:
-    """The first stay in velocity flight (s)."""
+    """Return the first stay in velocity flight (s)."""
     for k, (time, name) in enumerate(behaviors):
         if name == "velocity":
             return time, behaviors[k + 1][0] if k + 1 < len(behaviors) else end
@@ -193,7 +199,7 @@ def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, flo
 
 
 def _truth(parameters: FlownParameters) -> float:
-    """kg: what thrust commanded over thrust needed comes to."""
+    """Return the true mass (kg): what thrust commanded over thrust needed comes to."""
     truth = parameters.truth
     if "mass" not in truth:
         return math.nan

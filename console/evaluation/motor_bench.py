@@ -38,14 +38,14 @@ class Battery:
 
     @classmethod
     def of(cls, client: Client) -> Battery:
-        """The vehicle's present one."""
+        """Return the vehicle's present battery."""
         return cls(
             float(client.parameter("model.battery_nominal")),
             float(client.parameter("model.battery_exponent")),
         )
 
     def gain(self, voltage: float) -> float:
-        """Rotor speed at `voltage` (V) over that at the nominal one."""
+        """Return rotor speed at `voltage` (V) over that at the nominal one."""
         share = min(1.5, max(0.5, voltage / self.nominal))
         return float(share**self.exponent)
 
@@ -65,7 +65,7 @@ class BenchResult:
 def from_log(
     log: Path, vehicle: str, motor: int, schedule: BenchSchedule, started: float, battery: Battery
 ) -> BenchResult:
-    """Args: `started` in s of the vehicle's clock.
+    """Evaluate a bench run from its log; `started` in s of the vehicle's clock.
 
     Raises LogFormatError, or MeasurementError with what is missing.
     """

@@ -25,7 +25,7 @@ class TrackingErrors:
     yaw: Array  # (N,) rad, wrapped to -pi..pi
 
     def metrics(self) -> dict[str, float]:
-        """rms and largest position error (m), rms yaw error (deg), number of samples."""
+        """Return rms and largest position error (m), rms yaw error (deg), number of samples."""
         distance = np.linalg.norm(self.position_w, axis=1)
         return {
             "position_rms_m": float(np.sqrt(np.mean(distance**2))),
@@ -36,7 +36,7 @@ class TrackingErrors:
 
 
 def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> TrackingErrors:
-    """Errors of the flight in `log` for start <= t <= end (s, vehicle clock).
+    """Return errors of the flight in `log` for start <= t <= end (s, vehicle clock).
 
     Where there is no truth, the tracker's poses count as it. Raises LogFormatError when either or
     the reference is missing there.

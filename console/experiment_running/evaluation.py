@@ -144,7 +144,9 @@ def evaluate(job: Job) -> dict[str, Any]:
 
 
 def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
-    """The calibration it proposes, as another process will read it, and why there is none."""
+    """Return the calibration it proposes, as another process will read it, and why there is
+    none.
+    """
     experiment = job.experiment
     if not isinstance(experiment, Calibrating):
         return None, ""

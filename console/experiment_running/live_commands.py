@@ -250,7 +250,7 @@ class LiveCommands:
 
 
 def _few(values: dict[str, ParameterValue]) -> str:
-    """Some parameters in words."""
+    """Return some parameters in words."""
     if len(values) > 3:
         return f"setting {len(values)} parameters"
     return "setting " + ", ".join(f"{name.split('.', 1)[-1]} = {v}" for name, v in values.items())

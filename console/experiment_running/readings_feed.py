@@ -56,7 +56,9 @@ class ReadingsFeed:
             self._sequence, self._on = None, True
 
     def end(self) -> int:
-        """Packets of telemetry since `begin` that did not come in time, or were not looked at."""
+        """Return packets of telemetry since `begin` that did not come in time, or were not looked
+        at.
+        """
         with self._lock:
             self._on = False
             self._ticks.clear()

@@ -24,7 +24,9 @@ class Settings(Protocol):
     """What of the station's parameters matters to an experiment."""
 
     def __call__(self) -> tuple[float, float]:
-        """s: timeout of the sticks, and how long a run goes on after disarming."""
+        """Return the timeout of the sticks, and how long a run goes on after disarming, both in
+        s.
+        """
         ...
 
 
@@ -53,7 +55,7 @@ class RunFiles:
             yield
 
     def closed(self, run_id: str) -> Path:
-        """The run's file, once the recorder has closed it. Raises StorageError."""
+        """Return the run's file, once the recorder has closed it. Raises StorageError."""
         if not run_id:
             raise StorageError("no run was recorded; see the alarms of the station")
         end = monotonic() + self._after_disarm() + FILE_PATIENCE

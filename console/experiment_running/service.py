@@ -95,7 +95,7 @@ class ExperimentService:
         return new(ANSWER, accepted=True)
 
     def _prepared(self, name: str, options: dict[str, Any]) -> Experiment:
-        """The experiment with these options. Raises QuadlabError with what is wrong."""
+        """Return the experiment with these options. Raises QuadlabError with what is wrong."""
         own = None if name in EXPERIMENTS else self._files.find(name)
         experiment = own or find(name, self._vehicle)
         if experiment.parameters is not None:

@@ -109,7 +109,9 @@ class SimulatedHand:
 
 
 def euler_degrees(quaternion_wb: Sequence[float]) -> tuple[float, float, float]:
-    """Roll, pitch, yaw (deg, ZYX). Raises MeasurementError for what is no unit quaternion."""
+    """Return roll, pitch, yaw (deg, ZYX). Raises MeasurementError for what is no unit
+    quaternion.
+    """
     try:
         w, x, y, z = (float(part) for part in quaternion_wb)
         length = math.hypot(w, x, y, z)

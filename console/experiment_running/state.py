@@ -48,7 +48,7 @@ class ExperimentState:
         return self.phase in RUNNING
 
     def message(self, stamp_ns: int, manual: bool) -> Any:
-        """quadlab_msgs/ExperimentStatus."""
+        """Return quadlab_msgs/ExperimentStatus."""
         until = monotonic() if self.ended is None else self.ended
         told = self.progress
         return new(

@@ -41,7 +41,7 @@ class StickTakeover:
         self._blind_until = _Until.RELEASED
 
     def seen(self, order: StickOrder) -> bool:
-        """One order; whether it takes over."""
+        """Take one stick order; return whether it takes over."""
         now = self._clock()
         deflected = order.enabled and max(map(abs, order.axes)) > DEFLECTED
         centred = self._blind_until is _Until.CENTRED and not deflected

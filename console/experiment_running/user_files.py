@@ -49,7 +49,7 @@ class UserFiles:
         self._closing.set()
 
     def described(self) -> list[Described]:
-        """All files, broken ones among them, by name. Never waits."""
+        """Return all files, broken ones among them, by name. Never waits."""
         with self._lock:
             known = {path: found for path, (_, found) in sorted(self._known.items())}
             waiting = self._waiting
@@ -68,7 +68,7 @@ class UserFiles:
         ]
 
     def find(self, name: str) -> Experiment | None:
-        """A new one of this name; None when no file has it.
+        """Return a new one of this name; None when no file has it.
 
         Raises RefusedError for a broken file, StorageError or UsageError for one broken since.
         """
@@ -134,7 +134,7 @@ class UserFiles:
 
 
 def _versions(folder: Path) -> dict[Path, Version]:
-    """The files that may be experiments; those of editors and of Python are none."""
+    """Return the files that may be experiments; those of editors and of Python are none."""
     found = {}
     try:
         for path in sorted(folder.glob("*.py"))[:FILES_MAX]:

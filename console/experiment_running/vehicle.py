@@ -91,7 +91,7 @@ class VehicleFeed:
     # ------------------------------------------------------------------ read
     @property
     def mode(self) -> str:
-        """Empty when the vehicle has not told it for a second."""
+        """Return the vehicle's mode; empty when it was not received for a second."""
         with self._news:
             old = monotonic() - self._status_at > OLD
             return "" if self._status is None or old else str(self._status.mode).lower()
@@ -146,7 +146,7 @@ class VehicleFeed:
 
     @property
     def news(self) -> int:
-        """Changes with everything heard."""
+        """Return a number that changes with everything received."""
         return self._count
 
     def wait_news(self, seen: int, timeout: float) -> None:

@@ -29,7 +29,8 @@ class VehicleServices:
         tries: int = 2,
         **fields: Any,
     ) -> Any:
-        """The accepted answer; asked again under one id. Raises RefusedError or LinkError.
+        """Return the accepted answer; a lost one is asked for again under one id. Raises
+        RefusedError or LinkError.
 
         Args:
             timeout: s for each try.

@@ -112,7 +112,7 @@ class Accelerometer:
 
     @property
     def planned(self) -> float:
-        """s, about; a person is slower."""
+        """Return the planned time in s, about; a person is slower."""
         return 5.0 + self._count * (self.parameters.hold + 4.0)
 
     def check(self) -> None:
@@ -226,7 +226,7 @@ class Accelerometer:
         return taken >= MOST * self._count or (taken >= self._count and not state.known.next_face)
 
     def _next(self, ups: list[Array], faces: list[str]) -> Array:
-        """World z in body axes of the pose to come."""
+        """Return world z in body axes of the pose to come."""
         if self.parameters.method == "faces":
             return face_up(next((face for face in FACES if face not in faces), "upright"))
         return farthest(spread_poses(self._count, math.radians(self.parameters.tilt)), ups)
@@ -275,5 +275,5 @@ class Accelerometer:
 
     @property
     def _noise(self) -> float:
-        """rad, of a pose's attitude."""
+        """Return the noise of a pose's attitude, rad."""
         return math.radians(self.parameters.attitude_noise)

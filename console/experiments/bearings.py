@@ -80,7 +80,7 @@ class BearingsExperiment:
 
     @property
     def planned(self) -> float:
-        """s, about: take-off, hand-over, manoeuvre, landing."""
+        """Return the planned time in s, about: take-off, hand-over, manoeuvre, landing."""
         p = self.parameters
         file = p.manoeuvre == "sticks" and p.sticks_file
         return 25.0 + (len(self._sticks()) / RATE if file else p.duration)
@@ -256,14 +256,14 @@ class BearingsExperiment:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Errors on bearings against what its sensor allows. Raises LogFormatError."""
+        """Judge the errors on bearings against what its sensor allows. Raises LogFormatError."""
         p = self.parameters
         flight = read_flight(log, self._vehicle, RAMP)
         gains = p.gains if p.estimator == "complementary" else "auto"
         return judged(flight.metrics(), *limits(flight.bound, p.estimator, gains))
 
     def report(self, log: Path, folder: Path) -> list[Path]:
-        """Fig. 6 and its figures. Raises UsageError without matplotlib."""
+        """Write Fig. 6 and its figures. Raises UsageError without matplotlib."""
         from console.evaluation.bearings_report import write
 
         flight = read_flight(log, self._vehicle, RAMP)

@@ -63,7 +63,7 @@ class Client(Protocol):
         ...
 
     def parameter(self, name: str) -> ParameterValue:
-        """The vehicle's present value. Raises UnknownParameterError."""
+        """Return the vehicle's present value. Raises UnknownParameterError."""
         ...
 
     def sticks(self, axes: Sequence[float]) -> None:
@@ -98,7 +98,7 @@ class Client(Protocol):
     def imu(self) -> ImuReadings: ...
 
     def tracked(self) -> TrackedAttitude | None:
-        """None when the tracker has not seen the vehicle for 0.1 s."""
+        """Return the tracked attitude; None when the tracker has not seen the vehicle for 0.1 s."""
         ...
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
@@ -147,7 +147,7 @@ class Experiment(Protocol):
 
     @property
     def planned(self) -> float:
-        """s that the flight takes, about."""
+        """Return the planned time of the flight in s, about."""
         ...
 
     def check(self) -> None:
@@ -166,7 +166,7 @@ class Reporting(Protocol):
     """An experiment that also writes what it found."""
 
     def report(self, log: Path, folder: Path) -> list[Path]:
-        """The files written. Raises UsageError when something for it is not installed."""
+        """Return the files written. Raises UsageError when something for it is not installed."""
         ...
 
 

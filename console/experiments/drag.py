@@ -42,7 +42,7 @@ class DragExperiment:
 
     @property
     def planned(self) -> float:
-        """s, about."""
+        """Return the planned time in s, about."""
         p = self.parameters
         return 25.0 + p.laps * p.period
 
@@ -97,5 +97,5 @@ class DragExperiment:
         return judged(flight.metrics(), flight.limits())
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """The coefficient for model.drag. Raises as `evaluate`."""
+        """Return the coefficient for model.drag. Raises as `evaluate`."""
         return read_drag(log, self._vehicle).record()

@@ -125,7 +125,9 @@ class FigureEight:
             client.change({ACCELERATION: usual})
 
     def evaluate(self, log: Path) -> Result:
-        """Errors on the steady laps against the limits. Raises LogFormatError, RefusedError."""
+        """Judge the errors on the steady laps against the limits. Raises LogFormatError,
+        RefusedError.
+        """
         if self._window is None:
             raise RefusedError("the 8 was not flown to its end, so there is nothing to evaluate")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()

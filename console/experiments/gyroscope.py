@@ -109,7 +109,7 @@ class Gyroscope:
         return found.model_copy(update={"quality": (error, left, *others)})
 
     def _checked(self, log: Path) -> tuple[CalibrationRecord, Array]:
-        """The record and the rates (N, 3) rad/s afterwards."""
+        """Return the record and the rates (N, 3) rad/s afterwards."""
         if self._found is None:
             raise MeasurementError("the gyroscope was not calibrated, so nothing is proposed")
         columns = read_columns(log, self._vehicle, {"imu": RATES, "actuators": REFERENCES})
@@ -125,5 +125,5 @@ class Gyroscope:
 
 
 def _figure(record: CalibrationRecord, name: str) -> float:
-    """One quality of a record, NaN when it has none of this name."""
+    """Return one quality of a record, NaN when it has none of this name."""
     return next((one.value for one in record.quality if one.name == name), float("nan"))

@@ -48,7 +48,7 @@ class Hover:
         client.wait(0.5)
 
     def evaluate(self, log: Path) -> Result:
-        """Errors in hover against the limits. Raises LogFormatError, RefusedError."""
+        """Judge the errors in hover against the limits. Raises LogFormatError, RefusedError."""
         if self._window is None:
             raise RefusedError("the hover was not flown to its end")
         metrics = tracking_errors(log, self._vehicle, *self._window).metrics()

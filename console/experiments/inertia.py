@@ -70,7 +70,7 @@ class InertiaExperiment:
 
     @property
     def planned(self) -> float:
-        """s, about."""
+        """Return the planned time in s, about."""
         return 20.0 + sum(_duration(one) + REST for one in self.excitations())
 
     def check(self) -> None:
@@ -92,7 +92,7 @@ class InertiaExperiment:
         return ""
 
     def excitations(self) -> list[dict[str, ParameterValue]]:
-        """The arguments of each `excite` in turn; the same seed gives the same."""
+        """Return the arguments of each `excite` in turn; the same seed gives the same."""
         p = self.parameters
         random = np.random.default_rng(p.seed)
         out: list[dict[str, ParameterValue]] = []
@@ -190,12 +190,12 @@ class InertiaExperiment:
         return judged(flight.metrics(), flight.limits())
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """The three inertias for model.inertia_xx, _yy, _zz. Raises as `evaluate`."""
+        """Return the three inertias for model.inertia_xx, _yy, _zz. Raises as `evaluate`."""
         return read_inertia(log, self._vehicle).record()
 
 
 def _duration(arguments: dict[str, ParameterValue]) -> float:
-    """s of one excitation."""
+    """Return the duration of one excitation, s."""
     return LEAD + REPEATS * LEVELS * float(arguments["duration"])
 
 

@@ -69,7 +69,7 @@ class MassExperiment:
 
     @property
     def planned(self) -> float:
-        """s, about."""
+        """Return the planned time in s, about."""
         p = self.parameters
         return 30.0 + p.height / p.climb + p.duration
 
@@ -200,12 +200,14 @@ class MassExperiment:
 
     # ------------------------------------------------------------------ judgement
     def evaluate(self, log: Path) -> Result:
-        """Raise LogFormatError without what it needs, MeasurementError when it never flew."""
+        """Judge the mass found. Raises LogFormatError without what it needs, MeasurementError when
+        it never flew.
+        """
         flight = read_mass(log, self._vehicle)
         return judged(flight.metrics(), flight.limits())
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """The mass for model.mass. Raises as `evaluate`."""
+        """Return the mass for model.mass. Raises as `evaluate`."""
         return read_mass(log, self._vehicle).record()
 
 

@@ -17,7 +17,7 @@ SMALL = math.radians(8.0)
 
 
 def spread_poses(count: int, tilt: float) -> Array:
-    """Directions of world z in body axes, shape (count, 3), within `tilt` (rad) of upright.
+    """Return directions of world z in body axes, shape (count, 3), within `tilt` (rad) of upright.
 
     The first is upright, a third of the others lean by half of the tilt, the rest by all of it,
     each ring spread evenly.
@@ -43,7 +43,7 @@ def farthest(wanted: Array, taken: Sequence[Array]) -> Array:
 
 
 def attitude_of(up_b: Array) -> tuple[float, float, float, float]:
-    """A quaternion (w, x, y, z), body to world, whose world z in body axes is `up_b` (3,).
+    """Return a quaternion (w, x, y, z), body to world, whose world z in body axes is `up_b` (3,).
 
     Roll and pitch alone: no heading is asked for.
     """
@@ -55,7 +55,7 @@ def attitude_of(up_b: Array) -> tuple[float, float, float, float]:
 
 
 def words_of(up_b: Array) -> str:
-    """An attitude for a person: 'nose up by 35 deg, left side up by 60 deg'."""
+    """Return an attitude for a person: 'nose up by 35 deg, left side up by 60 deg'."""
     pitch = math.asin(max(-1.0, min(1.0, float(up_b[0]))))
     roll = math.asin(max(-1.0, min(1.0, float(up_b[1]))))
     told = [
@@ -71,12 +71,12 @@ def words_of(up_b: Array) -> str:
 
 
 def face_up(name: str) -> Array:
-    """World z in body axes of a vehicle on this face."""
+    """Return world z in body axes of a vehicle on this face."""
     return np.array(FACES[name])
 
 
 def up_of(quaternion_wb: Array) -> Array:
-    """World z in body axes of attitudes (…, 4) in w, x, y, z."""
+    """Return world z in body axes of attitudes (…, 4) in w, x, y, z."""
     w, x, y, z = np.moveaxis(quaternion_wb, -1, 0)
     return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=-1)
 

@@ -31,7 +31,7 @@ EAGERNESS = 1.2
 
 
 def scripted(seed: int, duration: float) -> Array:
-    """(N, 4) forward, left, up, yaw in -1..1 at RATE; the same seed gives the same.
+    """Return (N, 4) forward, left, up, yaw in -1..1 at RATE; the same seed gives the same.
 
     As a pilot flies about over the beacons: aims at random, each kept for a second or two, the
     yaw turned now and then, sticks moved as thumbs do and sometimes let go. The pilot reckons
@@ -61,7 +61,7 @@ def scripted(seed: int, duration: float) -> Array:
 
 
 def recorded(path: Path) -> Array:
-    """(N, 4) at RATE from a CSV file with the columns t (s), forward, left, up, yaw (-1..1).
+    """Return (N, 4) at RATE from a CSV file with the columns t (s), forward, left, up, yaw (-1..1).
 
     Each row holds until the next one's time. Raises StorageError, or UsageError that names line
     and column.

@@ -52,7 +52,7 @@ def is_file(name: str) -> bool:
 
 
 def load(path: Path, vehicle: str = "quad1") -> Experiment:
-    """The experiment of the file `path`.
+    """Load the experiment of the file `path`.
 
     Raises StorageError for a file that cannot be read, UsageError that names file and line for
     everything that is wrong in it.
@@ -72,7 +72,7 @@ def load(path: Path, vehicle: str = "quad1") -> Experiment:
 
 @contextmanager
 def mistakes_told(experiment: Experiment) -> Iterator[None]:
-    """Around what calls a user's file: its exceptions become UserFileError, "FILE.py line N: …".
+    """Wrap calls of a user's file: its exceptions become UserFileError, "FILE.py line N: …".
 
     Errors made for users pass as they are, and so does everything of a built-in experiment.
     """
@@ -88,7 +88,9 @@ def mistakes_told(experiment: Experiment) -> Iterator[None]:
 
 
 def _class_of(path: Path, source: str) -> tuple[type, ast.ClassDef]:
-    """The one class of the file that flies or evaluates, and where it stands."""
+    """Return the one class of the file that flies or evaluates, and the line where it is
+    defined.
+    """
     try:
         tree = ast.parse(source, str(path))
     except (SyntaxError, ValueError) as error:
@@ -118,7 +120,7 @@ def _has_one(kind: object, module: ModuleType) -> bool:
 
 
 def _module(path: Path, source: str) -> ModuleType:
-    """The file, run once for each content, where pickles look for it."""
+    """Run the file once for each content, and put it where pickles look for it."""
     digest = hashlib.sha256(f"{path}\n{source}".encode()).hexdigest()[:12]
     name = f"experiment_file_{digest}"
     if name in sys.modules:
@@ -199,7 +201,7 @@ def _accepts(method: Callable[..., object], count: int) -> bool:
 
 
 def _told(path: Path, what: Callable[[], T], error_type: type[QuadlabError]) -> T:
-    """`what()`, with every mistake of the file as one line."""
+    """Return `what()`, with every mistake of the file reported as one line."""
     try:
         return what()
     except QuadlabError:

@@ -51,7 +51,9 @@ class KnownVehicles:
         return found
 
     def resolved(self, words: Iterable[str]) -> list[str]:
-        """Words of a command line, `name=host:port` for each that is a known vehicle's name."""
+        """Return words of a command line, `name=host:port` for each that is a known vehicle's
+        name.
+        """
         known = self.all()
         return [f"{word}={known[word].address}" if word in known else word for word in words]
 

@@ -53,7 +53,7 @@ class LinkMonitor:
         self._carried = monotonic()
 
     def silent(self) -> float:
-        """s since the last thing that did; inf before the first."""
+        """Return the seconds since the last heartbeat; inf before the first."""
         return math.inf if self._carried is None else monotonic() - self._carried
 
     def came_beside(self) -> None:
@@ -61,7 +61,7 @@ class LinkMonitor:
         self._by_lane = monotonic()
 
     def beside(self) -> float:
-        """s since the last thing that did; inf before the first."""
+        """Return the seconds since the last message by the other way; inf before the first."""
         return math.inf if self._by_lane is None else monotonic() - self._by_lane
 
     def beat(self, payload: bytes) -> None:
@@ -82,7 +82,8 @@ class LinkMonitor:
     def telemetry(
         self, sequence: int, stamp_ns: int, station_ns: int, now_ns: int | None = None
     ) -> bool:
-        """A packet with the vehicle's stamp of its newest sample came; True if it is to be shown.
+        """Take a packet with the vehicle's stamp of its newest sample; return whether it is to be
+        shown.
 
         It is not when a newer one came before, or when it is more than 250 ms old `now_ns`, which
         is later than it came where it had to wait for a processor here.
@@ -119,11 +120,11 @@ class LinkMonitor:
         return self._clock.known
 
     def vehicle_ns(self) -> int:
-        """The vehicle's clock now; the station's own until it is known."""
+        """Return the vehicle's clock now; the station's own until it is known."""
         return self._clock.to_server(time_ns())
 
     def message(self, station_ns: int) -> Any:
-        """quadlab_msgs/LinkStatus."""
+        """Return quadlab_msgs/LinkStatus."""
         now_ns = self._steady_ns()
         quality = self._telemetry.quality(now_ns)
         outages = self._outages.figures(now_ns)

@@ -50,8 +50,9 @@ class Outages:
         return self._ended.with_one(length_ns * 1e-9) if length_ns >= _SHORTEST_NS else self._ended
 
     def state_duration(self, now_ns: int) -> float:
-        """s since the link became good; or, while it is not, since it was heard last, or since
-        the start when it never was."""
+        """Return the seconds since the link became good; or, while it is not, since the last
+        message, or since the start when there never was one.
+        """
         since_ns = self._good_since_ns
         if self._heard_ns is not None and self._silence_ns(now_ns) >= _SHORTEST_NS:
             since_ns = self._heard_ns

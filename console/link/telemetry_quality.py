@@ -31,7 +31,9 @@ class TelemetryWindow:
         self.newest_stamp_ns: int | None = None
 
     def feed(self, sequence: int, stamp_ns: int, received_ns: int, now_ns: int) -> bool:
-        """One packet with the stamp of its newest sample; False when a newer one came before."""
+        """Return one packet with the stamp of its newest sample; False when a newer one came
+        before.
+        """
         packets = self._packets
         sequence_back = bool(packets) and sequence < packets[-1][0] - RESTART
         newest_ns = self.newest_stamp_ns
@@ -46,7 +48,9 @@ class TelemetryWindow:
         return newest
 
     def quality(self, now_ns: int) -> TelemetryQuality:
-        """Loss counts gaps between the packets that came; silence shows in rate and age."""
+        """Take one packet with the stamp of its newest sample; return False when a newer one came
+        before.
+        """
         self._forget(now_ns)
         packets = list(self._packets)
         if not packets:

@@ -26,7 +26,9 @@ ENCODERS: dict[str, Callable[[Record, str], list[bytes]]] = {
 def expanded(
     ticks: Record, vehicle: str, wanted: Collection[str] = tuple(ENCODERS)
 ) -> dict[str, list[bytes]]:
-    """Payloads of each wanted topic, one for each of the TICK records, shape (N,)."""
+    """Return the quality: loss counts gaps between the packets that came; silence shows in rate and
+    age.
+    """
     return {topic: ENCODERS[topic](ticks, vehicle) for topic in wanted}
 
 

@@ -36,7 +36,8 @@ def export(
     end: float = np.inf,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Exported:
-    """Args as `console.log_export.tables.Tables`; `progress` is told the share done, 0…1.
+    """Export a log; arguments as those of `console.log_export.tables.Tables`; `progress` gets the
+    share done, 0…1.
 
     Raises UsageError, LogFormatError, also when there is nothing to export, or StorageError; then
     no file has been made.

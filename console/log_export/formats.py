@@ -33,7 +33,7 @@ class Format(Protocol):
     def write(self, piece: Piece) -> None: ...
 
     def finish(self) -> list[Path]:
-        """The files, under their names."""
+        """Return the files, under their names."""
 
     def discard(self) -> None:
         """Remove all that was written."""
@@ -181,7 +181,7 @@ class MatFile:
 
 
 def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
-    """A topic's columns and their units, and how many bytes; the pieces are given up."""
+    """Return a topic's columns and their units, and how many bytes; the pieces are freed."""
     names, units = _mat_names(pieces[0].columns), pieces[0].units
     table: dict[str, Any] = {}
     size = 0
@@ -195,7 +195,7 @@ def _table(pieces: list[Piece]) -> tuple[dict[str, Any], int]:
 
 
 def _held(column: Array) -> int:
-    """Bytes of a column; of texts, the places where they stand and each text once."""
+    """Return the bytes of a column; of texts, the row indices and each text once."""
     texts = set(column.tolist()) if column.dtype.kind == "O" else ()
     return column.nbytes + sum(map(sys.getsizeof, texts))
 
@@ -218,6 +218,8 @@ def _mat_names(columns: Mapping[str, Array]) -> dict[str, str]:
 
 
 def _mat_name(name: str) -> str:
-    """`bearings[2].x` → `bearings_2_x`; the whole way of a field is kept from its end."""
+    """Return the name for MATLAB (`bearings[2].x` → `bearings_2_x`); the whole path of a field is
+    kept from its end.
+    """
     plain = re.sub(r"\W+", "_", name).strip("_")
     return plain[-MAT_NAME:].lstrip("_0123456789") or "x"

@@ -120,7 +120,7 @@ class Tables:
         return Piece(self._names[columns.topic], columns.type_name, table, units, share)
 
     def _spread(self, topic: str, path: str, changes: list[tuple[int, str]], count: int) -> Array:
-        """A text of each row from the rows where it changes."""
+        """Return a text of each row from the rows where it changes."""
         out = np.empty(count, object)
         text, at = self._texts.get((topic, path), ""), 0
         for index, changed in [*changes, (count, "")]:
@@ -164,7 +164,7 @@ class _Growing:
 
 
 def _short_names(topics: Sequence[str] | dict[str, Any]) -> dict[str, str]:
-    """The last part of each topic's name, or all of it where two would be the same."""
+    """Return the last part of each topic's name, or all of it where two would be the same."""
     short = {topic: topic.strip("/").split("/", 1)[-1].replace("/", "_") for topic in topics}
     names = list(short.values())
     return {

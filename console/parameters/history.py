@@ -115,7 +115,7 @@ class ParameterHistory:
     def changes(
         self, name: str = "", flight: str | None = None, limit: int = 200, before: int = 0
     ) -> list[ParameterChange]:
-        """Newest first.
+        """Return the changes, newest first.
 
         Args:
             name: of one parameter. flight: a run id, "" for those on the ground, None for all.
@@ -138,7 +138,7 @@ class ParameterHistory:
             return session.scalar(query.select_from(ChangeRow)) or 0
 
     def flight(self) -> Flight | None:
-        """None before the first one."""
+        """Return the newest flight; None before the first one."""
         with self._session() as session:
             row = self._last_flight(session)
             if row is None:
@@ -217,7 +217,7 @@ class ParameterHistory:
 
     @contextmanager
     def _session(self) -> Iterator[Session]:
-        """One transaction; what the database cannot do is a StorageError."""
+        """Yield one transaction; what the database cannot do is a StorageError."""
         try:
             with self._sessions.begin() as session:
                 yield session

@@ -135,7 +135,7 @@ class ParameterPresets:
 
     @contextmanager
     def _session(self) -> Iterator[Session]:
-        """One transaction; what the database cannot do is a StorageError."""
+        """Yield one transaction; what the database cannot do is a StorageError."""
         try:
             with self._sessions.begin() as session:
                 yield session

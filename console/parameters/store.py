@@ -64,7 +64,9 @@ class StationStore:
     def change(
         self, values: Mapping[str, object], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
-        """(applied values, revision); all or nothing. Raises ParameterError."""
+        """Change values, all or nothing; return (applied values, revision). Raises
+        ParameterError.
+        """
         self.before_change(self._checked(values), requester)
         with self._telling:
             with self._lock:

@@ -66,14 +66,16 @@ class VehicleParameters:
             return self._values.get(name)
 
     def present(self) -> tuple[dict[str, ParameterValue], int] | None:
-        """(values, revision) as they were fetched; None when the vehicle shows a newer one."""
+        """Return (values, revision) as they were fetched; None when the vehicle shows a newer
+        one.
+        """
         with self._fetching:
             if self._values is None or self._revision != self.shown_revision:
                 return None
             return self._values, self._revision
 
     def snapshot(self) -> tuple[dict[str, ParameterValue] | None, int, str]:
-        """(values or None, revision, why there are none or old ones); may wait 1 s."""
+        """Return (values or None, revision, why there are none or old ones); may wait 1 s."""
         try:
             self.refresh()
         except LinkError as error:

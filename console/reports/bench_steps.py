@@ -17,7 +17,7 @@ REFERENCES = tuple(f"motor_references[{k}]" for k in range(4))
 
 
 def bench_of(log: RunLog) -> tuple[Bench, str]:
-    """Signals, steps and fits; and what the fits came to, in words.
+    """Return signals, steps and fits; and what the fits came to, in words.
 
     Raises MeasurementError when no reference was held.
     """
@@ -51,7 +51,7 @@ def bench_of(log: RunLog) -> tuple[Bench, str]:
 
 
 def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
-    """Reference at the ticks, force and torque at the sensor's times, and the steps."""
+    """Return reference at the ticks, force and torque at the sensor's times, and the steps."""
     actuators, sensor = log.topics["actuators"], log.topics["bench_reading"]
     reference = np.nanmax(actuators.rows(REFERENCES), axis=1).astype(np.float64)
     force, torque = sensor.rows(("force", "torque")).astype(np.float64).T
@@ -64,7 +64,7 @@ def _signals(log: RunLog) -> tuple[Array, Array, Array, BenchSteps]:
 
 
 def law_figures(log: RunLog) -> dict[str, float]:
-    """The fits in figures. Raises MeasurementError."""
+    """Return the fits in figures. Raises MeasurementError."""
     law = identify_motor(_signals(log)[-1])
     return {
         "root_law_worst_count": law.root.worst,

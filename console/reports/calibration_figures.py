@@ -29,7 +29,7 @@ MOTION = {
 
 
 def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """The rates while the drift was found, and afterwards."""
+    """Return the rates while the drift was found, and afterwards."""
     imu = _imu(log)
     rates = np.degrees(imu.rows(RATE))
     found = [one.time for one in log.lines if "gyroscope" in one.text]
@@ -57,7 +57,7 @@ def gyroscope(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def residuals(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
-    """The accelerometer: specific force over time, and the residual of each pose."""
+    """Return the accelerometer: specific force over time, and the residual of each pose."""
     imu = _imu(log)
     force = imu.rows(FORCE)
 
@@ -136,7 +136,7 @@ def inertia(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def residual_pictures(record: CalibrationRecord | None) -> list[Picture]:
-    """A bar for each residual of a calibration, one picture; nothing without any."""
+    """Return a bar for each residual of a calibration, one picture; nothing without any."""
     if record is None or not record.residuals:
         return []
     names = [re.split(r",\s*", name)[0] for name, _ in record.residuals]

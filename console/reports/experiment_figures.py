@@ -29,7 +29,7 @@ Array = npt.NDArray[np.floating[Any]]
 def experiment_pictures(
     log: RunLog, flight: Flight, judged: Judgement
 ) -> tuple[list[Picture], list[str]]:
-    """The pictures, and why one is not there."""
+    """Return the pictures, and why one is missing."""
     maker = MAKERS.get(judged.experiment)
     if maker is None:
         return [], []
@@ -167,7 +167,7 @@ def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
 
 
 def rotation_between(estimated: Array, true: Array) -> Array:
-    """(N, 3) rad: rotation vector, world axes, from attitudes (N, 4) to attitudes (N, 4)."""
+    """Return (N, 3) rad: rotation vector, world axes, from attitudes (N, 4) to attitudes (N, 4)."""
     w, v = true[:, :1], true[:, 1:]
     a, b = estimated[:, :1], estimated[:, 1:]
     scalar = w * a + np.sum(v * b, axis=1, keepdims=True)
@@ -180,7 +180,7 @@ def rotation_between(estimated: Array, true: Array) -> Array:
 
 
 def _around(time: Array, log: RunLog, behavior: str) -> npt.NDArray[np.bool_]:
-    """The stretch of that behaviour with a second at both ends; all, where there is none."""
+    """Return the stretch of that behaviour with a second at both ends; all, where there is none."""
     spans = [one for one in log.spans("status", "behavior") if one[2] == behavior]
     if not spans:
         return np.ones(len(time), bool)

@@ -40,7 +40,7 @@ class Track:
 
     @cached_property
     def angles(self) -> Array:
-        """(N, 3) roll, pitch, yaw."""
+        """Return (N, 3) roll, pitch, yaw."""
         return roll_pitch_yaw(self.quaternion_wb)
 
 
@@ -60,12 +60,14 @@ class Flight:
 
     @property
     def shown(self) -> Track | None:
-        """The best there is of where the vehicle was."""
+        """Return the best there is of where the vehicle was."""
         return self.truth or self.estimate
 
     @cached_property
     def tracking_error(self) -> tuple[Array, Array]:
-        """Position (N, 3) m and yaw (N,) rad, at the times of `shown`: what was less reference."""
+        """Return position (N, 3) m and yaw (N,) rad, at the times of `shown`: what was less
+        reference.
+        """
         shown = self.shown
         if shown is None:
             return np.zeros((0, 3)), np.zeros(0)
@@ -74,7 +76,7 @@ class Flight:
 
     @cached_property
     def estimation_error(self) -> tuple[Array, Array, Array]:
-        """Position (m), velocity (m/s), angles (rad) (N, 3) each: truth less estimate."""
+        """Return position (m), velocity (m/s), angles (rad) (N, 3) each: truth less estimate."""
         truth, known = self.truth, self.estimate
         if truth is None or known is None:
             nothing = np.zeros((0, 3))
@@ -107,7 +109,7 @@ def flight_of(log: RunLog) -> Flight:
 
 
 def roll_pitch_yaw(quaternion_wb: Array) -> Array:
-    """(N, 3) rad of quaternions (N, 4); yaw without jumps."""
+    """Return (N, 3) rad of quaternions (N, 4); yaw without jumps."""
     w, x, y, z = quaternion_wb.T
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
@@ -124,7 +126,9 @@ def wrapped(angle: Array) -> Array:
 
 
 def between(time: Array, given: Array, values: Array) -> Array:
-    """Columns of `values` (M, K) at `time` (N,), linearly; NaN outside and across long gaps."""
+    """Return columns of `values` (M, K) at `time` (N,), linearly; NaN outside and across long
+    gaps.
+    """
     if not len(given):
         return np.full((len(time), values.shape[1]), np.nan)
     out = np.stack(

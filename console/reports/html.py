@@ -50,7 +50,7 @@ LOUD = ("EXCEEDED", "WARNING")
 
 
 def render(report: Report) -> Iterator[str]:
-    """Pieces of the page; each picture is drawn when its turn comes."""
+    """Yield pieces of the page; each picture is drawn when its turn comes."""
     verdict = report.verdict if report.verdict in WORDS else ""
     facts = "".join(f"<dt>{escape(n)}</dt><dd>{escape(v)}</dd>" for n, v in report.facts)
     yield (

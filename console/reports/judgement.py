@@ -87,7 +87,7 @@ def judge(
     result: Result | None = None,
     proposal: CalibrationRecord | None = None,
 ) -> Judgement:
-    """`result` and `proposal` are of who flew it just now; never raises."""
+    """Judge a log; `result` and `proposal` are of who flew it just now. Never raises."""
     out = Judgement(experiment_of(log))
     out.options = {
         name.removeprefix("experiment."): value
@@ -148,7 +148,7 @@ def windows_of(log: RunLog, judged: Judgement) -> Spans:
 
 
 def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, float]:
-    """Figures of any flight, in the windows, else while it was airborne."""
+    """Return figures of any flight, in the windows, else while it was airborne."""
     spans = windows or airborne(log)
     found: dict[str, float] = {}
     if flight.shown is not None and spans:
@@ -176,7 +176,7 @@ def flight_figures(log: RunLog, flight: Flight, windows: Spans) -> dict[str, flo
 
 
 def _made(log: RunLog, out: Judgement) -> Experiment | None:
-    """The experiment with the options that the log carries, None for an unknown one."""
+    """Return the experiment with the options that the log carries, None for an unknown one."""
     if out.experiment not in EXPERIMENTS:
         return None
     experiment = find(out.experiment, log.vehicle or "quad1")

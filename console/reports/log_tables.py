@@ -76,7 +76,7 @@ def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list
 
 
 def timeline_blocks(log: RunLog) -> list[Block]:
-    """Events, warnings, marks, changes of parameters and behaviours in the order of time."""
+    """Return events, warnings, marks, changes of parameters and behaviours in the order of time."""
     rows = [
         (
             f"{line.time:.2f}",
@@ -120,7 +120,7 @@ def timeline_blocks(log: RunLog) -> list[Block]:
 
 
 def recording_blocks(log: RunLog) -> list[Block]:
-    """Topics with their rates and silences; what of the file is missing."""
+    """Return topics with their rates and silences; what of the file is missing."""
     rows, gaps = [], []
     for name, series in sorted(log.topics.items()):
         span = float(series.time[-1] - series.time[0])

@@ -187,12 +187,12 @@ def write_pdf(report: Report, path: Path) -> None:
 
 
 def _height(picture: Picture) -> float:
-    """in, with its caption."""
+    """Return the height with its caption, in inches."""
     lines = wrapped(f"00. {picture.title}. {picture.caption}", WIDTH / LETTER)
     return picture.height + LINE * len(lines) + 0.1
 
 
 def wrapped(text: str, letters: float) -> list[str]:
-    """Lines of at most so many letters; control characters become spaces."""
+    """Return lines of at most so many letters; control characters become spaces."""
     plain = "".join(c if c.isprintable() else " " for c in text)
     return textwrap.wrap(plain, max(4, int(letters)), break_long_words=True) or [""]

@@ -67,7 +67,7 @@ def require_matplotlib() -> None:
 
 
 def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """A line (N,) as at most about `points` points that keep every peak and every hole."""
+    """Return a line (N,) as at most about `points` points that keep every peak and every hole."""
     count = len(time)
     if count <= points:
         return time, values
@@ -153,7 +153,7 @@ def window(axis: Any, spans: Sequence[tuple[float, float]]) -> None:
 
 
 def grid(figure: Any, rows: int, columns: int = 1, **more: Any) -> Any:
-    """Axes of shape (rows, columns) that share the time axis."""
+    """Return axes of shape (rows, columns) that share the time axis."""
     axes = figure.subplots(rows, columns, squeeze=False, **{"sharex": True, **more})
     return axes
 

@@ -51,7 +51,7 @@ def write_report(
     defaults: Defaults = known_defaults,
     tell: Callable[[float], None] = lambda share: None,
 ) -> list[Path]:
-    """`folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
+    """Write `folder`/<name of the log>.html, and .pdf; earlier ones of this log are replaced.
 
     Args:
         result, proposal: of who flew it just now; else its result.json counts, else it is

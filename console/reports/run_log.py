@@ -91,7 +91,7 @@ class Series:
     texts: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
 
     def rows(self, names: tuple[str, ...]) -> Floats:
-        """(N, len(names)); NaN where the log has no such number."""
+        """Return (N, len(names)); NaN where the log has no such number."""
         nothing = np.full(len(self.time), np.nan, np.float32)
         return np.stack([self.numbers.get(n, nothing) for n in names], axis=1)
 
@@ -131,7 +131,7 @@ class RunLog:
         return all(topic in self.topics for topic in topics)
 
     def experiment_text(self, path: str) -> str:
-        """The last one of `experiment_status` that was not empty, while it told of this run.
+        """Return the last one of `experiment_status` that was not empty, while it told of this run.
 
         The station goes on telling how its last experiment stands, in later runs' logs too.
         """
@@ -156,13 +156,13 @@ class RunLog:
         return self._stretches(topic, path, self.duration)
 
     def _stretches(self, topic: str, path: str, end: float) -> list[tuple[float, float, str]]:
-        """The last one lasts until `end`, s."""
+        """Return the stretches of a text; the last one lasts until `end`, s."""
         told = self.topics[topic].texts.get(path, []) if topic in self.topics else []
         ends = [time for time, _ in told[1:]] + [end]
         return [(t, until, text) for (t, text), until in zip(told, ends, strict=False) if text]
 
     def json_attachment(self, name: str) -> Any:
-        """None when there is none, or it is not JSON."""
+        """Return the attachment; None when there is none, or it is not JSON."""
         try:
             return json_value(self.attachments[name])
         except (KeyError, ValueError):
@@ -215,7 +215,9 @@ def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunL
 
 
 def parameters_of(log: RunLog) -> dict[str, ParameterValue]:
-    """Name → value at the start; a station's own begin with `station.`. Empty: not recorded."""
+    """Return name → value at the start; a station's own begin with `station.`. Empty: not
+    recorded.
+    """
     read = log.json_attachment("parameters.json")
     if not isinstance(read, Mapping):
         return {}

@@ -40,7 +40,7 @@ IN_METRES = frozenset({"torque_ratio_m", "sag_m"})
 
 
 def figure(name: str, value: float) -> tuple[str, str]:
-    """A figure in words: what, and how much with its unit."""
+    """Return a figure in words: what, and how much with its unit."""
     for ending, unit, factor in UNITS:
         if name.endswith(ending):
             what = name.removesuffix(ending).replace("_", " ")
@@ -54,7 +54,7 @@ def figure(name: str, value: float) -> tuple[str, str]:
 
 
 def number(value: float) -> str:
-    """Four digits, whole numbers whole."""
+    """Return four digits, whole numbers whole."""
     if not math.isfinite(value):
         return "–"
     if value == int(value) and abs(value) < 1e7:
@@ -63,7 +63,7 @@ def number(value: float) -> str:
 
 
 def shown(value: object) -> str:
-    """A parameter's value in words."""
+    """Return a parameter's value in words."""
     if isinstance(value, bool):
         return "on" if value else "off"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
@@ -71,7 +71,7 @@ def shown(value: object) -> str:
 
 # ---------------------------------------------------------------------- figures
 def metrics_blocks(judged: Judgement) -> list[Block]:
-    """Figures against their limits and, where there are any, against reference figures."""
+    """Return figures against their limits and, where there are any, against reference figures."""
     rows = []
     for name, value in judged.metrics.items():
         limit = judged.limits.get(name)
@@ -240,7 +240,7 @@ def _record_tables(record: CalibrationRecord, *, folded: bool) -> list[Block]:
 
 
 def day(stamp_ns: int) -> str:
-    """Date and time in UTC; empty for a clock that began at 0."""
+    """Return date and time in UTC; empty for a clock that began at 0."""
     if stamp_ns < 10**17:
         return ""
     return datetime.fromtimestamp(stamp_ns * 1e-9, UTC).strftime("%Y-%m-%d %H:%M UTC")

@@ -15,7 +15,8 @@ from quadrotor.errors import LogFormatError, StorageError
 
 
 def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
-    """Look at every file and every row once; returns one line for each thing mended or wrong.
+    """Look at every file and every row once; return one line for each thing mended or
+    wrong.
 
     Files being written, in whatever process, and runs named in `skip` are left alone.
     Raises StorageError when folder or catalogue cannot be used at all.
@@ -40,7 +41,9 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
 
 
 def _is_gone(catalogue: Catalogue, entry: RunEntry) -> bool:
-    """Neither there nor in the trash, where a deletion under way has put it."""
+    """Return whether the file is neither there nor in the trash, where a deletion under way has put
+    it.
+    """
     log = catalogue.folder / entry.file
     # Looked at twice: it may be put back between the two looks.
     return not (log.exists() or is_in_trash(catalogue, entry.file) or log.exists())
@@ -74,7 +77,7 @@ def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> None:
 
 
 def described(path: Path, entry: RunEntry | None) -> RunEntry:
-    """The catalogue's line of a closed file, from the file itself.
+    """Return the catalogue's line of a closed file, from the file itself.
 
     Raises LogFormatError or StorageError.
     """

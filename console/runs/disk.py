@@ -82,5 +82,5 @@ def try_disk(folder: Path) -> None:
 
 
 def size_text(count: float) -> str:
-    """`500 MB`, `1.5 GB`; of a gigabyte or more in gigabytes."""
+    """Return a size as text, `500 MB`, `1.5 GB`; of a gigabyte or more in gigabytes."""
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"

@@ -155,7 +155,7 @@ class Recorder:
         self._wake.set()
 
     def wait_idle(self, timeout: float) -> bool:
-        """True when no file is open any more within `timeout` s."""
+        """Return True when no file is open any more within `timeout` s."""
         return self._idle.wait(timeout)
 
     def close(self, timeout: float = 30.0) -> None:
@@ -315,7 +315,7 @@ class Recorder:
 
 
 def _words(error: Exception) -> str:
-    """One line; a defect must end one run, not all that follow."""
+    """Return the error as one line; a defect must end one run, not all that follow."""
     if isinstance(error, QuadlabError):
         return str(error)
     log.exception("recorder")

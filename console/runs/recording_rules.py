@@ -34,7 +34,7 @@ class RecordingPolicy:
         return self._armed or self._disarmed_at is not None
 
     def status(self, armed: bool, now: float) -> Decision:
-        """Decide on each status message. The first armed one starts a run at once."""
+        """Return decide on each status message. The first armed one starts a run at once."""
         was_armed, self._armed = self._armed, armed
         if armed:
             self._disarmed_at = None
@@ -44,7 +44,7 @@ class RecordingPolicy:
         return Decision.NOTHING
 
     def tick(self, now: float, after_disarm: float) -> Decision:
-        """Called some times a second; `after_disarm` in s."""
+        """Decide some times a second whether a run ends; `after_disarm` in s."""
         if self._disarmed_at is not None and now - self._disarmed_at >= after_disarm:
             self._disarmed_at = None
             return Decision.STOP

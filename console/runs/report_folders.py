@@ -26,7 +26,7 @@ def has_report(log: Path) -> bool:
 
 
 def read_result(log: Path) -> dict[str, Any]:
-    """Verdict, figures, options and file names. Raises StorageError when there is none."""
+    """Return verdict, figures, options and file names. Raises StorageError when there is none."""
     path = report_folder(log) / RESULT
     try:
         result: dict[str, Any] = json.loads(path.read_text())
@@ -40,7 +40,7 @@ def read_result(log: Path) -> dict[str, Any]:
 
 
 def report_file(log: Path, name: str) -> Path:
-    """A file of the report, never anything outside its folder. Raises StorageError."""
+    """Return a file of the report, never anything outside its folder. Raises StorageError."""
     folder = report_folder(log).resolve()
     path = (folder / name).resolve() if FILE_NAME.fullmatch(name) else folder
     if path.parent != folder or not path.is_file():

@@ -29,7 +29,9 @@ class Storage:
     rate: float  # bytes/s, mean of the newest runs; 0 without any
 
     def lasts(self, keep_free: int, rate: float = 0.0) -> float | None:
-        """s until only `keep_free` is left, at `rate` or that of the newest runs; None unknown."""
+        """Return the seconds until only `keep_free` is left, at `rate` or that of the newest runs;
+        None unknown.
+        """
         rate = rate or self.rate
         return max(0.0, (self.free - keep_free) / rate) if rate > 0.0 else None
 

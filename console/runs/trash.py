@@ -87,7 +87,7 @@ def restore_run(catalogue: Catalogue, run_id: str) -> None:
 
 
 def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
-    """The newest deletion first."""
+    """Return the deleted runs, the newest deletion first."""
     query = select(RunRow, TrashRow).join(TrashRow, TrashRow.run_id == RunRow.id)
     with catalogue.session() as session:
         rows = session.execute(query.order_by(TrashRow.deleted_ns.desc(), RunRow.id.desc()))

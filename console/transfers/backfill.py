@@ -127,7 +127,7 @@ class Backfill:
         return found
 
     def _count(self, source: Source) -> int | None:
-        """Ticks of the file, by the index at its end."""
+        """Return ticks of the file, by the index at its end."""
         size = source.file.size
         try:
             counts = channel_counts(
@@ -167,7 +167,9 @@ class Backfill:
         raise NotYetError(f"{name} is still being written on board")
 
     def _fill(self, sources: list[Source], since: int, until: int) -> dict[str, Any]:
-        """Twice: what is missing still is told in the file, and known only after looking."""
+        """Fill twice: what is still missing is written into the file, and known only after
+        looking.
+        """
         job = {
             "act": "fill",
             "run": str(self._log),
@@ -191,7 +193,9 @@ class Backfill:
 
 
 def _agrees(source: Source, found: dict[str, Any]) -> bool:
-    """The run has as many ticks of the file as its index tells, or all of it was looked at."""
+    """Return whether the run has as many ticks of the file as its index says, or all of it was
+    looked at.
+    """
     whole = (source.file.start_ns - EDGE_NS, source.file.end_ns + EDGE_NS)
     if source.count is None or source.spans == [whole]:
         return True

@@ -138,7 +138,7 @@ class TransferDesk:
             return list(self._jobs)
 
     def message(self, stamp_ns: int) -> bytes | None:
-        """quadlab_msgs/Transfers; None when there is nothing to tell."""
+        """Return quadlab_msgs/Transfers; None when there is nothing to report."""
         jobs = self.jobs()
         if not jobs:
             return None
@@ -177,8 +177,9 @@ class TransferDesk:
             self._say(WARN, f"what was being fetched is not taken up again: {error}")
 
     def _next(self) -> Job | None:
-        """Cancelled ones first, then downloads, then the newest run; those that wait for
-        something else than the link after the others."""
+        """Return the next job: cancelled ones first, then downloads, then the newest run; those
+        that wait for something else than the link after the others.
+        """
         with self._lock:
             jobs = [job for job in self._jobs if not job.is_over]
         for job in jobs:

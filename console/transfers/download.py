@@ -68,7 +68,9 @@ def download(
 
 
 def free_place(place: Path) -> Path:
-    """`place`, or with `_2`, `_3`, … when another log has that name: logs are never replaced."""
+    """Return `place`, or with `_2`, `_3`, … when another log has that name: logs are never
+    replaced.
+    """
     found, number = place, 1
     while found.exists():
         number += 1
@@ -77,7 +79,7 @@ def free_place(place: Path) -> Path:
 
 
 def sum_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
-    """SHA-256. Raises StorageError, and what `check` raises between two blocks."""
+    """Return the SHA-256. Raises StorageError, and what `check` raises between two blocks."""
     digest = hashlib.sha256()
     try:
         with path.open("rb") as stream:

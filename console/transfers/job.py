@@ -63,6 +63,6 @@ class Job:
         return self.phase in ENDED
 
     def message(self) -> Any:
-        """quadlab_msgs/Transfer."""
+        """Return quadlab_msgs/Transfer."""
         names = ("kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
         return new("quadlab_msgs/Transfer", **{name: getattr(self, name) for name in names})

@@ -54,7 +54,7 @@ class PartFile:
 
     @property
     def size(self) -> int:
-        """Bytes that are there."""
+        """Return the number of bytes received."""
         return sum(end - begin for begin, end in self._ranges)
 
     def lacks(self, begin: int, end: int) -> list[Range]:
@@ -73,7 +73,7 @@ class PartFile:
         return found
 
     def pieces(self, ranges: Sequence[Range]) -> Iterator[tuple[int, int]]:
-        """Offset and length of what is to be asked for."""
+        """Yield offset and length of what is to be asked for."""
         for begin, end in ranges:
             for first, last in self.lacks(begin, end):
                 for offset in range(first, last, PIECE):
@@ -206,7 +206,9 @@ def _head(line: bytes) -> dict[str, int]:
 
 
 def _piece(line: bytes) -> tuple[int, int, int] | None:
-    """Offset, length and checksum; a head is an empty piece, None is no line of a journal."""
+    """Return offset, length and checksum; a head is an empty piece, None is no line of a
+    journal.
+    """
     if _head(line):
         return (0, 0, 0)
     try:

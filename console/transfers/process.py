@@ -31,7 +31,8 @@ def run_process(
     progress: Callable[[float], None] = lambda share: None,
     module: str = MODULE,
 ) -> dict[str, Any]:
-    """The answer. `check` is called again and again and may raise, which ends the process.
+    """Run the process and return its answer. `check` is called again and again and may raise, which
+    ends the process.
 
     Raises StorageError with the reason it failed for.
     """

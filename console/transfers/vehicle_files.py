@@ -65,11 +65,11 @@ class LinkedFiles:
         }
 
     def listed(self, request: Any) -> Any:
-        """The vehicle's own answer. Raises LinkError."""
+        """Return the vehicle's own answer. Raises LinkError."""
         return self._clients["onboard_files"].call(request, timeout=TIMEOUT)
 
     def files(self) -> list[VehicleFile]:
-        """Newest first."""
+        """Return the files, newest first."""
         return [_file(one) for one in self._ask("onboard_files").files]
 
     def part(self, name: str, offset: int, length: int) -> tuple[VehicleFile, bytes]:
@@ -114,7 +114,7 @@ def why_open(files: VehicleFiles, file: VehicleFile) -> str:
 
 
 def check_name(name: str) -> str:
-    """A name from outside becomes a path only when it is one of a log. Raises RefusedError."""
+    """Return a name from outside once it is known to be a log's. Raises RefusedError."""
     if not NAME.fullmatch(name):
         raise RefusedError(f"{name!r:.80} is no name of a log; those on board end in .mcap")
     return name

@@ -51,7 +51,7 @@ class Collection:
 
     @property
     def question(self) -> dict[str, Any]:
-        """Fields of the next request."""
+        """Return the fields of the next request."""
         return {
             "columns": list(self.columns),
             "start_ns": self._next_ns,
@@ -97,7 +97,7 @@ class Collection:
             self.problem = "the vehicle's log was not written to the end of the test"
 
     def failed(self, why: str) -> bool:
-        """One question had no answer; whether to ask again."""
+        """Take note that one question had no answer; return whether to ask again."""
         self._fruitless += 1
         if self._fruitless < FRUITLESS_MAX:
             return True
@@ -105,7 +105,7 @@ class Collection:
         return False
 
     def result(self) -> Samples:
-        """All that came. Raises StorageError when that is nothing."""
+        """Return all samples that came. Raises StorageError when there is none."""
         if not self._stamps:
             why = self.problem or "it has nothing of that time"
             raise StorageError(f"the vehicle's log could not be read: {why}")
@@ -149,17 +149,17 @@ class Samples:
 
     @property
     def rate(self) -> float:
-        """Hz, by the median of the periods."""
+        """Return the rate in Hz, by the median of the periods."""
         return 1e9 / float(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else 0.0
 
     @property
     def single(self) -> int:
-        """Ticks that are missing one by one, without a gap."""
+        """Return the ticks that are missing one by one, without a gap."""
         steps = np.diff(self.stamps_ns) / np.median(np.diff(self.stamps_ns))
         return int(np.count_nonzero((steps > 1.6) & (steps <= GAP_PERIODS)))
 
     @property
     def time(self) -> npt.NDArray[np.float64]:
-        """s since the first tick, shape (N,)."""
+        """Return the seconds since the first tick, shape (N,)."""
         time: npt.NDArray[np.float64] = (self.stamps_ns - self.stamps_ns[0]) * 1e-9
         return time

@@ -106,7 +106,7 @@ def evaluate(samples: Samples, plan: Plan) -> Evaluation:
 
 
 def drawn(evaluation: Evaluation) -> dict[str, list[Any]]:
-    """time, setpoint, actual for a chart; None between the two ends of a gap."""
+    """Return time, setpoint, actual for a chart; None between the two ends of a gap."""
     columns = {
         "time": evaluation.time.round(4).tolist(),
         "setpoint": evaluation.setpoint.round(5).tolist(),
@@ -121,7 +121,7 @@ def drawn(evaluation: Evaluation) -> dict[str, list[Any]]:
 
 
 def _edges_of(setpoint: Array, plan: Plan) -> npt.NDArray[np.int_]:
-    """Samples at which the set-point takes the levels of the plan, one after the other.
+    """Return samples at which the set-point takes the levels of the plan, one after the other.
 
     Other jumps are no part of it: of a vehicle that ended the test, or somebody who took over.
     """
@@ -144,7 +144,7 @@ def _edge(
     gaps: tuple[Gap, ...],
     first: float,
 ) -> dict[str, float | None]:
-    """Figures of one edge; all None when ticks of it are missing."""
+    """Return figures of one edge; all None when ticks of it are missing."""
     inside = (time >= start) & (time < end - 1e-9)
     before = (time >= start - BEFORE) & (time < start)
     level = float(np.median(setpoint[inside]))
@@ -180,7 +180,7 @@ def _whole(
     flown: npt.NDArray[np.bool_],
     along: int,
 ) -> dict[str, float | None]:
-    """Figures of the whole test: what it asked of the motors, and of the other axes."""
+    """Return figures of the whole test: what it asked of the motors, and of the other axes."""
     motors = np.stack([samples.values[f"actuators.motor_references.{i}"] for i in range(4)])
     scaling = samples.values["actuators.scaling"][flown]
     error = setpoint - actual
@@ -216,7 +216,7 @@ def _problems(
 
 
 def _actual(samples: Samples) -> Array:
-    """x, y, z (m) and yaw (rad, without jumps), shape (4, N)."""
+    """Return x, y, z (m) and yaw (rad, without jumps), shape (4, N)."""
     v = samples.values
     x, y, z, w = (v[f"{_STATE}.orientation.{i}"].astype(float) for i in range(4))
     yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
@@ -234,7 +234,7 @@ def _setpoint(samples: Samples) -> Array:
 
 
 def _tilt(samples: Samples) -> Array:
-    """Angle (rad) between the body's up and the world's."""
+    """Return angle (rad) between the body's up and the world's."""
     x, y = (samples.values[f"{_STATE}.orientation.{i}"].astype(float) for i in range(2))
     tilt: Array = np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0))
     return tilt

@@ -92,7 +92,7 @@ class KeptRuns:
             self._prune(self._folder)
 
     def runs(self) -> list[KeptRun]:
-        """Newest first; one that cannot be read is left out."""
+        """Return the kept runs, newest first; one that cannot be read is left out."""
         with self._lock:
             found = (self._read(name) for name in reversed(self._names(self._folder)))
             return [run for run in found if run is not None]
@@ -151,7 +151,7 @@ class KeptRuns:
             raise StorageError(f"there is no step test {name!r:.80}; the Tune tab lists all")
 
     def _names(self, folder: Path) -> list[str]:
-        """Oldest first."""
+        """Return the names, oldest first."""
         try:
             found = [path.stem for path in folder.glob("*.json")]
         except OSError:

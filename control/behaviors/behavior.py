@@ -79,7 +79,7 @@ class Behavior(Protocol):
 
     @property
     def progress(self) -> float:
-        """Share done, 0..1; 0 for those without an end."""
+        """Return the share done, 0..1; 0 for behaviors without an end."""
         ...
 
     def step(
@@ -145,14 +145,16 @@ Arguments = TypeVar("Arguments", bound=Parameters)
 
 @cache
 def argument_descriptions(arguments: type[Parameters]) -> dict[str, ParameterDescription]:
-    """Name → description of the arguments of a behavior."""
+    """Return name → description of the arguments of a behavior."""
     return {d.name: d for d in ParameterStore(arguments()).descriptions()}
 
 
 def read_arguments(
     behavior: BehaviorName, defaults: Arguments, given: Mapping[str, ParameterValue]
 ) -> Arguments:
-    """`defaults` with the given values. Raises ParameterError; nothing is silently dropped."""
+    """Return `defaults` with the given values. Raises ParameterError; nothing is silently
+    dropped.
+    """
     known = argument_descriptions(type(defaults))
     checked = {}
     for name, value in given.items():

@@ -185,7 +185,9 @@ def _check_demand(a: ExciteArguments, swing: float, context: Context) -> None:
 def _too_much(
     asked: str, allowed: str, most: float, swing: float, a: ExciteArguments
 ) -> RefusedError:
-    """`most`: m of a jump that is allowed, where it would be `swing`."""
+    """Return the refusal of a jump; `most`: m of a jump that is allowed, where it would be
+    `swing`.
+    """
     fits = math.floor(100.0 * most * abs(a.amplitude) / swing) / 100.0
     return RefusedError(
         f"excite refused: with these gains its edges ask for {asked}; allowed {allowed}: "

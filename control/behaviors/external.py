@@ -83,7 +83,7 @@ class External:
         return False
 
     def _since(self, stamp_ns: int) -> float:
-        """s from the newest reference's time to this one."""
+        """Return the seconds from the newest reference's time to this one."""
         newest_ns = self._outside.stamp_ns
         return math.inf if newest_ns is None else (stamp_ns - newest_ns) * 1e-9
 
@@ -150,7 +150,7 @@ class External:
         return ""
 
     def _stops(self, reference: Record) -> list[float]:
-        """x, y, z (m) where brake would come to rest: its filter's equation integrated."""
+        """Return x, y, z (m) where brake would come to rest: its filter's equation integrated."""
         r, w = reference[0], BANDWIDTH
         out = []
         for i in range(3):

@@ -100,11 +100,11 @@ def limits_of(p: BehaviorParameters, model: Record) -> Limits:
 
 
 def _advice(context: Context, choice: Choice, arguments: WhichTrajectory, limits: Limits) -> str:
-    """The quickest pace found that fits, in the words of the arguments that set it."""
+    """Return the quickest pace found that fits, in the words of the arguments that set it."""
     taken = argument_descriptions(type(arguments))
 
     def changes(factor: float) -> dict[str, float] | None:
-        """The arguments of a pace that fits, else None."""
+        """Return the arguments of a pace that fits, else None."""
         found = choice.slower(arguments, factor)
         for name, value in found.items():
             low, high = taken[name].minimum, taken[name].maximum

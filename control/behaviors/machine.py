@@ -58,7 +58,7 @@ BEHAVIORS: dict[BehaviorName, type[Startable]] = {
 
 
 def describe_arguments(name: str) -> tuple[ParameterDescription, ...]:
-    """The arguments of the behavior called `name`. Raises RefusedError."""
+    """Return the arguments of the behavior called `name`. Raises RefusedError."""
     behavior = behavior_of(name)
     arguments = BEHAVIORS[behavior].arguments if behavior in BEHAVIORS else NoArguments
     return tuple(argument_descriptions(arguments).values())
@@ -110,7 +110,7 @@ class BehaviorMachine:
 
     @property
     def progress(self) -> float:
-        """Share of the behavior done, 0..1; 0 for those without an end."""
+        """Return share of the behavior done, 0..1; 0 for those without an end."""
         return self._behavior.progress
 
     @property
@@ -211,7 +211,7 @@ def _finite(state: Record) -> bool:
 
 
 def _floats(reference: Record) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """A view (18,) of a reference record of shape (1,), also of one inside a TICK."""
+    """Return a view (18,) of a reference record of shape (1,), also of one inside a TICK."""
     if reference.shape != (1,) or reference.dtype != REFERENCE:
         raise ValueError(f"a reference record of shape (1,) is needed, not {reference.shape}")
     return reference.view("f8")

@@ -130,7 +130,7 @@ NEEDS_LIFT = frozenset({_HOVER, _BRAKE})
 
 
 def behavior_of(name: str) -> BehaviorName:
-    """The behavior called `name` (lower case). Raises RefusedError."""
+    """Return the behavior called `name` (lower case). Raises RefusedError."""
     for behavior in BehaviorName:
         if behavior.name.lower() == name:
             return behavior

@@ -57,5 +57,5 @@ class Velocity:
 
 
 def stick_axis(value: float) -> float:
-    """A stick axis in -1..1; what is not a number counts as released."""
+    """Return a stick axis in -1..1; what is not a number counts as released."""
     return max(-1.0, min(1.0, value)) if math.isfinite(value) else 0.0

@@ -23,7 +23,8 @@ EXAMPLE = "give 'x y z yaw; x y z; ...' in m and rad"
 
 
 def read_waypoints(text: str, start: tuple[float, float, float, float]) -> npt.NDArray[np.float64]:
-    """(N + 1, 4): the start (m, rad) and the points of 'x y z yaw; x y z; ...', yaw unwrapped.
+    """Return (N + 1, 4): the start (m, rad) and the points of 'x y z yaw; x y z; ...', yaw
+    unwrapped.
 
     Raises WrongTypeError or OutOfBoundsError that names the point.
     """

@@ -39,7 +39,7 @@ SPEED_AT_ENDS = 0.3
 
 
 def load_csv(path: Path) -> Polynomial:
-    """The trajectory in the file `path`.
+    """Load the trajectory in the file `path`.
 
     Raises RefusedError that names line and column, StorageError for a file that cannot be read.
     """
@@ -71,7 +71,7 @@ def load_csv(path: Path) -> Polynomial:
 
 
 def _table(path: Path, text: str) -> dict[str, Array]:
-    """Column name -> numbers; checks everything that a row can have wrong."""
+    """Return column name -> numbers; checks everything that a row can have wrong."""
     names: list[str] | None = None
     rows: list[list[float]] = []
     for number, cells in enumerate(csv.reader(text.splitlines()), start=1):

@@ -64,11 +64,13 @@ class Feasibility:
 
     @property
     def breach(self) -> Extreme | None:
-        """The first in the order of QUANTITIES: what asks too much comes before what follows."""
+        """Return the first in the order of QUANTITIES: what asks too much comes before what
+        follows.
+        """
         return next((e for e in self.extremes if e.first is not None), None)
 
     def of(self, name: str) -> Extreme:
-        """The extreme of this name; of a coordinate the largest. Raises KeyError."""
+        """Return the extreme of this name; of a coordinate the largest. Raises KeyError."""
         for extreme in reversed(self.extremes):
             if extreme.name == name:
                 return extreme
@@ -166,7 +168,7 @@ class _Look:
         return step
 
     def grid(self) -> tuple[Record, Array]:
-        """References and times of all stretches."""
+        """Return references and times of all stretches."""
         stretches = stretches_of(self.trajectory)
         references = np.empty(sum(count for _, _, count in stretches), REFERENCE)
         times = np.empty(len(references))
@@ -178,7 +180,9 @@ class _Look:
         return references, times
 
     def breach(self, q: int, low: float, high: float) -> float:
-        """The time in low..high from which quantity q is above its limit, as it is at `high`."""
+        """Return the time in low..high from which quantity q is above its limit, as it is at
+        `high`.
+        """
         while high - low > TIME_RESOLUTION:
             step = self.between(low, high)
             k = int(self.first[q])
@@ -189,7 +193,9 @@ class _Look:
 
 
 def examine(trajectory: Trajectory, model: Record, limits: Limits) -> Feasibility:
-    """The extremes of a trajectory with an end, flown by the vehicle of `model` (MODEL, (1,))."""
+    """Return the extremes of a trajectory with an end, flown by the vehicle of `model` (MODEL,
+    (1,)).
+    """
     look = _Look(trajectory, model, limits)
     references, times = look.grid()
     look.survey(references)
@@ -236,7 +242,9 @@ def fits(trajectory: Trajectory, model: Record, limits: Limits) -> bool:
 def check(
     trajectory: Trajectory, model: Record, limits: Limits, *, what: str, advice: str = ""
 ) -> Feasibility:
-    """The report of `examine`. Raises RefusedError for a breach, with numbers, time and advice."""
+    """Return the report of `examine`. Raises RefusedError for a breach, with numbers, time and
+    advice.
+    """
     report = examine(trajectory, model, limits)
     if report.breach is not None:
         raise RefusedError(refusal(report, report.breach, what, advice))
@@ -244,7 +252,7 @@ def check(
 
 
 def refusal(report: Feasibility, breach: Extreme, what: str, advice: str = "") -> str:
-    """One line: what is asked, since when, what is allowed and by which parameter."""
+    """Return one line: what is asked, since when, what is allowed and by which parameter."""
     q, since = breach.index, f"from {breach.first:.2f} s on"
     names = report.limits.source.get(q, "")
     if q < WALLS:

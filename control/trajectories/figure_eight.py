@@ -32,7 +32,7 @@ FIGURE_EIGHT = np.dtype(
 
 @compiled(inner=True)
 def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Derivatives:
-    """sin of an angle and four time derivatives, by Faa di Bruno.
+    """Return sin of an angle and four time derivatives, by Faa di Bruno.
 
     Args:
         s, c: its sine and cosine; for the cosine's derivatives give c and -s.
@@ -128,7 +128,9 @@ class FigureEight:
         yaw_amplitude: float = 1.0,
         duration: float = 8.0,
     ) -> FigureEight:
-        """Rest to rest in one lap of `duration` s: a ramp up to the middle, a ramp down from it."""
+        """Return a figure 8 from rest to rest in one lap of `duration` s: a ramp up to the middle,
+        a ramp down from it.
+        """
         return cls(
             center,
             yaw,

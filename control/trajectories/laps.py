@@ -20,12 +20,14 @@ def check_ramp(laps: int, period: float, ramp: float) -> None:
 
 
 def lap_rates(laps: int, period: float) -> tuple[float, float]:
-    """Rate (rad/s) and total (rad) of the phase."""
+    """Return rate (rad/s) and total (rad) of the phase."""
     return 2.0 * math.pi / period, 2.0 * math.pi * laps
 
 
 def lap_stretches(laps: int, period: float, ramp: float) -> tuple[Stretch, ...]:
-    """Ramp up, at most one lap at the constant rate, ramp down: further laps repeat that one."""
+    """Return ramp up, at most one lap at the constant rate, ramp down: further laps repeat that
+    one.
+    """
     end = laps * period + ramp
     steady = end - 2.0 * ramp
     shown = min(period, steady)

@@ -16,7 +16,7 @@ LOADERS = {".csv": load_csv, ".py": load_python}
 
 
 def load_trajectory(path: Path) -> Polynomial:
-    """The trajectory of a .csv or .py file, and when it asks most of the vehicle.
+    """Load the trajectory of a .csv or .py file, and find when it asks most of the vehicle.
 
     Finding those times takes a dense look at all of it, which a start in flight could not afford.
     Raises RefusedError or StorageError.
@@ -34,7 +34,8 @@ def load_trajectory(path: Path) -> Polynomial:
 
 
 def load_folder(folder: Path) -> tuple[dict[str, Polynomial], list[str]]:
-    """Name (the file's, without ending) -> trajectory, and one line for each that was refused.
+    """Return name (the file's, without ending) -> trajectory, and one line for each that was
+    refused.
 
     Takes .csv and .py files whose name starts with a letter or digit, not those of folders inside.
     Never called in flight: it runs Python files and takes as long as they do.

@@ -69,7 +69,7 @@ class Limits:
     source: dict[int, str] = field(default_factory=dict)
 
     def as_array(self) -> Array:
-        """(15,) in the order and with the signs of `feasibility.survey`."""
+        """Return (15,) in the order and with the signs of `feasibility.survey`."""
         (x0, y0, z0), (x1, y1, z1) = self.low_w, self.high_w
         # A rounding error beyond a wall is no flight beyond it.
         walls = [w + 1e-6 for w in (-x0, x1, -y0, y1, -z0, z1)]
@@ -90,6 +90,8 @@ class Limits:
 
 
 def with_margin(thrust_min: float, thrust_max: float, margin: float) -> tuple[float, float]:
-    """The motors' range (N) less `margin` (share of the range) at both ends, for the feedback."""
+    """Return the motors' range (N) less `margin` (share of the range) at both ends, for the
+    feedback.
+    """
     reserve = margin * (thrust_max - thrust_min)
     return thrust_min + reserve, thrust_max - reserve

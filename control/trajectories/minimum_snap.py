@@ -24,7 +24,9 @@ _FACTOR_MIN = 1e-3
 
 
 def _cost(order: int) -> Array:
-    """(10, 10): the integral over 0..1 of the squared derivative, in value-to-snap at both ends."""
+    """Return the cost matrix (10, 10): the integral over 0..1 of the squared derivative, in
+    value-to-snap at both ends.
+    """
     power = np.arange(ORDER + 1)
     falling = np.array([math.perm(n, order) for n in power], dtype=float)
     exponent = np.maximum(power[:, None] + power[None, :] - 2 * order + 1, 1)
@@ -55,7 +57,7 @@ def check_way_points(waypoints: Array, times: Array) -> tuple[Array, Array]:
 
 
 def minimum_snap(waypoints: Array, times: Array) -> Polynomial:
-    """The path through way-points at given times.
+    """Return the path through way-points at given times.
 
     Args:
         waypoints: (S + 1, 4) x, y, z (m), yaw (rad, not wrapped).
@@ -75,7 +77,7 @@ def minimum_snap(waypoints: Array, times: Array) -> Polynomial:
 
 
 def _inner_derivatives(points: Array, spans: Array, cost: Array, power: int) -> Array:
-    """(S - 1, D, 4): velocity to snap at the inner way-points, in the time units of `spans`.
+    """Return (S - 1, D, 4): velocity to snap at the inner way-points, in the time units of `spans`.
 
     Args:
         points: (S + 1, D). spans: (S,). cost: (10, 10) of a piece of unit span; a piece of span
@@ -95,7 +97,9 @@ def _inner_derivatives(points: Array, spans: Array, cost: Array, power: int) -> 
 
 
 def _block_tridiagonal(here: Array, onward: Array, right: Array) -> Array:
-    """x of a symmetric positive system with blocks here (N, 4, 4) and onward (N - 1, 4, 4)."""
+    """Return x of a symmetric positive system with blocks here (N, 4, 4) and onward (N - 1, 4,
+    4).
+    """
     n = len(here)
     out = np.empty_like(right)
     carried = np.empty((max(n - 1, 0), _FREE, _FREE))
@@ -115,7 +119,7 @@ def _block_tridiagonal(here: Array, onward: Array, right: Array) -> Array:
 
 
 def snap_cost(path: Polynomial) -> float:
-    """The integral of the squared snap (m^2/s^7)."""
+    """Return the integral of the squared snap (m^2/s^7)."""
     power = np.arange(ORDER + 1)
     falling = np.array([math.perm(n, 4) for n in power], dtype=float)
     exponent = np.maximum(power[:, None] + power[None, :] - 7, 1)
@@ -128,7 +132,7 @@ def snap_cost(path: Polynomial) -> float:
 def within(
     waypoints: Array, *, speed: float, acceleration: float, yaw_rate: float, yaw_acceleration: float
 ) -> Polynomial:
-    """The path through way-points, as fast as the bounds allow for one division of the time.
+    """Return the path through way-points, as fast as the bounds allow for one division of the time.
 
     Each piece gets the time that its length, its turn and the bounds suggest. Slowing a path of
     least snap leaves it one of least snap, so one factor on all times then meets the tightest

@@ -59,12 +59,12 @@ class Multistep:
 
     @property
     def duration(self) -> float:
-        """s, with the rest at both ends."""
+        """Return the duration in s, with the rest at both ends."""
         return self._duration
 
     @property
     def span(self) -> tuple[float, float]:
-        """Least and most offset (m or rad)."""
+        """Return least and most offset (m or rad)."""
         offsets = [offset for _, offset in self.edges]
         return min(offsets), max(offsets)
 
@@ -74,7 +74,7 @@ class Multistep:
         return max(abs(b - a) for (_, a), (_, b) in pairwise(self.edges))
 
     def ends(self) -> tuple[Point, Point]:
-        """The two ends of the path, corners of a box with each axis in order (m, world)."""
+        """Return the two ends of the path, corners of a box with each axis in order (m, world)."""
         low, high = list(self._point[:3]), list(self._point[:3])
         if self._axis < 3:
             low[self._axis] += self.span[0]

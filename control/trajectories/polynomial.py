@@ -22,7 +22,7 @@ ORDER = 9
 
 
 def _falling(n: int, k: int) -> float:
-    """n (n - 1) ... (n - k + 1)."""
+    """Return n (n - 1) ... (n - k + 1)."""
     return float(math.prod(range(n - k + 1, n + 1)))
 
 
@@ -78,7 +78,9 @@ def sample_polynomial(
 
 
 def hermite(start: Array, end: Array, duration: float) -> Array:
-    """Coefficients (4, 10) that meet `start` and `end`, each (4, 5): value to 4th derivative."""
+    """Return coefficients (4, 10) that meet `start` and `end`, each (4, 5): value to 4th
+    derivative.
+    """
     scale = duration ** np.arange(5.0)
     low = start * scale / np.array([1.0, 1.0, 2.0, 6.0, 24.0])
     high = np.linalg.solve(_HIGH, (end * scale).T - _LOW @ low.T).T
@@ -86,13 +88,15 @@ def hermite(start: Array, end: Array, duration: float) -> Array:
 
 
 def ends_to_coefficients() -> Array:
-    """(10, 10): coefficients of a piece of unit time from value to 4th derivative at both ends."""
+    """Return the matrix (10, 10) to the coefficients of a piece of unit time from value to 4th
+    derivative at both ends.
+    """
     units = np.eye(10)
     return np.array([hermite(u[None, :5], u[None, 5:], 1.0)[0] for u in units]).T
 
 
 def motion_of(reference: Record) -> Array:
-    """(4, 5): x, y, z, yaw and their derivatives to the fourth of reference[0]."""
+    """Return (4, 5): x, y, z, yaw and their derivatives to the fourth of reference[0]."""
     out = np.zeros((4, 5))
     for k, name in enumerate(("position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w")):
         out[:3, k] = reference[name][0]
@@ -118,21 +122,21 @@ class Polynomial:
 
     @property
     def times(self) -> Array:
-        """(S + 1,) s."""
+        """Return the times of the knots, (S + 1,) s."""
         return self._times
 
     @property
     def coefficients(self) -> Array:
-        """(S, 4, 10), see `sample_polynomial`."""
+        """Return the coefficients (S, 4, 10), see `sample_polynomial`."""
         return self._coefficients
 
     def slowed(self, factor: float) -> Polynomial:
-        """The same path in `factor` times the time."""
+        """Return the same path in `factor` times the time."""
         extremes = tuple(factor * t for t in self.extremes)
         return Polynomial(self._times * factor, self._coefficients, extremes)
 
     def moved(self, start: tuple[float, float, float, float]) -> Polynomial:
-        """The same path, shifted and turned about z_W to begin at (x, y, z, yaw)."""
+        """Return the same path, shifted and turned about z_W to begin at (x, y, z, yaw)."""
         first = self._coefficients[0, :, 0]
         angle = start[3] - float(first[3])
         s, c = math.sin(angle), math.cos(angle)

@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 def load_python(path: Path) -> Polynomial:
-    """The trajectory in the file `path`, run with all the rights of this process.
+    """Load the trajectory in the file `path`, which is run with all the rights of this process.
 
     Raises RefusedError that names the line, StorageError for a file that cannot be read.
     """
@@ -64,7 +64,7 @@ def load_python(path: Path) -> Polynomial:
 
 
 def _run(path: Path, what: Callable[[], T]) -> T:
-    """`what()`, with every mistake of the file turned into one line."""
+    """Return `what()`, with every mistake of the file turned into one line."""
     try:
         return what()
     except RefusedError:

@@ -16,7 +16,7 @@ RAMP_BEND = 7.5131884
 
 @compiled(inner=True)
 def ramped_phase(t: float, rate: float, ramp: float, total: float) -> Derivatives:
-    """Phase and its derivatives to the fourth at t (s).
+    """Return phase and its derivatives to the fourth at t (s).
 
     The rate follows S(x) = 35 x^4 - 84 x^5 + 70 x^6 - 20 x^7, x = t / ramp, so the phase is C4.
     It rests at 0 before t = 0 and at `total` after total / rate + ramp seconds.

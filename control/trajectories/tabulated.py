@@ -29,7 +29,7 @@ _COEFFICIENTS = ends_to_coefficients()
 
 
 def join(times: Array, motion: Array) -> Polynomial:
-    """Pieces of ninth order through a table; C4.
+    """Return pieces of ninth order through a table; C4.
 
     Args:
         times: (N,) s, from 0, growing. motion: (N, 4, 5) x, y, z, yaw, each to its 4th derivative.
@@ -63,7 +63,8 @@ def check_rest(name: str, times: Array, motion: Array) -> None:
 
 
 def tabulate(name: str, trajectory: Trajectory) -> Polynomial:
-    """A trajectory with an end as pieces of ninth order: quick, and unable to fail in flight.
+    """Return a trajectory with an end as pieces of ninth order: quick, and unable to fail in
+    flight.
 
     Raises RefusedError when what it samples is not finite, not the derivative of what it says
     it is, or not at rest at the ends.

@@ -33,7 +33,7 @@ class Trajectory(Protocol):
 
     @property
     def duration(self) -> float:
-        """s until the last change; inf when it has none."""
+        """Return the seconds until the last change; inf when it has none."""
         ...
 
     def sample(self, t: float, reference: Record) -> None:
@@ -53,12 +53,16 @@ class Surveyed(Protocol):
         ...
 
     def stretches(self) -> tuple[Stretch, ...]:
-        """Times that hold every extreme, in order; what lies between repeats what was shown."""
+        """Return times that hold every extreme, in order; what lies between repeats what was
+        shown.
+        """
         ...
 
 
 def grid_sampler(trajectory: Trajectory) -> Callable[[float, float, Record], None]:
-    """A function of t, step (s) and references (shape (N,)) that fills them at t + k step."""
+    """Return a function of t, step (s) and references (shape (N,)) that fills them at t + k
+    step.
+    """
     if isinstance(trajectory, Surveyed):
         return trajectory.sample_grid
     sample = trajectory.sample
@@ -83,7 +87,9 @@ def stretches_of(trajectory: Trajectory) -> tuple[Stretch, ...]:
 
 
 def around(times: Sequence[float], duration: float) -> tuple[Stretch, ...]:
-    """An even grid over 0..duration (s) that is half as dense as UNKNOWN_RATE near some times."""
+    """Return an even grid over 0..duration (s) that is half as dense as UNKNOWN_RATE near some
+    times.
+    """
     step = max(2.0 / UNKNOWN_RATE, duration / COARSE_SAMPLES)
     ends = {0.0, duration}
     for t in times:
@@ -99,7 +105,9 @@ def around(times: Sequence[float], duration: float) -> tuple[Stretch, ...]:
 
 
 def sample_many(trajectory: Trajectory, times: Array) -> Record:
-    """References at `times` (s), shape (len(times),): for checks and plots, not for the tick."""
+    """Return references at `times` (s), shape (len(times),): for checks and plots, not for the
+    tick.
+    """
     out = np.zeros(len(times), REFERENCE)
     for k, t in enumerate(times):
         trajectory.sample(float(t), out[k : k + 1])

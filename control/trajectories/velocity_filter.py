@@ -42,7 +42,9 @@ VELOCITY_FILTER = np.dtype(
 
 
 def new_velocity_filter(reference: Record, acceleration: float, yaw_acceleration: float) -> Record:
-    """A filter at rest relative to reference[0], commanded to stop, without walls; shape (1,)."""
+    """Return a filter at rest relative to reference[0], commanded to stop, without walls; shape
+    (1,).
+    """
     out = np.zeros(1, VELOCITY_FILTER)
     # Where the filter would be if it had produced this acceleration: snap starts near zero.
     out["slewed"][0, :3] = (

@@ -56,7 +56,7 @@ class AccelerometerCalibration:
 
     @property
     def rms(self) -> float:
-        """m/s^2, of a pose's residual."""
+        """Return the rms of a pose's residual, m/s^2."""
         return float(np.sqrt(np.square(self.residuals).sum(axis=1).mean()))
 
 
@@ -81,7 +81,7 @@ def coverage(measured: Array, condition_max: float = CONDITION_MAX) -> Coverage:
 
 
 def face_of(measured: Array) -> str:
-    """The face whose up is nearest to a still accelerometer's reading (3,).
+    """Return the face whose up is nearest to a still accelerometer's reading (3,).
 
     Raises MeasurementError when it stands on none of the six.
     """
@@ -103,7 +103,7 @@ def identify_accelerometer(
     attitude_error: float = math.radians(0.2),
     condition_max: float = CONDITION_MAX,
 ) -> AccelerometerCalibration:
-    """T and b; where a pose has no attitude from a tracker, its face is taken for it.
+    """Identify T and b; where a pose has no attitude from a tracker, its face is taken for it.
 
     Args:
         attitude_error: rad, standard deviation of the attitudes.
@@ -136,7 +136,7 @@ def identify_accelerometer(
 
 
 def _solve(measured: Array, ups: Array, across: float) -> tuple[Array, Array]:
-    """T and T b of the weighted equations; `across` in m/s^2 is their error across up."""
+    """Solve the weighted equations for T and T b; `across` in m/s^2 is their error across up."""
     system, rows, right = _system(measured), [], []
     for row, up in zip(system, ups, strict=True):
         along = np.outer(up, up)
@@ -159,7 +159,7 @@ def _system(measured: Array) -> Array:
 
 
 def _condition(measured: Array) -> tuple[int, float]:
-    """Rank and condition number of [a_m^T, -1], infinite below rank 4."""
+    """Return rank and condition number of [a_m^T, -1], infinite below rank 4."""
     if not len(measured):
         return 0, float("inf")
     values = np.linalg.svd(_system(measured), compute_uv=False)
@@ -168,7 +168,7 @@ def _condition(measured: Array) -> tuple[int, float]:
 
 
 def _best_face(measured: Array) -> str:
-    """The face that, added, leaves the least uncertainty."""
+    """Return the face that, added, leaves the least uncertainty."""
 
     def smallest(face: str) -> tuple[float, ...]:
         added = np.vstack([measured, GRAVITY * np.array(FACES[face])])

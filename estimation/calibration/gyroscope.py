@@ -25,7 +25,7 @@ class GyroscopeCalibration:
 
     @property
     def error_b(self) -> Array:
-        """Standard error (3,) of the bias."""
+        """Return standard error (3,) of the bias."""
         error: Array = self.deviation_b / np.sqrt(self.samples)
         return error
 
@@ -33,7 +33,7 @@ class GyroscopeCalibration:
 def identify_gyroscope(
     angular_velocity_b: Array, deviation_max: float, *, motors_on: bool = False
 ) -> GyroscopeCalibration:
-    """The drift from (N, 3) uncorrected samples in rad/s.
+    """Identify the drift from (N, 3) uncorrected samples in rad/s.
 
     Args:
         deviation_max: rad/s, largest standard deviation on any axis.

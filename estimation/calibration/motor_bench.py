@@ -43,11 +43,11 @@ class BenchSchedule:
 
     @property
     def duration(self) -> float:
-        """s, of all."""
+        """Return the duration of all steps in s."""
         return len(self.references) * (self.hold + self.rest)
 
     def reference(self, time: float) -> float:
-        """Counts at `time` (s since the start); the rest's after the end."""
+        """Return the counts at `time` (s since the start); the rest's after the end."""
         index, into = divmod(time, self.hold + self.rest)
         if into < self.rest or not 0 <= index < len(self.references):
             return float(self.rest_reference)

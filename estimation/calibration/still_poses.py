@@ -73,7 +73,7 @@ class StillPoses:
     def add(
         self, measured: Array, angular_velocity_b: Array, up_b: Array | None = None
     ) -> Stillness:
-        """One sample: (3,) m/s^2, (3,) rad/s less the drift, (3,) by the tracker's attitude.
+        """Add one sample: (3,) m/s^2, (3,) rad/s less the drift, (3,) by the tracker's attitude.
 
         When it completes a pose, that is the last one of `poses`.
         """
@@ -115,7 +115,7 @@ class StillPoses:
         return ""
 
     def _up(self) -> Array | None:
-        """The mean of the tracker's, when it was there at least half of the time."""
+        """Return the mean of the tracker's, when it was there at least half of the time."""
         if 2 * self._with_up < self._count:
             return None
         mean = self._ups[: self._with_up].mean(axis=0)

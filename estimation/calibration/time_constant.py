@@ -62,7 +62,7 @@ class TimeConstant:
 def lag_and_dead_time(
     reference_time: Array, reference: Array, time: Array, signal: Array, *, is_force: bool = False
 ) -> tuple[TimeConstant, float]:
-    """The time constant, and the dead time (s) it was found beside.
+    """Return the time constant, and the dead time (s) it was found with.
 
     Args:
         reference_time, reference: (M,) s and counts, each held until the next.
@@ -148,8 +148,9 @@ def lag_and_dead_time(
 
 
 def _course(time: Array, begins: Array, held: Array, seconds: float) -> Array:
-    """The lagged reference at `time` (N,); references `held` (K + 1,), the first of them since
-    ever, the others from `begins` (K,) on."""
+    """Return the lagged reference at `time` (N,); references `held` (K + 1,), the first of them
+    since ever, the others from `begins` (K,) on.
+    """
     begins = np.concatenate([[-math.inf], begins])
     at_begin = np.empty(len(held))
     at_begin[0] = held[0]

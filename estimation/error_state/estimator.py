@@ -78,7 +78,9 @@ class ErrorStateEstimator:
 
     @property
     def measurement_age(self) -> float:
-        """Seconds from the newest measurement applied to the newest sample; inf before both."""
+        """Return seconds from the newest measurement applied to the newest sample; inf before
+        both.
+        """
         if not self._initialized:
             return math.inf
         age_ns = self._stamp_ns.item() - self._measurement_ns.item()
@@ -103,7 +105,7 @@ class ErrorStateEstimator:
 
     @property
     def covariance(self) -> Array:
-        """(15, 15) of the error of `estimation.error_state.memory`, at the newest event."""
+        """Return (15, 15) of the error of `estimation.error_state.memory`, at the newest event."""
         covariance: Array = self._memory["covariance"][0].copy()
         return covariance
 
@@ -153,7 +155,7 @@ class ErrorStateEstimator:
 
     @property
     def converged(self) -> bool:
-        """Fit to be flown on; `convergence` says why."""
+        """Return whether it is fit to be flown on; `convergence` says why."""
         return self.convergence.reached
 
     def reset(self) -> None:
@@ -338,13 +340,15 @@ class ErrorStateEstimator:
 
 
 def _moved_along(x: Array, quaternion_wb: Array) -> Array:
-    """The velocity (3,) of a nominal state (16,) in a world turned so that this is its attitude."""
+    """Return the velocity (3,) of a nominal state (16,) in a world turned so that this is its
+    attitude.
+    """
     velocity_b = _rotated(x[6:10] * (1.0, -1.0, -1.0, -1.0), x[3:6])
     return _rotated(quaternion_wb, velocity_b)
 
 
 def _rotated(quaternion: Array, v: Array) -> Array:
-    """Plain numpy: what was never called would be compiled in the middle of a flight."""
+    """Rotate in plain numpy: what was never called would be compiled in the middle of a flight."""
     across = 2.0 * np.cross(quaternion[1:], v)
     turned: Array = v + quaternion[0] * across + np.cross(quaternion[1:], across)
     return turned

@@ -91,7 +91,7 @@ ERROR_STATE_MEMORY = np.dtype(
 
 
 def new_memory(count: int = 1) -> Record:
-    """`count` filters at the origin, level and at rest, waiting for a first pose."""
+    """Return `count` filters at the origin, level and at rest, waiting for a first pose."""
     memory = np.zeros(count, ERROR_STATE_MEMORY)
     memory["now"][:, 6] = memory["base"][:, 6] = 1.0
     memory["consistency"] = 1.0

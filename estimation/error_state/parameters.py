@@ -105,7 +105,7 @@ def noise_record(
     accelerometer_bias_limit: float = 1.0,
     gyroscope_bias_limit: float = 0.05,
 ) -> Record:
-    """One ERROR_STATE_NOISE record, shape (1,), in SI units.
+    """Return one ERROR_STATE_NOISE record, shape (1,), in SI units.
 
     Args:
         rate_low_pass: Hz. accelerometer_bias_limit: m/s^2. gyroscope_bias_limit: rad/s.

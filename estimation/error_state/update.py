@@ -38,7 +38,7 @@ BROAD = 0.5
 
 @compiled(inner=True)
 def project(P: Array, row: Array, out: Array) -> float:
-    """out (15,) = P[:, :6] row, with the symmetric P (15, 15); row . out."""
+    """Compute out (15,) = P[:, :6] row, with the symmetric P (15, 15), and return row . out."""
     total = 0.0
     for i in range(ERRORS):
         out[i] = 0.0
@@ -52,7 +52,7 @@ def project(P: Array, row: Array, out: Array) -> float:
 
 @compiled(inner=True)
 def along(row: Array, error: Array) -> float:
-    """row (6,) . error (n,)."""
+    """Return the product row (6,) . error (n,)."""
     total = 0.0
     for j in range(POSE_ERRORS):
         total += row[j] * error[j]
@@ -73,7 +73,7 @@ def displace(x: Array, error: Array, out: Array) -> None:
 
 @compiled(inner=True)
 def gate(m: Any, pairs: int, all_or_none: bool, largest: float) -> int:
-    """Mark in `used` the pairs of rows that the prior allows; how many."""
+    """Mark in `used` the pairs of rows that the prior allows, and return how many."""
     P, gain = m.prior, m.gain
     count = 0
     for k in range(pairs):
@@ -89,7 +89,9 @@ def gate(m: Any, pairs: int, all_or_none: bool, largest: float) -> int:
 
 @compiled(inner=True)
 def absorb(m: Any, pairs: int) -> float:
-    """One pass of scalar updates from the prior, linearised at `step`, into `found`; the NIS."""
+    """Make one pass of scalar updates from the prior, linearised at `step`, into `found`, and
+    return the NIS.
+    """
     P, prior, found, gain, row = m.covariance, m.prior, m.found, m.gain[0], m.row
     nis = 0.0
     for i in range(ERRORS):

@@ -118,7 +118,7 @@ _COPIED = (
 def inertia_record(
     parameters: InertiaParameters, *, arm: float, torque_ratio: float, motor_time_constant: float
 ) -> Record:
-    """One INERTIA_GAINS record, shape (1,); lengths in m, the time constant in s."""
+    """Return one INERTIA_GAINS record, shape (1,); lengths in m, the time constant in s."""
     out = np.zeros(1, INERTIA_GAINS)
     for name in _COPIED:
         out[name] = getattr(parameters, name)
@@ -128,7 +128,9 @@ def inertia_record(
 
 
 def new_inertia_memory(inertia_b: Array, parameters: InertiaParameters) -> Record:
-    """One estimator at a guess (3,) in kg m^2, with the variance of knowing only the clamps."""
+    """Return one estimator at a guess (3,) in kg m^2, with the variance of knowing only the
+    clamps.
+    """
     memory = np.zeros(1, INERTIA_MEMORY)
     memory["inverse_inertia_b"] = 1.0 / np.asarray(inertia_b)
     memory["mean_b"] = inertia_b
@@ -226,18 +228,20 @@ class InertiaEstimator:
 
     @property
     def inertia_b(self) -> Array:
-        """(3,) kg m^2, about body x, y, z."""
+        """Return the inertia (3,) in kg m^2, about body x, y, z."""
         return 1.0 / np.array(self._memory["inverse_inertia_b"][0])
 
     @property
     def deviation_b(self) -> Array:
-        """(3,) kg m^2, of the estimate over the last variance time."""
+        """Return the deviation (3,) in kg m^2 of the estimate over the last variance time."""
         deviation: Array = np.sqrt(self._memory["variance_b"][0])
         return deviation
 
     @property
     def torque_b(self) -> Array:
-        """(3,) N m, root mean square of the filtered torque lately: how much it is excited."""
+        """Return the root mean square (3,) in N m of the filtered torque lately: how much it is
+        excited.
+        """
         torque: Array = np.sqrt(self._memory["torque_square_b"][0])
         return torque
 

@@ -89,7 +89,7 @@ class MassParameters(Parameters):
 
 
 def mass_record(parameters: MassParameters) -> Record:
-    """The gains as one MASS_GAINS record, shape (1,)."""
+    """Return the gains as one MASS_GAINS record, shape (1,)."""
     out = np.zeros(1, MASS_GAINS)
     for name in MASS_GAINS.names or ():
         out[name] = getattr(parameters, name)
@@ -97,7 +97,7 @@ def mass_record(parameters: MassParameters) -> Record:
 
 
 def new_mass_memory(mass: float, parameters: MassParameters, count: int = 1) -> Record:
-    """`count` estimators at `mass` (kg), with the variance of knowing only the clamps."""
+    """Return `count` estimators at `mass` (kg), with the variance of knowing only the clamps."""
     memory = np.zeros(count, MASS_MEMORY)
     memory["inverse_mass"] = 1.0 / mass
     memory["mean"] = mass
@@ -174,7 +174,7 @@ class MassEstimator:
 
     @property
     def mass(self) -> float:
-        """kg."""
+        """Return the mass in kg."""
         return 1.0 / float(self._memory["inverse_mass"][0])
 
     @property

@@ -45,8 +45,9 @@ class BeaconPlane:
 
     @classmethod
     def of(cls, beacons_w: npt.ArrayLike, ids: Sequence[int] | None = None) -> BeaconPlane:
-        """Args:
-            beacons_w: (N, 3) m, N >= 4. ids: of the beacons, to check that none comes twice.
+        """Return the plane of beacons.
+
+        Args: beacons_w: (N, 3) m, N >= 4. ids: of the beacons, to check that none comes twice.
 
         Raises MeasurementError when malformed, DegenerateGeometryError when fewer than four, one
         comes twice, all on one line, or not in one plane.
@@ -72,7 +73,7 @@ class BeaconPlane:
         return cls(beacons, center, axes, extent, four, homography, spanned)
 
     def others(self) -> list[BeaconPlane]:
-        """The same beacons with other fours that span: each without one of `four`."""
+        """Return the same beacons with other fours that span: each without one of `four`."""
         plane = (self.beacons_w - self.center_w) @ self.axes[:2].T / self.extent
         found = []
         for left_out in self.four if len(plane) > 4 else ():
@@ -85,7 +86,7 @@ class BeaconPlane:
 def _homography(
     plane: Array, axes: Array, extent: float, left_out: int | None
 ) -> tuple[Four, Array, bool]:
-    """`four`, `homography` and `spanned` of a plane, from its coordinates (N, 2)."""
+    """Return `four`, `homography` and `spanned` of a plane, from its coordinates (N, 2)."""
     kept = np.array([k for k in range(len(plane)) if k != left_out])
     among, spread = _widest_four(plane[kept])
     i, j, k, m = (int(kept[one]) for one in among)
@@ -100,7 +101,8 @@ def _homography(
 
 
 def _widest_four(plane: Array) -> tuple[Four, float]:
-    """Four of the points (N, 2) far from any three on a line, and their least triangle's area.
+    """Return four of the points (N, 2) far from any three on a line, and their least triangle's
+    area.
 
     The farthest from the middle, the farthest from it, the one that makes the largest triangle
     with both, and the one that makes the largest smallest triangle with those.

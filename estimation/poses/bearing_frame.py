@@ -28,7 +28,7 @@ POSITION, ATTITUDE, CENTER, PLANE, SIGHTS = 6, 7, 8, 9, 13
 
 @compiled(inner=True)
 def right(row: Array) -> Vector:
-    """Columns 3 to 5 of a row."""
+    """Return columns 3 to 5 of a row."""
     return row[3], row[4], row[5]
 
 

@@ -112,7 +112,8 @@ def refine(
 def normal_equations(
     frame: Array, r: Vector, q: Quaternion, blur2: float = 0.0
 ) -> tuple[float, float, tuple[Vector, Vector], Rows, tuple[Vector, Vector], Vector, Vector]:
-    """Cost (rad^2), mean distance (m), blocks of J^T J and parts of J^T e, as the module says.
+    """Return cost (rad^2), mean distance (m), blocks of J^T J and parts of J^T e, as the module
+    says.
 
     Symmetric blocks come as ((xx, yy, zz), (xy, xz, yz)). What bearings tell of the position is
     taken as from distances larger by the variance blur2 (m^2).
@@ -158,7 +159,7 @@ def normal_equations(
 
 @compiled(inner=True)
 def nearest2(frame: Array, r: Vector) -> float:
-    """Squared distance (m^2) to the nearest beacon."""
+    """Return squared distance (m^2) to the nearest beacon."""
     least = math.inf
     for k in range(len(frame) - SIGHTS):
         ray = subtract(vector(frame[SIGHTS + k]), r)
@@ -202,7 +203,7 @@ def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
 
 @compiled(inner=True)
 def apply(rows: Rows, v: Vector) -> Vector:
-    """The matrix of these rows on v."""
+    """Return the product of the matrix of these rows and v."""
     return dot(rows[0], v), dot(rows[1], v), dot(rows[2], v)
 
 
@@ -214,5 +215,5 @@ def transposed(rows: Rows, v: Vector) -> Vector:
 
 @compiled(inner=True)
 def tilted(q: Quaternion, phi: Vector) -> Quaternion:
-    """q turned about world axes by phi (rad), by Cayley's map."""
+    """Return q turned about world axes by phi (rad), by Cayley's map."""
     return normalized(multiply((1.0, 0.5 * phi[0], 0.5 * phi[1], 0.5 * phi[2]), q))

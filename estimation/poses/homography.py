@@ -90,7 +90,7 @@ def homography_pose(frame: Array) -> tuple[bool, Vector, Quaternion]:
 
 @compiled(inner=True)
 def quaternion_of(x: Vector, y: Vector, z: Vector) -> Quaternion:
-    """The unit quaternion whose matrix has these columns; the largest component is positive.
+    """Return the unit quaternion whose matrix has these columns; the largest component is positive.
 
     The four candidates are one quaternion times four times each of its components; the longest is
     the best conditioned.

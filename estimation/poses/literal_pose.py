@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 def literal_pose(
     beacons_w: Array, bearings_b: Array, normal_w: Array, d: float
 ) -> tuple[Array, Array]:
-    """position_w (3,) m, and R_wb (3, 3), a rotation only where there is no noise.
+    """Return position_w (3,) m, and R_wb (3, 3), a rotation only where there is no noise.
 
     Args:
         beacons_w: (N, 3) m, N >= 4, on the plane normal_w . X = d. bearings_b: (N, 3) unit.

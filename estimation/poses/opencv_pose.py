@@ -53,7 +53,7 @@ class OpenCVPose:
         self._no_lens = np.zeros(4)
 
     def solve(self, bearings_b: Array) -> tuple[Array, Array]:
-        """position_w (3,) m and R_wb (3, 3) from (N, 3) unit vectors in body axes.
+        """Return position_w (3,) m and R_wb (3, 3) from (N, 3) unit vectors in body axes.
 
         Raises DegenerateGeometryError when a bearing is behind the camera, MeasurementError when
         the solver finds nothing.
@@ -81,7 +81,7 @@ class OpenCVPose:
 
 
 def _aimed_along(direction_b: Array) -> Array:
-    """Rows: the axes of a camera that looks along a direction of the body."""
+    """Return the rows of axes of a camera that looks along a direction of the body."""
     z = direction_b / math.sqrt(float(direction_b @ direction_b))
     x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
     x /= math.sqrt(float(x @ x))

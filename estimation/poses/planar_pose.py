@@ -50,17 +50,18 @@ class PlanarPose:
 
     @property
     def position_w(self) -> Array:
-        """(3,) m."""
+        """Return the position (3,) in m."""
         return self._frame[POSITION, :3]
 
     @property
     def quaternion_wb(self) -> Array:
-        """(4,) unit, w >= 0."""
+        """Return the attitude (4,), a unit quaternion with w >= 0."""
         return self._frame[ATTITUDE, :4]
 
     @property
     def covariance(self) -> Array:
-        """(6, 6) of position (m, world axes), then of the attitude error as a rotation vector.
+        """Return the covariance (6, 6) of position (m, world axes), then of the attitude error as a
+        rotation vector.
 
         The latter in rad, world axes, as geometry_msgs/PoseWithCovariance orders them.
         """
@@ -68,7 +69,7 @@ class PlanarPose:
 
     @property
     def residual(self) -> float:
-        """Rms angle between measured and predicted bearings, rad.
+        """Return rms angle between measured and predicted bearings, rad.
 
         With four beacons two degrees of freedom are left: nearly blind to a wrong one, so gate on
         a prediction.
@@ -105,7 +106,7 @@ class PlanarPoseSolver:
     def solve(
         self, bearings_b: Array, sigma: float, prediction: tuple[Array, Array] | None = None
     ) -> PlanarPose:
-        """The pose that explains the bearings best.
+        """Return the pose that explains the bearings best.
 
         Args:
             bearings_b: (N, 3) unit vectors in body axes, in the beacons' order.
@@ -136,7 +137,7 @@ class PlanarPoseSolver:
     def _better(
         self, code: int, frame: Array, bearings_b: Array, sigma: float
     ) -> tuple[int, Array]:
-        """The best of the pose found, or none, and those from other fours."""
+        """Return the best of the pose found, or none, and those from other fours."""
         bearings = _as_compiled_for(bearings_b)
         best = frame[POSITION, 3] if code == DOUBTFUL else math.inf
         for template in self._others:
@@ -198,7 +199,7 @@ class PlanarPoseSolver:
 def planar_pose(
     beacons_w: Array, bearings_b: Array, sigma: float, prediction: tuple[Array, Array] | None = None
 ) -> PlanarPose:
-    """`PlanarPoseSolver(beacons_w).solve(...)`, the solver kept by the beacons' positions.
+    """Return `PlanarPoseSolver(beacons_w).solve(...)`, the solver kept by the beacons' positions.
 
     Args:
         beacons_w: (N, 3) m, coplanar, not on one line, N >= 4.
@@ -216,7 +217,7 @@ def planar_pose(
 
 
 def _template(plane: BeaconPlane, steps: int) -> Array:
-    """The frame, see `bearing_frame`, without its bearings."""
+    """Return the frame, see `bearing_frame`, without its bearings."""
     frame = np.zeros((SIGHTS + len(plane.beacons_w), 6))
     frame[ATTITUDE, 4] = steps
     frame[CENTER, :3], frame[CENTER, 3:] = plane.center_w, plane.four[:3]
@@ -228,12 +229,14 @@ def _template(plane: BeaconPlane, steps: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _solver(beacon_bytes: bytes) -> PlanarPoseSolver:
-    """Kept by the bytes of the positions (N, 3): beacons stand still from frame to frame."""
+    """Return the solver kept by the bytes of the positions (N, 3): beacons stay in place from frame
+    to frame.
+    """
     return PlanarPoseSolver(np.frombuffer(beacon_bytes).reshape(-1, 3))
 
 
 def _as_compiled_for(bearings_b: npt.ArrayLike) -> Array:
-    """An array of the one type the kernel is compiled for. Raises MeasurementError."""
+    """Return an array of the one type the kernel is compiled for. Raises MeasurementError."""
     try:
         bearings = np.array(bearings_b, dtype=float, order="C")
     except (TypeError, ValueError) as error:
@@ -243,7 +246,7 @@ def _as_compiled_for(bearings_b: npt.ArrayLike) -> Array:
 
 @lru_cache(maxsize=1)
 def _ready_kernel() -> Any:
-    """The compiled frame, for contiguous double precision only.
+    """Return the compiled frame, for contiguous double precision only.
 
     Loaded before the first frame; another type of array, which would halt a flight for a second
     to be compiled for, raises TypeError instead and is converted.

@@ -51,7 +51,7 @@ NEAREST = 1e-6
 def symmetric_inverse(
     a: float, b: float, c: float, d: float, e: float, f: float
 ) -> tuple[Vector, Vector, Vector, float]:
-    """Rows of the inverse of ((a, b, c), (b, d, e), (c, e, f)), and its determinant."""
+    """Return rows of the inverse of ((a, b, c), (b, d, e), (c, e, f)), and its determinant."""
     p, q, s = d * f - e * e, c * e - b * f, b * e - c * d
     det = a * p + b * q + c * s
     w = 1.0 / det
@@ -64,7 +64,8 @@ def symmetric_inverse(
 def position_at_attitude(
     beacons_w: Array, bearings_b: Array, quaternion_wb: Array, start_w: Array, out: Array
 ) -> float:
-    """The position that explains the bearings best at this attitude, into `out` (3,) m.
+    """Compute into `out` (3,) m the position that explains the bearings best at this attitude, and
+    return the cost.
 
     Args:
         beacons_w: (N, 3) m, world; any N >= 2 beacons that do not stand in line with the position.
@@ -98,7 +99,8 @@ def position_at_attitude(
 
 @compiled(inner=True)
 def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: Array) -> bool:
-    """Covariance (3, 3) m^2, world axes, of such a position, into `out`: sigma^2 (J^T J)^-1.
+    """Compute the covariance (3, 3) m^2, world axes, of such a position into `out`: sigma^2 (J^T
+    J)^-1.
 
     Args:
         beacons_w: (N, 3) m. position_w: (3,) m. sigma: rad on each of two tangent axes.
@@ -129,7 +131,7 @@ def position_covariance(beacons_w: Array, position_w: Array, sigma: float, out: 
 def _step(
     beacons_w: Array, bearings_b: Array, axes: tuple[Vector, Vector, Vector], r: Vector
 ) -> tuple[float, float, Vector, float]:
-    """Cost at r, what the step promises to take off it, the step, and its clamp (<= 1)."""
+    """Return cost at r, what the step promises to take off it, the step, and its clamp (<= 1)."""
     xx = xy = xz = yy = yz = zz = 0.0
     g = (0.0, 0.0, 0.0)
     cost = total = 0.0

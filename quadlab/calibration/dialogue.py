@@ -74,7 +74,7 @@ class Dialogue:
             self._screen.rest()
 
     def _once(self) -> int | None:
-        """The exit status; None to do it again."""
+        """Return the exit status; None to do it again."""
         self._start()
         while (status := self._status).phase not in ENDED or not self._is_ours(status):
             if not self._is_ours(status):
@@ -117,7 +117,7 @@ class Dialogue:
         return (status.name, status.requester) == (self._wanted.name, self._client.requester)
 
     def _next(self) -> Any:
-        """The next status. Raises LinkError when the station is gone."""
+        """Return the next status. Raises LinkError when the station is gone."""
         try:
             self._status = self._client.statuses.get(timeout=SILENT)
         except queue.Empty:
@@ -208,7 +208,9 @@ class Dialogue:
             self._screen.say(line)
 
     def _chosen(self, question: str, words: str) -> str:
-        """One of the words, typed whole or by its beginning; the end of the input is the last."""
+        """Return one of the words, typed whole or by its beginning; the end of the input is the
+        last.
+        """
         known = words.split(", ")
         while True:
             typed = self._screen.ask(f"{question} [{words}]", lambda: True)

@@ -17,7 +17,7 @@ NONE = "–"
 def listed(
     calibrations: Mapping[str, str], force: Mapping[str, CalibrationRecord]
 ) -> Iterable[str]:
-    """A line for each calibration.
+    """Return a line for each calibration.
 
     Args:
         calibrations: name of each experiment and of the record it proposes.
@@ -51,7 +51,7 @@ def who(record: CalibrationRecord) -> str:
 def beside(
     record: CalibrationRecord, before: CalibrationRecord | None, present: Mapping[str, Any]
 ) -> list[tuple[str, str, str, str]]:
-    """Rows of what, now, proposed, and a word about it.
+    """Return rows of what, now, proposed, and a word about it.
 
     Args:
         before: the one in force.

@@ -51,8 +51,9 @@ class Screen:
             self._live = None
 
     def ask(self, prompt: str, is_open: Callable[[], bool]) -> str | None:
-        """A line typed, without its blanks; None when it is open no longer, or at the end of the
-        input."""
+        """Return a line typed, without its blanks; None when it is open no longer, or at the end of
+        the input.
+        """
         self.rest()
         print(prompt, end=" ", flush=True)
         while is_open():

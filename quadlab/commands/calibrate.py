@@ -59,7 +59,7 @@ class Calibrate:
             return Dialogue(client, screen, wanted).run()
 
     def _options(self, told: Any) -> dict[str, Any]:
-        """Checked against what the station says. Raises UsageError."""
+        """Return the options, checked against what the station allows. Raises UsageError."""
         from quadrotor.parameters import parse_text
         from vehicle_link.parameters.messages import from_descriptor
 

@@ -152,7 +152,7 @@ class Fly:
 
 
 def chosen(name: str) -> Experiment:
-    """A built-in experiment, or that of a file. Raises UsageError or StorageError."""
+    """Return a built-in experiment, or that of a file. Raises UsageError or StorageError."""
     from console.experiments.catalogue import EXPERIMENTS, find
     from console.experiments.user_file import is_file, load
 
@@ -169,7 +169,7 @@ def chosen(name: str) -> Experiment:
 def judged(
     experiment: Experiment, log: Path, aborted: str
 ) -> tuple[Result, CalibrationRecord | None]:
-    """Result and proposal from the log alone; of an aborted flight what there is of figures.
+    """Return result and proposal from the log alone; of an aborted flight what there is of figures.
 
     Raises QuadlabError with the reason and where the log is.
     """
@@ -192,7 +192,7 @@ def judged(
 
 
 def kept(error: QuadlabError, log: Path) -> QuadlabError:
-    """The same error, with where the log is."""
+    """Return the same error, with where the log is."""
     return type(error)(f"{error}; the log is kept: {log}")
 
 
@@ -212,7 +212,7 @@ class Teller:
 
 
 def with_experiment(parameters: FlightParameters, experiment: Experiment) -> FlightParameters:
-    """The tree with what can be chosen about the experiment, as `experiment.NAME`."""
+    """Return the tree with what can be chosen about the experiment, as `experiment.NAME`."""
     from pydantic import create_model
 
     options = experiment.parameters
@@ -242,7 +242,7 @@ def check_report() -> None:
 def write_report(
     experiment: Experiment, log: Path, result: Result, proposal: CalibrationRecord | None
 ) -> list[Path]:
-    """The page, the PDF and what the experiment itself writes, beside the log."""
+    """Write the page, the PDF and what the experiment itself writes, next to the log."""
     from console.experiments.client import Reporting
     from console.reports.report import write_report as write_pages
     from quadlab.log_commands.report import new_defaults
@@ -254,7 +254,7 @@ def write_report(
 
 
 def _new_log(folder: Path, stem: str) -> Path:
-    """A file name that is free: no earlier flight is overwritten."""
+    """Return a file name that is free: no earlier flight is overwritten."""
     path, number = folder / f"{stem}.mcap", 2
     while path.exists():
         path, number = folder / f"{stem}_{number}.mcap", number + 1

@@ -50,7 +50,9 @@ def parse_names(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def parse_vehicles(words: Sequence[str], name: str = THE_VEHICLE) -> dict[str, str]:
-    """`name=host:port` words as {name: endpoint}; `name` where there is none. Raises UsageError."""
+    """Return `name=host:port` words as {name: endpoint}; `name` where there is none. Raises
+    UsageError.
+    """
     from vehicle_link.transport.session import parse_endpoint
 
     found: dict[str, str] = {}

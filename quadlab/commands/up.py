@@ -240,7 +240,7 @@ class _Progress:
 
 @contextlib.contextmanager
 def _lockstep(fleet: SimulatedFleet, folder: Path) -> Iterator[None]:
-    """One clock for this process and all children."""
+    """Provide one clock for this process and all children."""
     page = Page(fleet.names, folder)
     os.environ[clock.VARIABLE] = str(page.path)
     try:

@@ -112,7 +112,7 @@ class User:
             database.close()
 
     def _ask(self, name: str) -> str:
-        """Twice on a terminal, without echo; else one line of standard input."""
+        """Ask twice on a terminal, without echo; else read one line of standard input."""
         from web.access.passwords import check_password
 
         if self.password_stdin or not sys.stdin.isatty():

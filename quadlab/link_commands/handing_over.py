@@ -37,7 +37,7 @@ def hand_over(out: Path, issue: Callable[[Path], TlsFiles]) -> Path:
 
 
 def how_to_copy(made: Path, host: str) -> list[str]:
-    """Lines with commands for a machine `host` that can be reached with ssh."""
+    """Return lines with commands for a machine `host` that can be reached with ssh."""
     begin = f"ssh {host} 'mkdir -p -m 700 {THERE}"
     if made.suffix == ".tar":
         return [f"{begin} && tar -x -C {THERE}' < {made}"]

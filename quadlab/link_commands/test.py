@@ -69,7 +69,7 @@ def _say(text: str) -> None:
 
 
 def _place(data: Path, word: str) -> tuple[str, str]:
-    """(endpoint, name or "") of what was asked for. Raises UsageError, StorageError."""
+    """Return (endpoint, name or "") of what was asked for. Raises UsageError, StorageError."""
     from console.link.known_vehicles import KnownVehicles
 
     known = KnownVehicles(data).all()

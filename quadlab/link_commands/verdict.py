@@ -56,7 +56,7 @@ LATE_CLOCK = 1.0  # s
 
 
 def verdict(figures: Figures) -> tuple[Grade, list[str]]:
-    """The grade, and a line for each thing that is worth saying."""
+    """Return the grade, and a line for each thing that is worth saying."""
     worst, lines = 0, []
     if figures.disagreement:
         worst = 2
@@ -97,7 +97,7 @@ def _values(figures: Figures) -> list[tuple[Limit, float]]:
 
 
 def _not_measured(figures: Figures) -> list[tuple[str, str]]:
-    """(What, why), without advice on the radio, which need not be to blame."""
+    """Return (What, why), without advice on the radio, which need not be to blame."""
     trip = [] if figures.round_trips else ["round trip"]
     numbers = (("telemetry loss", figures.loss), ("jitter", figures.jitter))
     telemetry = [name for name, value in numbers if math.isnan(value)]
@@ -149,7 +149,7 @@ def _notes(figures: Figures) -> list[str]:
 
 
 def percentile(values: list[float], percent: float) -> float:
-    """NaN of nothing."""
+    """Return the percentile; NaN of nothing."""
     if not values:
         return math.nan
     ordered = sorted(values)

@@ -52,7 +52,7 @@ class Info:
 
 
 def _as_json(found: LogSummary) -> str:
-    """One line; times in s and ns, rates in Hz."""
+    """Return one line of JSON; times in s and ns, rates in Hz."""
     topics = {
         name: {
             "type": one.type_name,

@@ -74,7 +74,9 @@ def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
 
 
 def turns(true_wb: Array, estimated_wb: Array) -> Array:
-    """Rotation vectors (N, 3), world axes, that turn the estimated attitudes into the true ones."""
+    """Return rotation vectors (N, 3), world axes, that turn the estimated attitudes into the true
+    ones.
+    """
     w, x, y, z = true_wb.T
     a, b, c, d = estimated_wb.T  # its conjugate is multiplied from the right
     scalar = w * a + x * b + y * c + z * d

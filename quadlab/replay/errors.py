@@ -44,7 +44,7 @@ class Truth:
         return inside
 
     def at(self, stamps_ns: Stamps) -> tuple[Array, Array, Array]:
-        """position_w (M, 3), velocity_w (M, 3), quaternion_wb (M, 4) at stamps of (M,).
+        """Return position_w (M, 3), velocity_w (M, 3), quaternion_wb (M, 4) at stamps of (M,).
 
         Position by the cubic through both ends with their velocities, velocity by a straight
         line, attitude by the shortest turn.
@@ -74,7 +74,7 @@ class Errors:
     attitude: Array  # (M,) rad
 
     def metrics(self) -> dict[str, float | None]:
-        """rms and largest of each; None where one is not known or not finite."""
+        """Return rms and largest of each; None where one is not known or not finite."""
         out: dict[str, float | None] = {}
         for name, values, unit in (
             ("position", self.position, "m"),
@@ -103,7 +103,7 @@ def errors(truth: Truth, stamps_ns: Stamps, states: Record) -> Errors:
 
 
 def angles(one: Array, other: Array) -> Array:
-    """Angle (rad) between unit quaternions (N, 4), exact for small ones too."""
+    """Return angle (rad) between unit quaternions (N, 4), exact for small ones too."""
     sign = np.where(np.sum(one * other, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     half_chord = 0.5 * np.linalg.norm(one - sign * other, axis=1)
     found: Array = 4.0 * np.arcsin(np.minimum(half_chord, 1.0))
@@ -111,7 +111,7 @@ def angles(one: Array, other: Array) -> Array:
 
 
 def rotated(quaternions: Array, vectors: Array) -> Array:
-    """Body to world: unit quaternions (N, 4), vectors (N, 3)."""
+    """Rotate vectors (N, 3) from body to world by unit quaternions (N, 4)."""
     axis = quaternions[:, 1:]
     across = 2.0 * np.cross(axis, vectors)
     turned: Array = vectors + quaternions[:, :1] * across + np.cross(axis, across)
@@ -119,7 +119,7 @@ def rotated(quaternions: Array, vectors: Array) -> Array:
 
 
 def _between(quaternions: Array, k: Stamps, s: Array) -> Array:
-    """Share s (M, 1) of the turn from quaternion k to the next, (M, 4)."""
+    """Return the rotation by share s (M, 1) of the turn from quaternion k to the next, (M, 4)."""
     start, end = quaternions[k], quaternions[k + 1]
     share = np.sum(start * end, axis=1, keepdims=True)
     end = np.where(share < 0.0, -end, end)

@@ -46,7 +46,7 @@ class Gathered:
             self._flush(name)
 
     def records(self, name: str) -> list[Record]:
-        """The decoded messages of a topic as columns; (N,) each, N may be 0."""
+        """Return the decoded messages of a topic as columns; (N,) each, N may be 0."""
         self._flush(name)
         made = zip(self._records[name], self._types[name], strict=True)
         return [np.frombuffer(data, kind) for data, kind in made]

@@ -51,7 +51,7 @@ def plan_runs(
     settings: Sequence[str],
     on: On | None,
 ) -> list[Run]:
-    """The runs in the order --estimator, --run; without either, the flight's own estimator.
+    """Return the runs in the order --estimator, --run; without either, the flight's own estimator.
 
     Raises UsageError; LogFormatError when the log lacks the measurements.
     """

@@ -81,7 +81,7 @@ class Recording:
         return int(self.imu["stamp_ns"][0])
 
     def seconds(self, stamps_ns: Any) -> Any:
-        """Time of stamps, s."""
+        """Return time of stamps, s."""
         return 1e-9 * (stamps_ns - self.start_ns)
 
 
@@ -113,7 +113,7 @@ def read_recording(path: Path) -> Recording:
 
 
 def _messages(path: Path) -> tuple[str, Gathered]:
-    """The vehicle of the log's IMU, and its messages by topic without namespace."""
+    """Return the vehicle of the log's IMU, and its messages by topic without namespace."""
     read = ReadState()
     spaces = (
         message.topic.rpartition("/")[0]
@@ -177,7 +177,7 @@ def _parameters(path: Path) -> FlightParameters:
 
 
 def _samples(payloads: list[bytes], vehicle: str) -> list[Record]:
-    """IMU_SAMPLE (N,)."""
+    """Return IMU_SAMPLE (N,)."""
     imu = layout("sensor_msgs/Imu", body_frame(vehicle)).decode_many(payloads)
     samples = np.zeros(len(imu), IMU_SAMPLE)
     samples["stamp_ns"] = _stamps(imu)
@@ -187,7 +187,7 @@ def _samples(payloads: list[bytes], vehicle: str) -> list[Record]:
 
 
 def _odometries(payloads: list[bytes], vehicle: str) -> list[Record]:
-    """Stamps (N,) and STATE (N,)."""
+    """Return stamps (N,) and STATE (N,)."""
     states = np.zeros(len(payloads), STATE)
     if not payloads:
         return [np.zeros(0, np.int64), states]

@@ -60,7 +60,7 @@ class MeasurementStore:
 def emulated_bearings(
     truth: Truth, samples_ns: Stamps, parameters: BearingParameters
 ) -> list[Arrival]:
-    """Frames as `quadlab fly` would have sent them: same seed and truth, same frames."""
+    """Return frames as `quadlab fly` would have sent them: same seed and truth, same frames."""
     emulator = BearingEmulator(parameters)
     return [
         Arrival(
@@ -76,7 +76,7 @@ def emulated_bearings(
 def emulated_poses(
     truth: Truth, samples_ns: Stamps, parameters: TrackerParameters
 ) -> list[Arrival]:
-    """Poses as the simulated tracker would have sent them."""
+    """Return poses as the simulated tracker would have sent them."""
     tracker = SimulatedTracker(parameters)
     return [
         Arrival(

@@ -37,7 +37,7 @@ class Row:
 
 
 def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
-    """The state that was flown on."""
+    """Return the state that was flown on."""
     inside = _inside(recording.state_ns, window)
     found = errors(truth, recording.state_ns[inside], recording.state[inside])
     values: dict[str, Value] = {
@@ -54,7 +54,7 @@ def recorded_row(recording: Recording, truth: Truth, window: Window) -> Row:
 def run_row(
     recording: Recording, truth: Truth, window: Window, run: Run, replayed: Replayed
 ) -> Row:
-    """Errors of a run from its start on; a note when it started late or never."""
+    """Return errors of a run from its start on; a note when it started late or never."""
     stamps = recording.imu["stamp_ns"]
     started_ns = replayed.started_ns
     inside = _inside(stamps, window)
@@ -114,7 +114,7 @@ def print_table(rows: list[Row]) -> None:
 
 
 def as_json(recording: Recording, truth: str, window: Window, rows: list[Row]) -> str:
-    """One line; SI units and degrees, as the names say."""
+    """Return one line of JSON; SI units and degrees, as the names say."""
     start, end = (float(recording.seconds(one)) for one in (window.start_ns, window.end_ns))
     report = {
         "log": str(recording.path),

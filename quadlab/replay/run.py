@@ -51,7 +51,7 @@ class Replayed:
     posteriors: list[Posterior] = field(default_factory=list)  # of measurements used
 
     def within(self, start_ns: int, end_ns: int) -> tuple[int, float | None, Consistency | None]:
-        """Measurements given, share rejected of them and NIS of a window."""
+        """Return measurements given, share rejected of them and NIS of a window."""
         taken = np.array(self.taken_ns, np.int64)
         inside = (taken >= start_ns) & (taken <= end_ns)
         count = int(inside.sum())
@@ -63,7 +63,7 @@ class Replayed:
         return [one for one in self.posteriors if start_ns <= one.stamp_ns <= end_ns]
 
     def position_deviations(self) -> tuple[Stamps, Array]:
-        """Stamps and standard deviation of position (m) where the estimator gave one."""
+        """Return stamps and standard deviation of position (m) where the estimator gave one."""
         stamps = np.array(self.taken_ns, np.int64)
         position = np.array([one[0] for one in self.deviations])
         known = np.isfinite(position)
@@ -208,13 +208,15 @@ class _Vehicle:
             out.started_ns = now_ns
 
     def _wants_bearings(self, now_ns: int) -> bool:
-        """Fixed gains take bearings for as good as poses: only without poses, then."""
+        """Return whether bearings are wanted: fixed gains take them for as good as poses, so only
+        without poses.
+        """
         if self._source == "bearings" or self._estimator.deviations is not None:
             return True
         return now_ns - self._last_pose_ns > self._timeout_ns
 
     def _frame(self, measurement: mailbox.Bearings) -> Record | None:
-        """BEARINGS_SAMPLE of the beacons that are known, None when none is."""
+        """Return BEARINGS_SAMPLE of the beacons that are known, None when none is."""
         seen = [
             (self._places[one], bearing)
             for one, bearing in zip(measurement.beacon_ids, measurement.bearings_b, strict=False)
@@ -237,7 +239,7 @@ def _posterior(estimator: ErrorStateEstimator) -> Posterior:
 
 
 def _number(estimator: Estimator, name: str) -> float:
-    """A number of an estimator's memory that not every one has; 0 without it."""
+    """Return a number of an estimator's memory that not every one has; 0 without it."""
     memory = getattr(estimator, "memory", None)
     names = getattr(getattr(memory, "dtype", None), "names", None) or ()
     return float(memory[name][0]) if memory is not None and name in names else 0.0

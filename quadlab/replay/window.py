@@ -70,7 +70,7 @@ def _airborne(recording: Recording, truth: Truth) -> tuple[int, int, str]:
 
 
 def tracked_truth(recording: Recording) -> Truth:
-    """The tracker's recorded poses in the truth's place; velocities are not known."""
+    """Return the tracker's recorded poses in the truth's place; velocities are not known."""
     from vehicle.processes import mailbox
 
     ordered: dict[int, mailbox.Pose] = {}

@@ -8,7 +8,9 @@ from quadrotor.errors import MeasurementError, UsageError
 
 
 def beacon_words(file: Path | None) -> list[str]:
-    """The `--set` words that lay the file's beacons out. Raises UsageError with line and column."""
+    """Return the `--set` words that lay the file's beacons out. Raises UsageError with line and
+    column.
+    """
     if file is None:
         return []
     from bearing_sim.beacons import format_layout, load_beacons

@@ -58,7 +58,7 @@ class SimulatedFleet:
 
     @property
     def ports(self) -> dict[str, int]:
-        """UDP, of each vehicle's link."""
+        """Return the UDP port of each vehicle's link."""
         return {name: self.link_port + PORT_STEP * k for k, name in enumerate(self.names)}
 
     @property
@@ -84,7 +84,7 @@ class SimulatedFleet:
         return [word for setting in settings for word in ("--set", setting)]
 
     def folder(self, data: Path, name: str, files: TlsFiles) -> Path:
-        """The vehicle's own data folder, with the certificates a vehicle needs.
+        """Return the vehicle's own data folder, with the certificates a vehicle needs.
 
         Raises StorageError.
         """

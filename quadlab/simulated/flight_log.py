@@ -69,7 +69,7 @@ class FlightLog:
         self._publisher.estimator = str(store.values()[FLOWN_ON])
 
     def now_ns(self) -> int:
-        """Simulated time, for the publisher."""
+        """Return simulated time, for the publisher."""
         return self._now_ns
 
     def tick(self, record: Record) -> None:
@@ -129,7 +129,7 @@ class FlightLog:
         self.message(topic, topics.TOPICS[topic].type_name, payload, stamp_ns, log_ns)
 
     def _newest_ns(self) -> int:
-        """Time of the newest tick."""
+        """Return time of the newest tick."""
         if not self._ticks:
             return self._now_ns
         return int(np.frombuffer(self._ticks[-1], TICK)["imu"]["stamp_ns"][0])
@@ -184,7 +184,9 @@ class FlightLog:
     def _batch(
         self, topic: str, payloads: Records, stamps: Stamps, log_ns: Stamps | None = None
     ) -> Batch:
-        """Messages with the stamps of their source, logged at `log_ns`, by default at once."""
+        """Return messages with the stamps of their source, logged at `log_ns`, by default at
+        once.
+        """
         type_name = topics.TOPICS[topic].type_name
         arrivals = stamps if log_ns is None else log_ns
         return Batch(f"/{self._vehicle}/{topic}", type_name, payloads, arrivals, stamps)

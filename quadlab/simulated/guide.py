@@ -99,7 +99,9 @@ class SimulatedGuide:
         )
 
     def imu(self) -> ImuReadings:
-        """Ticks are kept from the first look on, which itself sees none."""
+        """Return the IMU readings; ticks are kept from the first look on, which itself sees
+        none.
+        """
         kept = self._ticks or ()
         ticks = np.frombuffer(b"".join(kept), TICK)
         self._ticks = deque(maxlen=KEPT)

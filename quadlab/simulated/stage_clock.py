@@ -19,7 +19,7 @@ class StageClock:
         self._ticks = 0
 
     def begin(self) -> Callable[[str], None]:
-        """A tick begins: what to call with the name of each stage when it has ended.
+        """Begin a tick; return what to call with the name of each stage when it has ended.
 
         The time between two ticks belongs to no stage.
         """

@@ -34,7 +34,7 @@ class PageOptions:
         return self.tls or self.tls_certificate is not None or self.tls_key is not None
 
     def check_page(self, data: Path) -> Tls | None:
-        """The page's certificate, if any. Raises UsageError, StorageError or LinkError."""
+        """Return the page's certificate, if any. Raises UsageError, StorageError or LinkError."""
         from web.access.reach import check_reach, is_loopback
 
         if (self.tls_certificate is None) != (self.tls_key is None):
@@ -48,7 +48,7 @@ class PageOptions:
         return self._certificate(data) if self.has_tls else None
 
     def words(self) -> list[str]:
-        """These options for a command line of their own."""
+        """Return these options for a command line of their own."""
         out = ["--host", self.host]
         if self.tls_certificate is not None and self.tls_key is not None:
             certificate, key = self.tls_certificate.absolute(), self.tls_key.absolute()

@@ -26,7 +26,7 @@ def split_ports(words: Sequence[str]) -> list[str]:
 
 
 def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str]:
-    """The ports to fly with; `auto` looks for them behind all devices.
+    """Return the ports to fly with; `auto` looks for them behind all devices.
 
     Raises UsageError when they are not one or two, LinkError when none fits.
     """
@@ -54,7 +54,7 @@ def flight_ports(words: Sequence[str], identity: Identity = THE_ONE) -> list[str
 def ports_at_rate(
     words: Sequence[str], rate: int | None, *, in_process: bool, identity: Identity = THE_ONE
 ) -> tuple[list[str], int]:
-    """The ports to fly with, none when the vehicle is simulated in process; and Hz.
+    """Return the ports to fly with, none when the vehicle is simulated in process; and Hz.
 
     Args: `rate` in Hz, None for what the ports carry.
 
@@ -84,7 +84,7 @@ def ports_at_rate(
 
 
 def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
-    """`--check`: exit status 0 when the connection is good, else 1."""
+    """Run `--check`: return exit status 0 when the connection is good, else 1."""
     from vehicle.microcontroller.serial_check import check_connection
 
     return (
@@ -93,7 +93,7 @@ def check(words: Sequence[str], identity: Identity = THE_ONE) -> int:
 
 
 def find(words: Sequence[str], identity: Identity = THE_ONE) -> int:
-    """`--find`: a line for each device; exit status 0 when one fits, else 1."""
+    """Run `--find`: print a line for each device; return exit status 0 when one fits, else 1."""
     from vehicle_link.serial.devices import candidates, choose_ports, controllers
     from vehicle_link.serial.discovery import discover
 
@@ -110,7 +110,7 @@ def find(words: Sequence[str], identity: Identity = THE_ONE) -> int:
 
 
 def _other_words(identity: Identity) -> str:
-    """The options that name this microcontroller, unless it is the usual one."""
+    """Return the options that name this microcontroller, unless it is the usual one."""
     words = ""
     if identity.robot_id != THE_ONE.robot_id:
         words += f" --robot-id {identity.robot_id}"

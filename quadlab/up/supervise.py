@@ -78,8 +78,9 @@ class Child:
         return self._process.pid if self._process else None
 
     def watch(self) -> str | None:
-        """Restart it if it died; a sentence when something happened. Raises QuadlabError
-        when it keeps dying."""
+        """Restart the child if it died; return a sentence when something happened. Raises
+        QuadlabError when it keeps dying.
+        """
         process = self._process
         if process is None or process.poll() is None:
             return None

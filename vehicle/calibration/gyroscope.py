@@ -24,7 +24,7 @@ class GyroCalibration:
     def add(
         self, angular_velocity_b: npt.NDArray[np.float64], *, motors_on: bool = False
     ) -> GyroscopeCalibration | None:
-        """One sample (3,) in rad/s; what was found once N are in, else None.
+        """Add one sample (3,) in rad/s; return what was found once N are in, else None.
 
         Raises MeasurementError when motors run, or the N samples were not still, and starts over.
         """

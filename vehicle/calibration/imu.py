@@ -112,7 +112,7 @@ class ImuCalibration(Parameters):
     )
 
     def record(self) -> Record:
-        """The calibration as one CALIBRATION record, shape (1,), with no gyroscope drift."""
+        """Return the calibration as one CALIBRATION record, shape (1,), with no gyroscope drift."""
         out = np.zeros(1, CALIBRATION)
         out["accelerometer_scale"] = self.accelerometer_scale * GRAVITY
         out["accelerometer_zero"] = self.accelerometer_zero
@@ -154,7 +154,7 @@ def _apply(
 
 
 def calibrate(raw: RawSample, calibration: Record, sample: Record | None = None) -> Record:
-    """The IMU_SAMPLE (1,) of a raw sample, by a CALIBRATION record; into `sample` if given."""
+    """Return the IMU_SAMPLE (1,) of a raw sample, by a CALIBRATION record; in `sample` if given."""
     if sample is None:
         sample = np.zeros(1, IMU_SAMPLE)
     _apply(raw.stamp_ns, raw.accelerometer, raw.gyroscope, calibration, sample)

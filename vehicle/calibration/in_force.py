@@ -79,7 +79,7 @@ def _text(record: CalibrationRecord, given: Mapping[str, ParameterValue]) -> str
 
 
 def told(record: CalibrationRecord) -> str:
-    """Name, date and who, for one line."""
+    """Return name, date and who, for one line."""
     instant = datetime.fromtimestamp(record.stamp_ns / 1e9, UTC)
     who = f" by {record.requester}" if record.requester else ""
     return f"{record.name} of {instant:%Y-%m-%d %H:%M} UTC{who}"

@@ -48,12 +48,13 @@ class CalibrationStore:
             self._load()
 
     def newest_first(self) -> list[CalibrationRecord]:
-        """The history and what was found at the start, as they were stored: a clock may have been
-        wrong. What was found on request is beside them only once somebody accepts it."""
+        """Return the history and what was found at the start, in the order of storage: a clock may
+        have been wrong. What was found on request is included only once it is accepted.
+        """
         return self._with_found(AT_START)[::-1]
 
     def newest(self) -> list[CalibrationRecord]:
-        """The newest of each name, found ones included, oldest first."""
+        """Return the newest of each name, found ones included, oldest first."""
         newest: dict[str, CalibrationRecord] = {}
         for record in reversed(self._with_found(AT_START, ON_REQUEST)):
             newest.setdefault(record.name, record)
@@ -92,7 +93,7 @@ class CalibrationStore:
                 ) from error
 
     def _with_found(self, *files: str) -> list[CalibrationRecord]:
-        """The history, oldest first, with those in their places by stamp."""
+        """Return the history, oldest first, with those in their places by stamp."""
         with self._lock:
             kept = list(self._history)
             found = [self._found[file] for file in files if file in self._found]
@@ -141,7 +142,7 @@ class CalibrationStore:
 
 
 def encoded(record: CalibrationRecord) -> bytes:
-    """One line."""
+    """Return the record as one line."""
     return record.model_dump_json().encode() + b"\n"
 
 
@@ -159,7 +160,7 @@ def parse_stored(line: bytes) -> CalibrationRecord:
 
 
 def _sorted_out(lines: list[bytes]) -> tuple[list[CalibrationRecord], list[bytes], str]:
-    """Records, lines that are none, and what is wrong with the first of those."""
+    """Return records, lines that are none, and what is wrong with the first of those."""
     kept, foreign, why = list[CalibrationRecord](), list[bytes](), ""
     for line in lines:
         if not line.strip():

@@ -101,12 +101,12 @@ class BatchResult:
         return crashed
 
     def of_flown(self, name: str) -> Array:
-        """One figure of the OUTCOME, of the flights that did not crash."""
+        """Return one figure of the OUTCOME, of the flights that did not crash."""
         values: Array = self.outcome[name][~self.crashed]
         return values
 
     def summary(self) -> str:
-        """One line for people: how many crashed, and medians and worst of the others."""
+        """Return one line for people: how many crashed, and medians and worst of the others."""
         text = f"{len(self.outcome)} flights, {int(self.crashed.sum())} crashed"
         if self.crashed.all():
             return text
@@ -191,7 +191,7 @@ def fly_batch(
 
 
 def _apart(kind: np.dtype[np.void]) -> Record:
-    """One record, shape (1,), that shares no cache line with anything."""
+    """Return one record, shape (1,), that shares no cache line with anything."""
     room = np.zeros(2 * 128 + kind.itemsize, np.uint8)
     start = -room.ctypes.data % 128
     return room[start : start + kind.itemsize].view(kind)
@@ -210,7 +210,9 @@ def _clock(duration: float, rate: float) -> tuple[int, int]:
 
 
 def prepare(scenarios: Sequence[Scenario]) -> tuple[Record, Record]:
-    """CASE and PLANT records, shape (N,), each vehicle at its start, rotors turning for hover."""
+    """Return CASE and PLANT records, shape (N,), each vehicle at its start, rotors turning for
+    hover.
+    """
     size = len(scenarios)
     cases, plants = np.zeros(size, CASE), np.zeros(size, PLANT)
     cases["random"] = seeded([one.seed for one in scenarios])

@@ -27,7 +27,9 @@ _R17, _R23, _R41, _R45, _R19 = (np.uint64(n) for n in (17, 23, 41, 45, 19))
 
 
 def _ziggurat() -> tuple[Array, Array]:
-    """Right edges (257,) of the layers, bottom first, and each edge over the one below it."""
+    """Return right edges (257,) of the layers, bottom first, and each edge over the one below
+    it.
+    """
     density = math.exp(-0.5 * TAIL * TAIL)
     area = TAIL * density + math.sqrt(0.5 * math.pi) * math.erfc(TAIL / math.sqrt(2.0))
     edges = np.zeros(LAYERS + 1)
@@ -42,7 +44,9 @@ EDGES, INNER = _ziggurat()
 
 
 def seeded(seeds: list[int]) -> Words:
-    """Generators, shape (len(seeds), 4), from whole numbers: splitmix64's next four words."""
+    """Return generators, shape (len(seeds), 4), from whole numbers: splitmix64's next four
+    words.
+    """
     out = np.empty((len(seeds), 4), np.uint64)
     for k, seed in enumerate(seeds):
         state = seed & _MASK
@@ -56,7 +60,7 @@ def seeded(seeds: list[int]) -> Words:
 
 @compiled
 def word(s: Words) -> np.uint64:
-    """The next 64 random bits of one generator (4,), which moves on."""
+    """Return the next 64 random bits of one generator (4,), which moves on."""
     a, b, c, d = s[0], s[1], s[2], s[3]
     sum_ = a + d
     out = ((sum_ << _R23) | (sum_ >> _R41)) + a
@@ -69,13 +73,13 @@ def word(s: Words) -> np.uint64:
 
 @compiled
 def uniform(s: Words) -> float:
-    """A number in 0..1, 1 excluded."""
+    """Return a number in 0..1, 1 excluded."""
     return np.int64(word(s) >> np.uint64(11)) * 2.0**-53
 
 
 @compiled
 def normal(s: Words) -> float:
-    """A standard normal number."""
+    """Return a standard normal number."""
     while True:
         bits = word(s)
         layer = np.int64(bits & np.uint64(LAYERS - 1))
@@ -93,7 +97,7 @@ def normal(s: Words) -> float:
 
 @compiled(inner=True)
 def _tail(s: Words) -> float:
-    """A normal number beyond TAIL (Marsaglia 1964)."""
+    """Return a normal number beyond TAIL (Marsaglia 1964)."""
     while True:
         x = -math.log(1.0 - uniform(s)) / TAIL
         y = -math.log(1.0 - uniform(s))

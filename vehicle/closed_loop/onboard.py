@@ -60,7 +60,7 @@ def new_settings(
     control: ControlParameters,
     estimation: EstimationParameters,
 ) -> Record:
-    """A SETTINGS record, shape (1,)."""
+    """Return a SETTINGS record, shape (1,)."""
     out = np.zeros(1, SETTINGS)
     out["estimation"] = estimation_record(estimation)
     out["control"] = control_record(control)
@@ -71,7 +71,7 @@ def new_settings(
 
 
 def new_onboard() -> Record:
-    """An ONBOARD record, shape (1,): filters waiting for a first pose, empty integrals."""
+    """Return an ONBOARD record, shape (1,): filters waiting for a first pose, empty integrals."""
     out = np.zeros(1, ONBOARD)
     out["estimator"] = new_memory()
     out["controller"] = new_control_memory()

@@ -46,7 +46,9 @@ TRACKER = np.dtype(
 
 
 def new_tracker(parameters: TrackerParameters) -> Record:
-    """A TRACKER record, shape (1,). Raises OutOfBoundsError for a delay of too many poses."""
+    """Return a TRACKER record, shape (1,). Raises OutOfBoundsError for a delay of too many
+    poses.
+    """
     p = parameters
     if p.delay * p.rate > UNDER_WAY - 1:
         raise OutOfBoundsError(

@@ -40,7 +40,7 @@ class BearingPose:
         sigma: float,
         state: Record | None,
     ) -> bytes:
-        """The encoded `bearing_pose` of one frame.
+        """Return the encoded `bearing_pose` of one frame.
 
         Args:
             bearings_b: (N, 3) unit vectors in body axes. sigma: rad on each tangent axis.

@@ -99,7 +99,7 @@ class Calibrations:
 
     # ------------------------------------------------------------------ actions
     def _in_force(self) -> list[CalibrationRecord]:
-        """Oldest first."""
+        """Return the calibrations in force, oldest first."""
         return [
             record
             for record in self._store.newest()

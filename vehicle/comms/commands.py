@@ -97,7 +97,7 @@ class ParameterMirror:
         return self._fetched.is_set()
 
     def values(self) -> dict[str, ParameterValue]:
-        """Flight's values; waits for them when this process has just started.
+        """Return flight's values; waits for them when this process has just started.
 
         Raises LinkError when flight does not tell them: old ones would be a lie.
         """
@@ -117,7 +117,7 @@ class ParameterMirror:
     def change(
         self, values: Mapping[str, object], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
-        """(applied values, revision) from the flight process.
+        """Return (applied values, revision) from the flight process.
 
         Raises ParameterError with its reason, or LinkError when it does not answer.
         """

@@ -39,7 +39,7 @@ class Unheard:
         return is_kept
 
     def due(self, now: float, silence: float) -> tuple[int, str] | None:
-        """Level and text of what is to be told now; to be asked again and again."""
+        """Return level and text of what is to be reported now; to be asked again and again."""
         if silence > SILENT:
             self._heard_since = math.inf
             return None

@@ -125,13 +125,13 @@ class Inbound:
 
     @property
     def station_silence(self) -> float:
-        """Seconds since the station's last heartbeat; inf before the first."""
+        """Return the seconds since the station's last heartbeat; inf before the first."""
         heard_ns = self._heard_ns
         return math.inf if heard_ns is None else (monotonic_ns() - heard_ns) * 1e-9
 
     @property
     def holder(self) -> int:
-        """Instance of the station that has the vehicle; 0 when none is heard."""
+        """Return the instance of the station that has the vehicle; 0 when none is connected."""
         return self._station.current(monotonic_ns()) or 0
 
     def take(self, topic: str, payload: bytes, source: bytes = b"") -> None:

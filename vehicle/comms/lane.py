@@ -58,7 +58,9 @@ class CommsLane:
         self._node.subscribe(topic, row.type_name, partial(self._deliver, topic))
 
     def _granting(self, topics: tuple[str, ...]) -> Callable[[Message], Message]:
-        """New keys, each time it is asked; `topics` is what their owner may send."""
+        """Return a service that grants new keys each time it is asked; `topics` is what their owner
+        may send.
+        """
         return lambda request: self._lane.grant(int(request.instance), topics)
 
     def close(self) -> None:

@@ -104,12 +104,14 @@ class Publisher:
 
     @property
     def next_packet_s(self) -> float:
-        """Time until the ticks of the next telemetry packet are there, seen from the last read."""
+        """Return time until the ticks of the next telemetry packet are there, seen from the last
+        read.
+        """
         return (self._packet_size - self._pending_count) / self._tick_rate
 
     @property
     def tick_rate(self) -> float:
-        """Hz, as the loop measured it last."""
+        """Return the rate in Hz, as the loop measured it last."""
         return self._tick_rate
 
     def heartbeat(self) -> None:
@@ -176,7 +178,9 @@ class Publisher:
         )
 
     def _due(self, topic: str, now_ns: int) -> bool:
-        """True once a period of the topic; deadlines are kept, so the mean rate is the rate."""
+        """Return True once a period of the topic; deadlines are kept, so the mean rate is the
+        rate.
+        """
         period = _PERIOD_NS[topic]
         shortest = self._beat_ns if topic == "vehicle_heartbeat" else self._shortest_ns
         period = max(period, shortest)
@@ -212,7 +216,7 @@ def samples_a_packet(tick_rate: float, packets: int = PACKETS_A_SECOND) -> int:
 
 
 def flag_names(flags: int) -> Sequence[str]:
-    """Lower-case names of the flags that are set."""
+    """Return lower-case names of the flags that are set."""
     return [flag.name.lower() for flag in Flag if flags & flag and flag.name]
 
 

@@ -114,12 +114,12 @@ class SelfChecks:
 
     @property
     def armed(self) -> bool | None:
-        """None while it is not known."""
+        """Return whether the vehicle is armed; None while it is not known."""
         told = self._told
         return None if told is None or self._clock() - told[0] > HEARD else told[1]
 
     def answer(self, request: Message) -> Message:
-        """Look each time: the station keeps what was found."""
+        """Check each time: the station keeps what was found."""
         kind, armed = f"{SERVICES['checks']}_Response", self.armed
         if armed:
             reason = "the vehicle is armed; checks are made on the ground"

@@ -37,9 +37,9 @@ class VehicleClock:
         self.started = True
 
     def now_ns(self) -> int:
-        """Nanoseconds of the vehicle's clock."""
+        """Return nanoseconds of the vehicle's clock."""
         return clock.monotonic_ns() + self._offset_ns
 
     def at_ns(self, monotonic_ns: int) -> int:
-        """The vehicle's clock at a monotonic time."""
+        """Return the vehicle's clock at a monotonic time."""
         return monotonic_ns + self._offset_ns

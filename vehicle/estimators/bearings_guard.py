@@ -137,7 +137,7 @@ class BearingsGuard:
         self.flags &= ~int(Flag.FELL_BACK)
 
     def _envelope(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-        """Lowest and highest x, y, z (m, world axes) to fly on bearings."""
+        """Return lowest and highest x, y, z (m, world axes) to fly on bearings."""
         p = self._stack.parameters.beacons
         far, low = p.envelope_xy, self._stack.ground.ground_z + p.height_min
         return (-far, far), (-far, far), (low, p.envelope_z_max)

@@ -146,13 +146,15 @@ class BearingsWatch:
 
     @property
     def rejected(self) -> float:
-        """Share of the bearings in the window that were beyond the gate."""
+        """Return share of the bearings in the window that were beyond the gate."""
         seen = sum(count for _, count, _, _ in self._frames)
         return sum(frame[2] for frame in self._frames) / max(seen, 1)
 
     @property
     def consistency(self) -> float:
-        """Mean of the normalised squares in the window, of those that passed; about 1 or below."""
+        """Return the mean of the normalised squares in the window, of those that passed; about 1 or
+        below.
+        """
         passed = sum(count - rejected for _, count, rejected, _ in self._frames)
         return sum(frame[3] for frame in self._frames) / max(passed, 1)
 
@@ -185,7 +187,7 @@ class BearingsWatch:
 
 
 def _at(kept: deque[Past], stamp_ns: int) -> Past | None:
-    """The estimate kept nearest behind this time; of a frame ahead, the newest."""
+    """Return the estimate kept nearest behind this time; of a frame ahead, the newest."""
     for past in reversed(kept):
         if past[0] <= stamp_ns:
             return past
@@ -200,7 +202,7 @@ def normalised_squares(
     sigma: float,
     deviations: Deviations,
 ) -> list[float]:
-    """Squared angle between each bearing and its prediction over its expected value.
+    """Return squared angle between each bearing and its prediction over its expected value.
 
     Args:
         position_w: (3,) m. quaternion_wb: (4,). beacons_w: (N, 3) m. bearings_b: (N, 3) unit.

@@ -104,7 +104,7 @@ def _choice(wanted: Mapping[str, str]) -> Choice:
 
 
 def _left(active: Runner, wanted: Mapping[str, str]) -> str:
-    """The shadow after a change in flight."""
+    """Return the shadow's name after a change in flight."""
     if active.source == wanted[SOURCE]:
         return active.name
     return NONE if active.source == POSES else active.name

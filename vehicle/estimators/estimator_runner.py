@@ -70,7 +70,9 @@ class Runner:
         return self._unused.look(str(self), self.estimator, now_ns)
 
     def restarts(self, now_ns: int) -> str | None:
-        """Report that the estimator lost itself and restarted, for one that is not flown on."""
+        """Report that the estimator lost itself and restarted, for one that is not flown
+        on.
+        """
         lines: list[str] = getattr(self.estimator, "restarts", [])
         if not lines or now_ns - self._told_ns < NEWS_NS:
             return None

@@ -26,7 +26,7 @@ class KnownBeacons:
         return [self._ids[tuple(place)] for place in frame["beacon_w"][0, :count].tolist()]
 
     def frame(self, measurement: mailbox.Bearings) -> Record | None:
-        """BEARINGS_SAMPLE (1,) of those that are known; None when none is."""
+        """Return BEARINGS_SAMPLE (1,) of those that are known; None when none is."""
         places = self._places
         seen = [
             (places[one], bearing)

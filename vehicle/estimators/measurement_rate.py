@@ -17,7 +17,9 @@ class MeasurementRate:
         self._said: set[str] = set()
 
     def add(self, now_ns: int) -> float | None:
-        """Count one taken at `now_ns`; at the end of a window the rate (Hz), when it is news."""
+        """Count one taken at `now_ns`; at the end of a window return the rate (Hz), when it is
+        new.
+        """
         elapsed_ns = now_ns - self._began_ns
         if self._began_ns == 0 or elapsed_ns > 2 * WINDOW_NS:  # the first, or after a pause
             self._began_ns, self._count = now_ns, 0

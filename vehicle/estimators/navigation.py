@@ -94,7 +94,7 @@ class Navigation:
 
     @property
     def shadow_state(self) -> Record:
-        """STATE (1,) of the shadow, which there must be."""
+        """Return STATE (1,) of the shadow, which there must be."""
         assert self._seats.shadow is not None
         return self._seats.shadow.state
 
@@ -158,7 +158,7 @@ class Navigation:
         return check(self._seats, present, values, state, armed)
 
     def fallen_back(self) -> dict[str, ParameterValue]:
-        """The parameters after falling back to the reserve, which must be ready."""
+        """Return the parameters after falling back to the reserve, which must be ready."""
         seats = self._seats
         assert seats.reserve is not None
         return {
@@ -258,7 +258,9 @@ class Navigation:
                 self._say(line, mailbox.WARN)
 
     def _watched(self, measurement: Record, now_ns: int, state: Record) -> Record | None:
-        """The measurement as the estimator in use gets it; None when nothing is left of it."""
+        """Return the measurement as the estimator in use gets it; None when nothing is left of
+        it.
+        """
         watch, reserve = self.watch, self._seats.reserve
         if self.source == BEARINGS:
             watch.age(self.active.measurement_age)
@@ -283,7 +285,7 @@ class Navigation:
         return kept
 
     def _without_suspect(self, frame: Record, rows: list[int]) -> list[int]:
-        """The rows of a frame without a beacon whose bearings are off, if that is wanted."""
+        """Return the rows of a frame without a beacon whose bearings are off, if that is wanted."""
         watch, ids = self.watch, self._beacons.ids_of(frame)
         watch.average(frame, ids, self.reserve_ready)
         suspect, wanted, hindrance = watch.offsets.suspect, watch.parameters.exclude_beacon, ""

@@ -74,7 +74,9 @@ class CommandHandler:
         self._stack = stack
 
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
-        """The reply; a refusal changes nothing and is logged with who asked."""
+        """Handle a command and return the reply; a refusal changes nothing and is logged with who
+        asked.
+        """
         stack = self._stack
         applied: dict[str, ParameterValue] = {}
         previous: dict[str, ParameterValue] = {}
@@ -142,7 +144,7 @@ class CommandHandler:
     def _calibrate(
         self, command: mailbox.Calibrate
     ) -> tuple[dict[str, ParameterValue], dict[str, ParameterValue]]:
-        """(applied, before)."""
+        """Calibrate, and return (applied, before)."""
         self._require_rest("calibration not taken over")
         checked = self._checked(command.values)
         before = {name: self._stack.store.get(name) for name in checked}

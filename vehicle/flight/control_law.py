@@ -46,7 +46,7 @@ class Compensating(Protocol):
 
     @property
     def disturbance(self) -> Record:
-        """DISTURBANCE, shape (1,), written before each step."""
+        """Return DISTURBANCE, shape (1,), written before each step."""
         ...
 
 
@@ -92,7 +92,9 @@ class Steering:
         self._remodel()
 
     def follow_battery(self, voltage: float, dt: float) -> bool:
-        """One reading (V) and the time (s) since the last; True when the model was made anew."""
+        """Take one reading (V) and the time (s) since the last; return whether the model was made
+        again.
+        """
         if self._parameters.battery_exponent == 0.0 or not voltage > 0.0:
             return False
         if self._voltage is None:

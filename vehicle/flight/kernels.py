@@ -167,7 +167,9 @@ def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
 
 @contextmanager
 def _without_garbage_collection() -> Iterator[None]:
-    """A compiler makes few cycles and many objects: looking through them takes 7 % of its time."""
+    """Switch the garbage collector off: a compiler makes few cycles and many objects, and looking
+    through them takes 7 % of its time.
+    """
     gc.disable()
     try:
         yield

@@ -32,7 +32,7 @@ class LoopStatistics:
 
 
 def new_histogram() -> npt.NDArray[np.uint32]:
-    """Ticks in each class of lateness: none yet."""
+    """Return an empty histogram: the ticks in each class of lateness."""
     return np.zeros(len(BOUNDS_NS) + 1, np.uint32)
 
 
@@ -63,7 +63,8 @@ class Lateness:
         self._last_minimum = np.iinfo(np.int64).max
 
     def add(self, now_ns: int, stamp_ns: int) -> LoopStatistics | None:
-        """One tick began at `now_ns` (monotonic) on the sample of `stamp_ns` (vehicle's clock).
+        """Count one tick that began at `now_ns` (monotonic) on the sample of `stamp_ns` (vehicle's
+        clock).
 
         Returns the statistics of the second that ended with the sample before, else None.
         """
@@ -100,7 +101,8 @@ class Lateness:
 
 
 def _gaps(stamps: npt.NDArray[np.int64]) -> tuple[int, int]:
-    """The sample period (ns) and how many samples are missing between the first and the last.
+    """Return the sample period (ns) and how many samples are missing between the first and the
+    last.
 
     Stamps are whole milliseconds, so the period is the mean of the ordinary differences; an
     ordinary one is up to 1.5 times their median (2 and 3 ms take turns at 400 Hz).

@@ -135,7 +135,7 @@ class FlightLoop:
                 self._part.answered(line, milliseconds)
 
     def _tick(self, sample: RawSample, began_ns: int) -> int:
-        """The tick that began when the loop woke for its sample. Returns when it ended."""
+        """Run the tick that began when the loop woke for its sample. Returns when it ended."""
         stack = self._stack
         self._drain_inbox()
         self._orders.send(stack.tick(sample))

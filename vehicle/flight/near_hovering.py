@@ -71,7 +71,7 @@ class NearHovering:
     def command(
         self, level: Level, mass: float, dt: float
     ) -> tuple[tuple[int, int, int, int], float]:
-        """The four command bytes, and the thrust (N) they ask for.
+        """Return the four command bytes, and the thrust (N) they ask for.
 
         Args:
             mass: kg.

@@ -101,7 +101,7 @@ def _in_process(rate: int, stack: FlightStack) -> InProcessRobot:
 def _connect(
     ports: Sequence[SerialPort], robot: InProcessRobot | None, config: FlightConfig
 ) -> tuple[Microcontroller, Pacer]:
-    """The microcontroller behind the ports or in memory, and what waits for its samples."""
+    """Return the microcontroller behind the ports or in memory, and what waits for its samples."""
     rate = config.rate
     period_ns = 1000 * sample_period_us(rate)
     if robot is None:

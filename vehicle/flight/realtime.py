@@ -52,7 +52,7 @@ def become_real_time() -> RealTime:
 
 
 def locked_kilobytes(status: Path = Path("/proc/self/status")) -> int:
-    """Memory of this process that the kernel keeps from being swapped out (VmLck)."""
+    """Return memory of this process that the kernel keeps from being swapped out (VmLck)."""
     for line in status.read_text().splitlines():
         if line.startswith("VmLck:"):
             return int(line.split()[1])

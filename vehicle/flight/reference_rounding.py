@@ -40,7 +40,7 @@ class ReferenceRounding:
         _round(np.zeros(4), self._carry)  # compiled here and not in the first flight
 
     def round(self, wanted: Array) -> tuple[int, int, int, int]:
-        """Counts 0..255 for `wanted` (4,), which is overwritten with them.
+        """Return counts 0..255 for `wanted` (4,), which is overwritten with them.
 
         Raises ValueError when one is not finite.
         """

@@ -58,7 +58,8 @@ class FlightStack(StackOnGround):
 
     # ------------------------------------------------------------------ the tick
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
-        """One IMU sample in, four command bytes out, None while nothing is to be commanded.
+        """Take one IMU sample, and return four command bytes, None while nothing is to be
+        commanded.
 
         They are motor references (counts), or what `flight_control_mode` says.
         """
@@ -104,7 +105,7 @@ class FlightStack(StackOnGround):
         return command
 
     def _fly(self, dt: float, airborne: bool) -> tuple[int, int, int, int]:
-        """The behavior's reference, then what holds it."""
+        """Fly the behavior's reference, and return the command that holds it."""
         behaviors = self.behaviors
         behaviors.step(
             self._stamp_ns,
@@ -130,7 +131,7 @@ class FlightStack(StackOnGround):
         return command
 
     def _level(self, level: Level, dt: float) -> tuple[int, int, int, int]:
-        """A command to the microcontroller, which holds the angles."""
+        """Return a command to the microcontroller, which holds the angles."""
         self.actuators[...] = self._off
         command, thrust = self.near_hovering.command(level, self.steering.mass, dt)
         self._wrench[0] = thrust

@@ -99,7 +99,7 @@ class StackOnGround(StackModes):
         self.move(Mode.READY, f"gyroscope bias {degrees} deg/s")
 
     def _turn_on_bench(self, sample: RawSample, dt: float) -> tuple[int, int, int, int] | None:
-        """References of one tick of BENCH, None when it is over."""
+        """Return references of one tick of BENCH, None when it is over."""
         bench = self.bench
         why = self._bench_fault(sample) or bench.over(
             self._stamp_ns, self.imu["angular_velocity_b"][0], dt

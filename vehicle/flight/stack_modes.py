@@ -30,7 +30,7 @@ class StackModes(StackParts):
 
     @property
     def command_timeout_ms(self) -> int:
-        """Silence of commands after which the microcontroller is to land alone."""
+        """Return silence of commands after which the microcontroller is to land alone."""
         return round(1000 * self.parameters.safety.command_timeout)
 
     def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:

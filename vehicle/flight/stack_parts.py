@@ -117,7 +117,7 @@ class StackParts:
 
     @property
     def stamp_ns(self) -> int:
-        """Time of the newest tick, ns of the vehicle's clock."""
+        """Return time of the newest tick, ns of the vehicle's clock."""
         return self._stamp_ns
 
     @property
@@ -137,6 +137,6 @@ class StackParts:
 
     @property
     def tilt(self) -> float:
-        """Angle (rad) between z_B and z_W."""
+        """Return angle (rad) between z_B and z_W."""
         _, x, y, _ = self._quaternion_wb.tolist()
         return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))

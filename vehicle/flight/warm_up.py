@@ -64,7 +64,7 @@ class _Hop:
             self.tick()
 
     def until(self, reached: Callable[[], bool]) -> bool:
-        """Tick until it is; False when it takes too long."""
+        """Tick until the condition holds; return False when it takes too long."""
         while not reached() and self._ticks < LONGEST:
             self.tick()
         return reached()

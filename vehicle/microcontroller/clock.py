@@ -79,7 +79,7 @@ class MicrocontrollerClock:
         return self._epoch_ns is not None
 
     def elapsed_ns(self, ms: int) -> int | None:
-        """Time of a sample since the first one; None when its time is not believed (yet).
+        """Return time of a sample since the first one; None when its time is not believed (yet).
 
         A gap of the samples longer than 60 s is taken modulo 60 s.
         """
@@ -110,7 +110,7 @@ class MicrocontrollerClock:
         return self._elapsed_ms * MS
 
     def stamp_ns(self, elapsed_ns: int) -> int:
-        """The vehicle's time; only once settled."""
+        """Return the vehicle's time in ns; only once settled."""
         assert self._epoch_ns is not None
         return self._epoch_ns + elapsed_ns
 

@@ -137,7 +137,7 @@ class Microcontroller:
 
     @property
     def damaged(self) -> int:
-        """Pieces of bytes, on all ports, that were not frames."""
+        """Return pieces of bytes, on all ports, that were not frames."""
         return self._ports.damaged
 
     @property
@@ -150,7 +150,7 @@ class Microcontroller:
         return self._ports.filenos()
 
     def receive(self) -> list[RawSample]:
-        """The samples that arrived, oldest first, each newer than all before.
+        """Return the samples that arrived, oldest first, each newer than all before.
 
         Raises LinkError when the last port is gone.
         """
@@ -237,7 +237,9 @@ class Microcontroller:
         self._ports.write(frame, in_turn=True)
 
     def _sample(self, values: tuple[int, ...], settled: bool) -> RawSample | None:
-        """A sample of the values of MIRROR; stamped by elapsed time until the clock is settled."""
+        """Return a sample of the values of MIRROR; stamped by elapsed time until the clock is
+        settled.
+        """
         ms, a_x, a_y, a_z, g_x, g_y, g_z, battery, state, pressure = values
         if (a_x | a_y | a_z | g_x | g_y | g_z) & ~1023 or not 0 <= state <= 3 or battery < 0:
             self.refused += 1

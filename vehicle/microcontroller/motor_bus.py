@@ -41,7 +41,7 @@ class MotorBus:
         self._due_s = -math.inf
 
     def question(self, now_s: float, command: Sequence[int]) -> bytes | None:
-        """The frame that is due, around these command bytes, if any."""
+        """Return the frame that is due, around these command bytes, if any."""
         if now_s < self._due_s:
             return None
         self._due_s = now_s + PERIOD_S
@@ -49,7 +49,9 @@ class MotorBus:
         return encode_request(command, REFERENCES[self._turn])
 
     def take(self, id: int, value: object) -> str | None:
-        """An answer of the microcontroller, to whatever; a line when it changed `missing`."""
+        """Take an answer of the microcontroller to any question; return a line when it changed
+        `missing`.
+        """
         if id not in REFERENCES or not isinstance(value, int):
             return None
         self._answers[REFERENCES.index(Id(id))] = value

@@ -35,7 +35,7 @@ class MicrocontrollerPorts:
 
     @property
     def damaged(self) -> int:
-        """Pieces of bytes, on all ports, that were not frames."""
+        """Return pieces of bytes, on all ports, that were not frames."""
         return self._damaged_before + sum(decoder.damaged for _, decoder in self._ports)
 
     def filenos(self) -> tuple[int, ...]:
@@ -43,7 +43,7 @@ class MicrocontrollerPorts:
         return tuple(port.fileno() for port, _ in self._ports)
 
     def read(self) -> Iterator[Frame]:
-        """Frames that arrived, of one port after the other.
+        """Yield frames that arrived, of one port after the other.
 
         Raises LinkError when the last port is gone.
         """

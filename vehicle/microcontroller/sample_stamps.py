@@ -17,7 +17,7 @@ class FineStamps:
         self._last_ns: int | None = None
 
     def refine(self, stamp_ns: int) -> int:
-        """The time of the next sample, never off its stamp by a millisecond or more.
+        """Return the time of the next sample, never off its stamp by a millisecond or more.
 
         Args: `stamp_ns`, rounded down to milliseconds, larger than any before.
         """

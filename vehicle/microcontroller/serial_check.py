@@ -143,7 +143,7 @@ class _Line:
 
 
 def _measure(paths: Sequence[str]) -> tuple[list[_Line], tuple[int, str]]:
-    """The lines, and what `_look_at_motors` gives.
+    """Return the lines, and what `_look_at_motors` gives.
 
     Raises LinkError when a port is gone or the mirror is not confirmed.
     """

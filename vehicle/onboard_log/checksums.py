@@ -28,7 +28,7 @@ class Checksums:
         self._thread: threading.Thread | None = None
 
     def ask(self, path: Path, identity: int, size: int) -> bytes:
-        """32 bytes, or none while they are being made."""
+        """Return 32 bytes, or none while they are being made."""
         key = path.name, identity, size
         with self._lock:
             if key in self._found:

@@ -75,7 +75,7 @@ class Written:
 
     @property
     def end_ns(self) -> int:
-        """Newest tick in the file."""
+        """Return newest tick in the file."""
         return self._stamps[-1]
 
     def place_before(self, stamp_ns: int) -> int:
@@ -105,7 +105,7 @@ def prepare(vehicle: str) -> None:
 
 
 def runs(ticks: Record) -> Iterator[Record]:
-    """Ticks, shape (N,), cut where `armed` changes."""
+    """Yield ticks, shape (N,), cut where `armed` changes."""
     armed = ticks["status"]["armed"]
     cuts = (np.flatnonzero(armed[1:] != armed[:-1]) + 1).tolist()
     for start, end in zip([0, *cuts], [*cuts, len(ticks)], strict=True):
@@ -143,7 +143,7 @@ class OnboardFile:
 
     @property
     def size(self) -> int:
-        """Bytes in the file so far."""
+        """Return bytes in the file so far."""
         return self._writer.size
 
     def add_ticks(self, batch: Batch) -> None:
@@ -177,7 +177,7 @@ class OnboardFile:
         self._mark()
 
     def is_in_place(self) -> bool:
-        """False when somebody removed, moved or replaced the file or its folder."""
+        """Return False when another process removed, moved or replaced the file or its folder."""
         return self._writer.is_in_place()
 
     def check(self) -> None:
@@ -220,7 +220,7 @@ class OnboardFile:
 
 
 def _tick_messages(ticks: Record, vehicle: str) -> Iterator[tuple[str, npt.NDArray[np.void]]]:
-    """Topic and (N,) messages."""
+    """Yield topic and (N,) messages."""
     yield "state", topics.state_messages(ticks, vehicle)
     yield "reference", topics.reference_messages(ticks)
     yield "imu", topics.imu_messages(ticks, vehicle)

@@ -12,14 +12,18 @@ _BIRTH_PLACE = 80  # of stx_btime in struct statx, whose mask is its first numbe
 
 
 def identity_of(file: int) -> int:
-    """64 bits from inode and time of creation of an open file; inodes alone are used again."""
+    """Return 64 bits from inode and time of creation of an open file; inodes alone are used
+    again.
+    """
     inode = os.fstat(file).st_ino
     made = hashlib.blake2b(struct.pack("<Qqi", inode, *_birth(file)), digest_size=8)
     return int.from_bytes(made.digest(), "little")
 
 
 def _birth(file: int) -> tuple[int, int]:
-    """s and ns since the epoch; zeros where system or disk do not tell."""
+    """Return the s and ns of creation since the epoch; zeros where system or disk do not report
+    them.
+    """
     buffer = ctypes.create_string_buffer(256)
     try:
         failed = _statx(file, b"", _EMPTY_PATH, _BIRTH, buffer)

@@ -146,7 +146,7 @@ class OnboardFiles:
 
     # ------------------------------------------------------------------ files
     def _newest(self) -> list[Facts]:
-        """Newest first."""
+        """Return the files, newest first."""
         found = []
         for name in _names(self._folder)[:FILES_MAX]:
             try:
@@ -205,7 +205,7 @@ class OnboardFiles:
         return index
 
     def _name_with(self, start_ns: int, end_ns: int) -> str:
-        """The oldest file that has anything of the stretch. Raises RefusedError."""
+        """Return the oldest file that has anything of the stretch. Raises RefusedError."""
         files = self._newest()
         for facts in reversed(files):
             if 0 < facts.start_ns <= end_ns and (facts.end_ns >= start_ns or not facts.closed):
@@ -258,7 +258,7 @@ class _Answering:
 
 
 def _stretch(written: Written, start_ns: int, end_ns: int) -> tuple[int, int]:
-    """(begin, end) of whole chunks; end is 0 while that is not written."""
+    """Return (begin, end) of whole chunks; end is 0 while that is not written."""
     closed = written.closed  # before its places are asked: nothing is added then
     begin = written.place_before(start_ns - LATE_NS)
     end = written.place_behind(end_ns + LATE_NS)
@@ -268,7 +268,7 @@ def _stretch(written: Written, start_ns: int, end_ns: int) -> tuple[int, int]:
 
 
 def _names(folder: Path) -> list[str]:
-    """Newest first. Raises StorageError."""
+    """Return the names, newest first. Raises StorageError."""
     found: list[tuple[int, str]] = []
     try:
         with os.scandir(folder) as entries:

@@ -36,7 +36,7 @@ Process = subprocess.Popen[str]
 
 
 def start_mending(paths: Sequence[Path]) -> Process:
-    """A process that mends these files and prints what it found."""
+    """Start a process that mends these files and prints what it found."""
     return subprocess.Popen(
         [sys.executable, "-m", "vehicle.onboard_log.recovery", str(os.getpid()), *map(str, paths)],
         cwd=ROOT,

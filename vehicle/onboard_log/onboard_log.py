@@ -117,7 +117,7 @@ class OnboardLog:
         return self._mending.how
 
     def files(self) -> list[Written]:
-        """The newest ones of this process, oldest first; from any thread."""
+        """Return the newest ones of this process, oldest first; from any thread."""
         return list(self._files)
 
     def close(self, timeout_s: float = 5.0) -> None:
@@ -127,7 +127,7 @@ class OnboardLog:
         self._thread.join(timeout_s)
 
     def _append(self, item: Batch | Message, size: int, count: int) -> bool:
-        """False when there is no room."""
+        """Append, and return False when there is no room."""
         with self._lock:
             if self._buffered + size > BUFFER_BYTES:
                 self._lost += count
@@ -137,8 +137,8 @@ class OnboardLog:
         return True
 
     def _take(self) -> tuple[list[Batch | Message], int, int]:
-        """Take the queued items; return also how much of all had no room, and how many of those
-        were ticks.
+        """Take the queued items; return also how much of all had no room, and how many of
+        those were ticks.
         """
         with self._lock:
             items, lost, ticks = self._buffer, self._lost, self._lost_ticks
@@ -223,7 +223,9 @@ class OnboardLog:
         self._say(INFO, f"onboard log {self._file.path.name} started")
 
     def _free_name(self, stem: str) -> str:
-        """A comms process killed at arming leaves a file that begins with the same tick."""
+        """Return a free name: a comms process killed at arming leaves a file that begins with the
+        same tick.
+        """
         names = itertools.chain([stem], (f"{stem}_{number}" for number in itertools.count(2)))
         return next(name for name in names if not (self.folder / f"{name}.mcap").exists())
 

@@ -40,7 +40,7 @@ class OnboardReader:
         decode(encode(new(f"{TYPE}_Request")), f"{TYPE}_Request")
 
     def answer(self, request: Message) -> Message:
-        """The service's handler; an error is an answer with its reason."""
+        """Answer as the service's handler; an error is an answer with its reason."""
         try:
             return self._answer(request)
         except QuadlabError as error:
@@ -94,7 +94,7 @@ class OnboardReader:
         )
 
     def _file_of(self, start_ns: int) -> Written:
-        """The newest file that began before this instant, or the oldest one known."""
+        """Return the newest file that began before this instant, or the oldest one known."""
         files = self._log.files()
         if not files:
             why = self._log.problem or "it is written while the vehicle is armed"

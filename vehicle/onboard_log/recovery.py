@@ -22,7 +22,7 @@ FOLDER = "onboard"
 
 
 def torn_logs(data: Path) -> list[Path]:
-    """Onboard logs that were never closed. Raises StorageError."""
+    """Return onboard logs that were never closed. Raises StorageError."""
     folder = data / FOLDER
     return [path for path in sorted(folder.glob("*.mcap")) if not is_closed(path)]
 

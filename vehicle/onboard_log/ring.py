@@ -90,7 +90,7 @@ class Ring:
             raise StorageError(f"cannot tidy {self._folder}: {error.strerror}") from error
 
     def _logs(self) -> list[_Log]:
-        """Oldest first."""
+        """Return the logs, oldest first."""
         found = []
         for path in self._folder.glob("*.mcap"):
             try:

@@ -184,7 +184,8 @@ def run_vehicle(
 def _with_calibrations(
     data: Path, settings: dict[str, ParameterValue]
 ) -> tuple[dict[str, ParameterValue], list[int], list[tuple[int, str]]]:
-    """(values to start with, stamps of records not in force, what to tell) of stored calibrations.
+    """Return (values to start with, stamps of records not in force, what to report) of stored
+    calibrations.
 
     What is wrong with them is told here too: nobody else may be there to read it.
     """

@@ -70,7 +70,9 @@ class _Ring:
         return self._words[HEAD]
 
     def __len__(self) -> int:
-        """Messages that wait; exact for the two ends, a snapshot for anyone else."""
+        """Return the number of messages that wait; exact for the two ends, a snapshot for anyone
+        else.
+        """
         return self._words[HEAD] - self._words[TAIL]
 
     def count_drop(self) -> None:
@@ -79,7 +81,7 @@ class _Ring:
 
 
 def create(slots: int, slot_size: int, name: str = "ring") -> int:
-    """A new zeroed ring; returns the inheritable descriptor for pass_fds."""
+    """Create a zeroed ring; return the inheritable descriptor for pass_fds."""
     fd = os.memfd_create(f"quadlab-{name}", 0)
     os.ftruncate(fd, HEADER_BYTES + slots * slot_size)
     return fd
@@ -109,7 +111,7 @@ class ByteRing(_Ring):
         return True
 
     def pop(self) -> bytes | None:
-        """The oldest message, or None when the ring is empty."""
+        """Return the oldest message, or None when the ring is empty."""
         words = self._words
         tail = words[TAIL]
         if tail == words[HEAD]:
@@ -124,7 +126,7 @@ class ByteRing(_Ring):
         return message
 
     def pop_all(self) -> list[bytes]:
-        """All messages that wait now, oldest first."""
+        """Return all messages that wait now, oldest first."""
         messages: list[bytes] = []
         for _ in range(len(self)):
             message = self.pop()
@@ -157,7 +159,7 @@ class RecordRing(_Ring):
         return True
 
     def pop_all(self) -> Record:
-        """A read-only copy of all records that wait now, oldest first, shape (N,)."""
+        """Return a read-only copy of all records that wait now, oldest first, shape (N,)."""
         head = self._words[HEAD]
         records = self._copy(self._words[TAIL], head)
         self._words[TAIL] = head

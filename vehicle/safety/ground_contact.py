@@ -66,5 +66,5 @@ class GroundContact:
         return True
 
     def rested(self, stamp_ns: int) -> float:
-        """s since touch-down, -1 before it."""
+        """Return the seconds since touch-down, -1 before it."""
         return -1.0 if self._landed_ns is None else (stamp_ns - self._landed_ns) * 1e-9

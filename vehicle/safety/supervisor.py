@@ -73,11 +73,11 @@ class Supervisor:
         self._braked_ns = None
 
     def link_age(self, stamp_ns: int) -> float:
-        """Seconds since the station was heard; inf before the first time."""
+        """Return the seconds since the station was received last; inf before the first time."""
         return float("inf") if self._heard_ns == _NEVER else (stamp_ns - self._heard_ns) * 1e-9
 
     def step(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """The worst reaction due now, if any."""
+        """Return the worst reaction due now, if any."""
         p = self._parameters
         self.flags = Flag.NONE
         battery_due = self.battery_spent = self._battery_due(stamp_ns, now.voltage)
@@ -101,7 +101,7 @@ class Supervisor:
         return verdict
 
     def _on_the_tilt(self, stamp_ns: int, tilt: float) -> Verdict | None:
-        """Args: `tilt` in degrees."""
+        """Judge the tilt, given in degrees."""
         p = self._parameters
         if tilt > p.tilt_cut:
             return self._once("cut", p.tilt_cut_reaction, f"turned over: tilt {tilt:.0f} deg")
@@ -110,7 +110,7 @@ class Supervisor:
         return None
 
     def _on_the_estimate(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Causes that count only while the estimate is flown on."""
+        """Judge the causes that count only while the estimate is flown on."""
         p, verdict = self._parameters, None
         # A NaN must count as lost: no comparison with one is true.
         lost = not now.innovation <= p.innovation_max
@@ -136,7 +136,7 @@ class Supervisor:
         return settled or pose_age > p.pose_land_after + p.link_land_after
 
     def _on_the_place(self, stamp_ns: int, now: Situation) -> Verdict | None:
-        """Causes that count while the place is known, whoever holds the angles."""
+        """Judge the causes that count while the place is known, whatever holds the angles."""
         p, verdict = self._parameters, None
         if self._lasts("volume", now.outside > p.volume_margin, stamp_ns, p.volume_delay):
             why = f"{now.outside:.1f} m outside the flight volume"
@@ -179,7 +179,7 @@ class Supervisor:
         return None
 
     def _battery_due(self, stamp_ns: int, voltage: float) -> bool:
-        """Flags a low battery; whether it has been low enough to land for long enough."""
+        """Flag a low battery; return whether it has been low enough to land for long enough."""
         p = self._parameters
         low = voltage < max(p.battery_warning, p.battery_land)
         if not self._lasts("battery low", low, stamp_ns, p.battery_delay):

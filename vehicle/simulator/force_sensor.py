@@ -55,7 +55,9 @@ class ForceSensor:
     def read(
         self, stamp_ns: int, plant: Record, parameters: SimulatorParameters
     ) -> ForceReading | None:
-        """The reading at `stamp_ns`; None while none is due, no motor turns or it is unplugged."""
+        """Return the reading at `stamp_ns`; None while none is due, no motor turns or it is
+        unplugged.
+        """
         if stamp_ns < self._next_ns or parameters.bench_sensor == "none":
             return None
         speeds = plant["rotor_speeds"][0]
@@ -82,7 +84,7 @@ class ForceSensor:
 
 
 def _in_steps(shown: Array) -> Array:
-    """The readings (…, 2) as the sensor's converters show them."""
+    """Return the readings (…, 2) as the sensor's converters show them."""
     steps = np.array((FORCE_STEP, TORQUE_STEP))
     whole: Array = np.round(shown / steps) * steps
     return whole

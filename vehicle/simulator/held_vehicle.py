@@ -39,7 +39,7 @@ HOLDER = np.dtype([("held", "i8"), ("quaternion_wb", "f8", 4)], align=True)
 
 
 def new_holder() -> Record:
-    """A HOLDER record, shape (1,), that holds nothing."""
+    """Return a HOLDER record, shape (1,), that holds nothing."""
     holder = np.zeros(1, HOLDER)
     holder["quaternion_wb"][:, 0] = 1.0
     return holder

@@ -44,7 +44,7 @@ class LiveParameters:
     def change(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
-        """(applied values, revision); all or nothing. Raises ParameterError."""
+        """Return (applied values, revision); all or nothing. Raises ParameterError."""
         with self._lock:
             before = self._store.values()
             applied = self._store.set(values)
@@ -58,7 +58,7 @@ class LiveParameters:
         return applied, revision
 
     def take_charge(self) -> float | None:
-        """The battery's charge, when it was set since the last call; never waits long."""
+        """Return the battery's charge, when it was set since the last call; never waits long."""
         if self._charge is None:
             return None
         with self._lock:
@@ -66,7 +66,9 @@ class LiveParameters:
             return charge
 
     def take(self) -> SimulatorParameters | None:
-        """A copy of the parameters when they changed since the last call; never waits long."""
+        """Return a copy of the parameters when they changed since the last call; never waits
+        long.
+        """
         if not self._is_news:
             return None
         with self._lock:

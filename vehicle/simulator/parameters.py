@@ -314,7 +314,7 @@ class SimulatorParameters(VehicleModel):
 
     @property
     def accelerometer_matrix(self) -> npt.NDArray[np.float64]:
-        """T (3, 3) of Sec. 5.2: f_b = T (a_m - b)."""
+        """Return t (3, 3) of Sec. 5.2: f_b = T (a_m - b)."""
         return np.array(
             [[getattr(self, f"accelerometer_{row}{column}") for column in "xyz"] for row in "xyz"]
         )

@@ -101,7 +101,7 @@ PLANT = np.dtype(
 
 
 def new_plant(parameters: SimulatorParameters) -> Record:
-    """A PLANT record, shape (1,), standing still and level at the origin, rotors stopped."""
+    """Return a PLANT record, shape (1,), at rest and level at the origin, rotors stopped."""
     plant = np.zeros(1, PLANT)
     plant["x"][:, 6] = 1.0
     configure_plant(plant, parameters)
@@ -150,7 +150,7 @@ def configure_plant(plant: Record, parameters: SimulatorParameters) -> None:
 
 @compiled
 def open_voltage(charge: float) -> float:
-    """V of the battery without load, at a share (0..1) of its charge."""
+    """Return the battery's voltage (V) without load, at a share (0..1) of its charge."""
     tenths = 10.0 * min(1.0, max(0.0, charge))
     below = min(9, int(tenths))
     low, high = CELL_CURVE[below], CELL_CURVE[below + 1]
@@ -247,7 +247,7 @@ def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
 
 @compiled(inner=True)
 def _approach(speeds: Four, target: Four, share: float) -> Four:
-    """Rotor speeds (counts) that share of the way to their references."""
+    """Return rotor speeds (counts) that share of the way to their references."""
     return (
         speeds[0] + share * (target[0] - speeds[0]),
         speeds[1] + share * (target[1] - speeds[1]),
@@ -258,7 +258,7 @@ def _approach(speeds: Four, target: Four, share: float) -> Four:
 
 @compiled(inner=True)
 def ground_gain(share: float, height: float) -> float:
-    """Thrust over that far from the ground, at a height (m) of the body's origin.
+    """Return the thrust over that far from the ground, at a height (m) of the body's origin.
 
     I. C. Cheeseman, W. E. Bennett, "The effect of the ground on a helicopter rotor in forward
     flight", 1955: 1 / (1 - (R / 4z)^2), here times `share`, with z of the rotors.

@@ -299,7 +299,7 @@ def _open(loopback_port: int) -> Any:
 
 
 def _ask_for_priority() -> str:
-    """SCHED_FIFO for this thread; what to add to the first line when refused."""
+    """Ask for SCHED_FIFO for this thread; return what to add to the first line when refused."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
     except OSError as error:

@@ -55,7 +55,7 @@ SENSORS = np.dtype(
 
 
 def new_sensors(parameters: SimulatorParameters) -> Record:
-    """A SENSORS record, shape (1,)."""
+    """Return a SENSORS record, shape (1,)."""
     p = parameters
     sensors = np.zeros(1, SENSORS)
     sensors["accelerometer_matrix"] = np.linalg.inv(p.accelerometer_matrix)
@@ -87,7 +87,7 @@ class Noise:
         self._row = BLOCK
 
     def next_rows(self, count: int) -> int:
-        """First of `count` rows of `block` to use for the next samples."""
+        """Return first of `count` rows of `block` to use for the next samples."""
         row = self._row
         if row + count > BLOCK:
             self._generator.standard_normal(out=self.block)
@@ -103,7 +103,7 @@ def _count(value: float, low: int, high: int) -> int:
 
 @compiled(inner=True)
 def sensed_force(matrix: Array, force_b: Array, axis: int) -> float:
-    """Specific force (m/s^2) along one axis of the sensor: a row of T^-1 f of Sec. 5.2."""
+    """Return specific force (m/s^2) along one axis of the sensor: a row of T^-1 f of Sec. 5.2."""
     row = matrix[axis]
     out: float = row[0] * force_b[0] + row[1] * force_b[1] + row[2] * force_b[2]
     return out

@@ -51,7 +51,7 @@ class Wire:
             (self._line.unplug if unplugged else self._line.plug_in)()
 
     def _corrupted(self, data: bytes) -> bytes:
-        """The bytes as they arrive; a byte that is hit is another one for certain."""
+        """Return the bytes as they arrive; a byte that is hit is another one for certain."""
         hit = self._generator.random(len(data)) < self.share
         if not hit.any():
             return data
@@ -61,7 +61,7 @@ class Wire:
 
 
 def new_wires(lines: Sequence[Line], parameters: SimulatorParameters) -> tuple[Wire, ...]:
-    """One for each line, first and second."""
+    """Return one for each line, first and second."""
     generator = np.random.default_rng((parameters.seed, _STREAM))
     wires = tuple(Wire(line, generator) for line in lines)
     configure_wires(wires, parameters)

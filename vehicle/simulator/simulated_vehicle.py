@@ -116,12 +116,12 @@ class SimulatedVehicle:
 
     @property
     def battery_voltage(self) -> float:
-        """V at the terminals."""
+        """Return the voltage at the terminals, V."""
         return float(self._plant["voltage"][0])
 
     @property
     def rotor_speeds(self) -> npt.NDArray[np.float64]:
-        """(4,) counts of motor reference, motors front, left, rear, right; a live view."""
+        """Return (4,) counts of motor reference, motors front, left, rear, right; a live view."""
         speeds: npt.NDArray[np.float64] = self._plant["rotor_speeds"][0]
         return speeds
 
@@ -199,7 +199,7 @@ class SimulatedVehicle:
             self._wires[port_index].write(frame)
 
     def _acting(self) -> Command:
-        """The newest command that is as old as the latency asks."""
+        """Return the newest command that is as old as the latency asks."""
         commands = self._commands
         if self.firmware.command != commands[-1][1]:
             commands.append((self.stamp_ns, self.firmware.command))
@@ -209,12 +209,12 @@ class SimulatedVehicle:
         return commands[0][1]
 
     def due_ns(self, most: int = 1) -> int:
-        """Time up to which `step_periods` would go."""
+        """Return time up to which `step_periods` would go."""
         return self._time_ns(self._count + self._at_once(most) - 1)
 
     @property
     def period(self) -> float:
-        """s, of the microcontroller."""
+        """Return the microcontroller's period in s."""
         return self._period
 
     @property

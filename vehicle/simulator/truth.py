@@ -147,7 +147,7 @@ def _sure(topic: Topic) -> Topic:
 def connect_to_station(
     shared: SharedSession, vehicle: str, live: LiveParameters, attendant: Attendant
 ) -> Callable[[], tuple[Put, Callable[[], None]]]:
-    """`connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
+    """Return `connect` of a TruthPublisher: its topics of /<vehicle> through the station's router.
 
     The parameters of the simulator are served the same way, as those of /<vehicle>/simulator, and
     so is what a person would do at the vehicle, as /<vehicle>/simulator/simulation.

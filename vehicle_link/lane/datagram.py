@@ -109,7 +109,7 @@ class Opener:
         return self._window.newest
 
     def open(self, datagram: bytes) -> tuple[str, Received] | None:
-        """(topic, message); None, and counted, for what cannot be taken.
+        """Open a datagram to (topic, message); None, and counted, for what cannot be taken.
 
         Only what `key_id_of` has found to be of our key.
         """

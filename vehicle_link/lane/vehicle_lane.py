@@ -49,12 +49,16 @@ class _Lane:
 
     @property
     def station(self) -> tuple[int, tuple[str, ...]]:
-        """Who only hears cannot pass for who may send: an instance is no secret."""
+        """Return the instance and topics: an instance is no secret, and a station that may only
+        receive cannot pass for one that may send.
+        """
         return self.instance, self.topics
 
     @property
     def rank(self) -> tuple[bool, int]:
-        """Who may send and is there before who only hears, then who was heard last."""
+        """Return the order of lanes: stations that may send and are present come first, then the
+        one received from last.
+        """
         is_there = clock.monotonic_ns() - self.since_ns < GONE_NS
         return len(self.topics) > 1 and is_there, self.since_ns
 
@@ -82,12 +86,12 @@ class VehicleLane:
 
     @property
     def stations(self) -> int:
-        """Stations that are sent to."""
+        """Return the number of stations that are sent to."""
         oldest_ns = clock.monotonic_ns() - PATIENCE_NS
         return sum(_listens(lane, oldest_ns) for lane in self._lanes.values())
 
     def grant(self, instance: int, topics: tuple[str, ...] = TO_VEHICLE) -> Message:
-        """The answer of the service `lane`: new keys for a station, each time.
+        """Answer the service `lane`: new keys for a station, each time.
 
         Keys it has already stay good until it uses the new ones: the answer may be lost.
 
@@ -113,7 +117,7 @@ class VehicleLane:
         )
 
     def put(self, topic: str, message: Received) -> bool:
-        """To all stations that listen, without waiting; whether there is one."""
+        """Send to all stations that listen, without waiting, and return whether there is one."""
         if len(message.payload) > LARGEST_PAYLOAD:
             return False
         oldest_ns = clock.monotonic_ns() - PATIENCE_NS
@@ -159,7 +163,9 @@ def _listens(lane: _Lane, oldest_ns: int) -> bool:
 
 
 def _with(lanes: dict[int, _Lane], lane: _Lane) -> dict[int, _Lane]:
-    """One more; of each station only what it uses and what it was given last, of MOST stations."""
+    """Return the lanes with one more; of each station only what it uses and what it was given last,
+    of MOST stations.
+    """
     kept = [one for one in lanes.values() if one.station != lane.station or one.address]
     kept.append(lane)
     kept.sort(key=lambda one: one.rank)

@@ -65,11 +65,11 @@ class FixedLayout:
         self._template = template
 
     def new(self, count: int = 1) -> Records:
-        """`count` messages with constants in place and all else zero, shape (count,)."""
+        """Return `count` messages with constants in place and all else zero, shape (count,)."""
         return np.frombuffer(self._template * count, self.dtype)
 
     def encode(self, records: Records) -> list[bytes]:
-        """The payload of each record, in order."""
+        """Return the payload of each record, in order."""
         return payloads_of(records)
 
     def fits(self, payload: bytes) -> bool:
@@ -79,7 +79,7 @@ class FixedLayout:
         )
 
     def decode(self, payload: bytes) -> np.void:
-        """One record, read in place.
+        """Return one record, read in place.
 
         Raises:
             LinkError: other texts or lengths than this layout's (decode it with `messages`).
@@ -87,7 +87,7 @@ class FixedLayout:
         return self.decode_many([payload])[0]  # type: ignore[no-any-return]
 
     def decode_many(self, payloads: list[bytes]) -> Records:
-        """The records of N payloads, shape (N,). Raises LinkError as `decode`."""
+        """Decode the records of N payloads, shape (N,). Raises LinkError as `decode`."""
         for payload in payloads:
             if not self.fits(payload):
                 raise LinkError(
@@ -151,13 +151,13 @@ class FixedLayout:
 
 
 def payloads_of(records: Records) -> list[bytes]:
-    """The bytes of each record, in order."""
+    """Return the bytes of each record, in order."""
     data, size = records.tobytes(), records.dtype.itemsize
     return [data[start : start + size] for start in range(0, len(data), size)]
 
 
 def _primitives(name: str) -> Iterator[str]:
-    """The primitive of each field of a message; "" where a field is not a plain number."""
+    """Yield the primitive of each field of a message; "" where a field is not a plain number."""
     for _, (kind, details) in typestore().fielddefs[name][1]:
         plain = kind == Nodetype.BASE and details[0] != "string"
         yield str(details[0]) if plain else ""

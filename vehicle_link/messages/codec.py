@@ -13,7 +13,7 @@ from vehicle_link.messages.store import typestore
 
 
 def encode(message: Message) -> bytes:
-    """CDR with its 4-byte header, little endian."""
+    """Encode as CDR with its 4-byte header, little endian."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__, little_endian=True))
 
 
@@ -30,5 +30,5 @@ def decode(payload: bytes | memoryview, type_name: str) -> Message:
 
 @cache
 def definition(type_name: str) -> str:
-    """The ros2msg schema text of a message, with the definitions it depends on."""
+    """Return the ros2msg schema text of a message, with the definitions it depends on."""
     return typestore().generate_msgdef(stored_name(type_name), ros_version=2)[0]

@@ -21,7 +21,7 @@ _BYTES = {"byte": "uint8", "char": "uint8"}  # both are octets on the wire
 
 
 def new(type_name: str, **fields: Any) -> Message:
-    """A message with the given fields, all others zero, empty or false.
+    """Return a message with the given fields, all others zero, empty or false.
 
     A nested message may be given as a message, a mapping of its fields, or a sequence of them in
     order (`position=(1.0, 0.0, 0.5)`); arrays of numbers as any sequence.
@@ -34,18 +34,18 @@ def new(type_name: str, **fields: Any) -> Message:
 
 
 def time_message(stamp_ns: int) -> Message:
-    """builtin_interfaces/Time of integer nanoseconds."""
+    """Return builtin_interfaces/Time of integer nanoseconds."""
     seconds, rest = divmod(int(stamp_ns), SECOND_NS)
     return typestore().types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest)
 
 
 def header(stamp_ns: int, frame_id: str = "world") -> Message:
-    """std_msgs/Header of integer nanoseconds."""
+    """Return std_msgs/Header of integer nanoseconds."""
     return typestore().types["std_msgs/msg/Header"](stamp=time_message(stamp_ns), frame_id=frame_id)
 
 
 def stamp_of(stamped: Message) -> int:
-    """Nanoseconds of a message with a header, of a header, or of a Time."""
+    """Return nanoseconds of a message with a header, of a header, or of a Time."""
     stamp: Any = getattr(stamped, "header", stamped)
     stamp = getattr(stamp, "stamp", stamp)
     return int(stamp.sec) * SECOND_NS + int(stamp.nanosec)
@@ -63,7 +63,7 @@ def _new(name: str, fields: Mapping[str, Any]) -> Message:
 
 
 def _value(entry: Any, value: Any) -> Any:
-    """`value`, or zero, as rosbags wants a field described by this `fielddefs` entry."""
+    """Return `value`, or zero, as rosbags wants a field described by this `fielddefs` entry."""
     kind, details = entry
     if kind == Nodetype.BASE:
         python = {"bool": bool, "string": str, "float32": float, "float64": float}

@@ -6,7 +6,8 @@ from quadrotor.errors import UsageError
 
 
 def stored_name(type_name: str) -> str:
-    """`nav_msgs/Odometry` or `nav_msgs/msg/Odometry` → `nav_msgs/msg/Odometry`.
+    """Return the stored name: `nav_msgs/Odometry` or `nav_msgs/msg/Odometry` →
+    `nav_msgs/msg/Odometry`.
 
     Requests and responses (`quadlab_msgs/srv/Command_Request`) → `quadlab_msgs/srv/msg/…`,
     as rosbags stores them. Raises UsageError.
@@ -22,11 +23,11 @@ def stored_name(type_name: str) -> str:
 
 
 def ros_name(type_name: str) -> str:
-    """The name ROS 2 tools show: `nav_msgs/msg/Odometry`, `quadlab_msgs/srv/Command`."""
+    """Return the name ROS 2 tools show: `nav_msgs/msg/Odometry`, `quadlab_msgs/srv/Command`."""
     return stored_name(type_name).replace("/srv/msg/", "/srv/")
 
 
 def dds_name(type_name: str) -> str:
-    """The name in Zenoh keys: `nav_msgs::msg::dds_::Odometry_`."""
+    """Return the name in Zenoh keys: `nav_msgs::msg::dds_::Odometry_`."""
     package, kind, name = ros_name(type_name).split("/")
     return f"{package}::{kind}::dds_::{name}_"

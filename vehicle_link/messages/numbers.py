@@ -26,7 +26,7 @@ class Number(NamedTuple):
 
 
 def numbers(type_name: str, members: int) -> list[Number]:
-    """The numbers of a message of this type, in its order, without its times.
+    """Return the numbers of a message of this type, in its order, without its times.
 
     Args:
         members: how many of an array without a fixed length.
@@ -35,7 +35,7 @@ def numbers(type_name: str, members: int) -> list[Number]:
 
 
 def number_at(message: Message, path: Path) -> float:
-    """NaN where an array is too short."""
+    """Return the number at a path; NaN where an array is too short."""
     value: Any = message
     for step in path:
         if not isinstance(step, int):

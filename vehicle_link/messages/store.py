@@ -20,7 +20,9 @@ FOLDER = Path(__file__).parent
 
 @cache
 def typestore() -> Typestore:
-    """The one store of the process, made on first use (0.2 s, most of it ROS 2's own types)."""
+    """Return the one store of the process, made on first use (0.2 s, most of it ROS 2's own
+    types).
+    """
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     added: Typesdict = {}

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """`RIHS01_…` of a message (`nav_msgs/Odometry`) or a service (`quadlab_msgs/srv/Command`)."""
+    """Return `RIHS01_…` of a message (`nav_msgs/Odometry`) or a service
+    (`quadlab_msgs/srv/Command`).
+    """
     name = ros_name(type_name)
     if "/srv/" in name and not name.endswith(("_Request", "_Response")):
         return _service_hash(name)
@@ -22,7 +24,7 @@ def type_hash(type_name: str) -> str:
 
 
 def _service_hash(name: str) -> str:
-    """The hash of the description rosidl derives from a .srv file.
+    """Return the hash of the description rosidl derives from a .srv file.
 
     A service is described as a message of its request, its response and its event, the event
     being (info, at most one request, at most one response).

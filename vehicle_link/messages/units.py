@@ -115,7 +115,7 @@ def _units_of(type_name: str) -> dict[str, str]:
 
 
 def unit_of(fields: Sequence[tuple[str, str]]) -> str:
-    """The innermost unit known; empty when it has none, or it is not known.
+    """Return the innermost unit known; empty when it has none, or it is not known.
 
     Args:
         fields: message type (`nav_msgs/msg/Odometry`) and field, from the outermost in.

@@ -6,6 +6,8 @@ VEHICLE, STATION, SIMULATOR = "vehicle", "station", "simulator"
 
 
 def authority_of(name: str) -> str:
-    """`station.…` is the station's, `simulator.…` the simulated robot's, the rest the vehicle's."""
+    """Return the authority of a name: `station.…` is the station's, `simulator.…` the simulated
+    robot's, the rest the vehicle's.
+    """
     first = name.partition(".")[0]
     return first if first in (STATION, SIMULATOR) else VEHICLE

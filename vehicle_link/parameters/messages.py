@@ -21,7 +21,9 @@ _INT64 = 2**63
 
 
 def to_value(value: object) -> Message:
-    """rcl_interfaces/ParameterValue. Raises WrongTypeError for what ROS has no scalar type for."""
+    """Encode as rcl_interfaces/ParameterValue. Raises WrongTypeError for what ROS has no scalar
+    type for.
+    """
     if isinstance(value, bool):
         return new("rcl_interfaces/ParameterValue", type=BOOL, bool_value=value)
     if isinstance(value, int) and -_INT64 <= value < _INT64:
@@ -50,7 +52,7 @@ def from_value(message: Message) -> ParameterValue:
 
 
 def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
-    """rcl_interfaces/Parameter for each. Raises WrongTypeError."""
+    """Encode each as rcl_interfaces/Parameter. Raises WrongTypeError."""
     return [
         new("rcl_interfaces/Parameter", name=name, value=to_value(value))
         for name, value in values.items()
@@ -69,7 +71,7 @@ def from_parameters(messages: Iterable[Message]) -> dict[str, ParameterValue]:
 
 
 def to_descriptor(description: ParameterDescription) -> Message:
-    """rcl_interfaces/ParameterDescriptor; its range only where both bounds are given."""
+    """Encode as rcl_interfaces/ParameterDescriptor; its range only where both bounds are given."""
     low, high = description.minimum, description.maximum
     ranges: dict[str, Any] = {}
     if low is not None and high is not None and description.type in ("int", "float"):

@@ -38,7 +38,9 @@ class ParameterBackend(Protocol):
     def change(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> tuple[Mapping[str, ParameterValue], int]:
-        """All or nothing; (applied values, revision). Raises ParameterError."""
+        """Change values, all or nothing; return (applied values, revision). Raises
+        ParameterError.
+        """
         ...
 
 
@@ -138,7 +140,9 @@ class ParameterClient:
         )
 
     def names(self) -> list[str]:
-        """All of them, in the order of the authority. Raises LinkError, as all methods here."""
+        """Return all of them, in the order of the authority. Raises LinkError, as all methods
+        here.
+        """
         request = new("rcl_interfaces/srv/ListParameters_Request")
         return list(self._list.call(request, self._timeout).result.names)
 

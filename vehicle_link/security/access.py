@@ -41,7 +41,9 @@ _UP = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveline
 
 
 def access_control() -> dict[str, Any]:
-    """Zenoh's configuration of the vehicle's session; certificates of others may do nothing."""
+    """Return Zenoh's configuration of the vehicle's session; certificates of others may do
+    nothing.
+    """
     topics = [row.name for row in TOPICS.values() if row.sender == "vehicle"]
     open_to_all = [*(f"*/*/{name}/**" for name in (*topics, *TELLING)), _TOKENS]
     return {

@@ -68,7 +68,8 @@ WEB_RENEWED = 60  # days before its end
 
 
 def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
-    """The certificates of this folder, made where they are missing; safe from several processes.
+    """Return the certificates of this folder, made where they are missing; safe from several
+    processes.
 
     Args:
         folder: made when missing, mode 0700; the files have mode 0600.
@@ -163,7 +164,8 @@ def issue(
     subject: str = "",
     owner: str = "",
 ) -> TlsFiles:
-    """A certificate, its key and the authority's certificate, into a folder of another machine.
+    """Issue a certificate, its key and the authority's certificate, into a folder of another
+    machine.
 
     Args:
         folder: made when missing, mode 0700; what was issued into it before is replaced.

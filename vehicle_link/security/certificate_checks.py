@@ -17,7 +17,9 @@ SOON = 30
 def certificate_check(
     place: Place, folder: Path, role: Role, now: datetime.datetime | None = None
 ) -> Check:
-    """Present, of this folder's authority, valid; with its end and names."""
+    """Check that a certificate is present, of this folder's authority, and valid; with its end and
+    names.
+    """
     files = TlsFiles(folder)
     name = "page's certificate" if role == "web" else "link's certificate"
     wanted = "of our authority, valid"

@@ -61,7 +61,9 @@ def is_there(path: Path) -> bool:
 
 
 def readable_keys(files: TlsFiles) -> list[str]:
-    """A line for each secret key that others than its owner may use; for the start of an end."""
+    """Return a line for each secret key that others than its owner may use; for the start of an
+    end.
+    """
     lines = []
     for path in files.present():
         try:
@@ -117,7 +119,7 @@ def write_secret(path: Path, data: bytes) -> None:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """One process at a time; the lock goes with the descriptor, also in a crash."""
+    """Hold a lock for one process at a time; it goes with the descriptor, also in a crash."""
     with (folder / ".lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield

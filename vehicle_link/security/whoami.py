@@ -51,7 +51,7 @@ class WhoAmI:
         return self._clients[1].wait(0.0)
 
     def ask(self, timeout: float = 1.0) -> Message:
-        """quadlab_msgs/srv/WhoAmI's response, of the widest door that opens.
+        """Return quadlab_msgs/srv/WhoAmI's response, of the widest service that answers.
 
         Raises LinkError: nobody answered.
         """

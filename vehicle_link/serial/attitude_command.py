@@ -38,7 +38,7 @@ class AttitudeCommand(msgspec.Struct, frozen=True):
     thrust_share: float  # T / (m g)
 
     def encode(self) -> tuple[int, int, int, int]:
-        """The command bytes as 0…255, each saturated at what it carries.
+        """Return the command bytes as 0…255, each saturated at what it carries.
 
         Raises OutOfBoundsError when a number is not finite.
         """
@@ -68,5 +68,5 @@ def _signed(counts: float) -> int:
 
 
 def _from_byte(byte: int) -> int:
-    """An int8; -128, which nobody sends, counts as -127."""
+    """Decode an int8; -128, which is never sent, counts as -127."""
     return max(byte - 256 if byte > SIGNED_MAX else byte, -SIGNED_MAX)

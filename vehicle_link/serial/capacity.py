@@ -20,7 +20,7 @@ def samples_a_second(ports: int) -> int:
 
 
 def sample_period_us(rate: int) -> int:
-    """Microseconds between two samples, as Id.MIRROR_PERIOD takes them."""
+    """Return microseconds between two samples, as Id.MIRROR_PERIOD takes them."""
     return round(1e6 / rate)
 
 
@@ -46,10 +46,10 @@ def check_rate(rate: int, ports: int | None) -> None:
 
 
 def default_rate(ports: int) -> int:
-    """Hz, when nobody chose."""
+    """Return the default rate in Hz."""
     return min(DEFAULT_RATE, rate_below(ports))
 
 
 def rate_below(ports: int) -> int:
-    """A round rate that so many ports carry."""
+    """Return a round rate that so many ports carry."""
     return samples_a_second(ports) // 50 * 50

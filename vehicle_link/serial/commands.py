@@ -38,22 +38,24 @@ class Instruction(msgspec.Struct, frozen=True):
 
 # ---------------------------------------------------------------- to the microcontroller
 def encode_command(references: Sequence[int]) -> bytes:
-    """`b`: four motor references, 0…255. Raises OutOfBoundsError."""
+    """Encode `b`: four motor references, 0…255. Raises OutOfBoundsError."""
     return encode_frame(b"b", _references(references))
 
 
 def encode_set(references: Sequence[int], id: int, value: int) -> bytes:
-    """`s`: set one value; answered by `S`. Raises OutOfBoundsError."""
+    """Encode `s`: set one value; answered by `S`. Raises OutOfBoundsError."""
     return encode_frame(b"s", _references(references) + _int16s(_TWO, id, value))
 
 
 def encode_request(references: Sequence[int], id: int) -> bytes:
-    """`u`: ask for one value once; answered by `S`. Raises OutOfBoundsError."""
+    """Encode `u`: ask for one value once; answered by `S`. Raises OutOfBoundsError."""
     return encode_frame(b"u", _references(references) + _int16s(_ONE, id))
 
 
 def encode_mirror(references: Sequence[int], ids: Sequence[int]) -> bytes:
-    """`l`: which ten values to send in every `D`; answered by `L`. Raises OutOfBoundsError."""
+    """Encode `l`: which ten values to send in every `D`; answered by `L`. Raises
+    OutOfBoundsError.
+    """
     return encode_frame(b"l", _references(references) + _ids(ids))
 
 
@@ -77,22 +79,22 @@ def decode_instruction(frame: Frame) -> Instruction | None:
 
 # ---------------------------------------------------------------- from the microcontroller
 def encode_value(id: int, value: int) -> bytes:
-    """`S`: the value of one id. Raises OutOfBoundsError."""
+    """Encode `S`: the value of one id. Raises OutOfBoundsError."""
     return encode_frame(b"S", _int16s(_TWO, id, value))
 
 
 def encode_data(values: bytes) -> bytes:
-    """`D`: the mirrored values, ten little-endian int16 as 20 bytes."""
+    """Encode `D`: the mirrored values, ten little-endian int16 as 20 bytes."""
     return encode_frame(b"D", values)
 
 
 def encode_mirrored(ids: Sequence[int]) -> bytes:
-    """`L`: the ids being mirrored. Raises OutOfBoundsError."""
+    """Encode `L`: the ids being mirrored. Raises OutOfBoundsError."""
     return encode_frame(b"L", _ids(ids))
 
 
 def decode_value(frame: Frame) -> tuple[int, int] | None:
-    """(id, value) of an `S` frame, None for any other."""
+    """Decode (id, value) of an `S` frame, None for any other."""
     if frame.command != VALUE or len(frame.payload) != _PADDED[VALUE]:
         return None
     id, value = _TWO.unpack_from(frame.payload)
@@ -100,14 +102,14 @@ def decode_value(frame: Frame) -> tuple[int, int] | None:
 
 
 def decode_data(frame: Frame) -> tuple[int, ...] | None:
-    """The ten int16 of a `D` frame, None for any other."""
+    """Decode the ten int16 of a `D` frame, None for any other."""
     if frame.command != DATA or len(frame.payload) != _PADDED[DATA]:
         return None
     return _TEN.unpack_from(frame.payload)
 
 
 def decode_mirrored(frame: Frame) -> tuple[int, ...] | None:
-    """The ids of an `L` frame, None for any other."""
+    """Decode the ids of an `L` frame, None for any other."""
     if frame.command != MIRRORED or len(frame.payload) != _PADDED[MIRRORED]:
         return None
     return tuple(frame.payload[:MIRROR_SIZE])

@@ -23,7 +23,8 @@ ANSWERED = frozenset({Finding.FOUND, Finding.OTHER_ROBOT, Finding.OTHER_FIRMWARE
 
 
 def candidates(patterns: Iterable[str] = (), *, all_devices: bool = True) -> list[str]:
-    """Paths to look at: the given ones (globs filled in), then this machine's serial devices.
+    """Return paths to look at: the given ones (globs filled in), then this machine's serial
+    devices.
 
     One device under several names is listed once; a path that does not exist stays in the list.
     """
@@ -74,7 +75,7 @@ def await_devices(
 
 
 def controllers(devices: Iterable[Device]) -> list[list[Device]]:
-    """The devices that answered, one list for each microcontroller."""
+    """Return the devices that answered, one list for each microcontroller."""
     groups: list[list[Device]] = []
     for device in devices:
         if device.finding in ANSWERED:
@@ -88,7 +89,7 @@ def controllers(devices: Iterable[Device]) -> list[list[Device]]:
 
 
 def choose_ports(devices: Sequence[Device], robot_id: int, firmware: int) -> list[str]:
-    """The one or two ports of the one microcontroller that fits.
+    """Return the one or two ports of the one microcontroller that fits.
 
     Raises LinkError when there is none, or more than one.
     """
@@ -123,7 +124,7 @@ def find_ports(
     patience_s: float = PATIENCE_S,
     say: Callable[[str], None] = lambda line: None,
 ) -> list[str]:
-    """The ports of the one microcontroller that fits, behind any device of this machine.
+    """Return the ports of the one microcontroller that fits, behind any device of this machine.
 
     Looks anew until `patience_s` is over; then says what was behind each device.
 

@@ -77,7 +77,7 @@ class Exchange:
         self.open.append(request)
 
     def service(self, now_s: float, command: Sequence[int]) -> list[bytes]:
-        """The frames that are due, each with these command bytes.
+        """Return the frames that are due, each with these command bytes.
 
         `now_s` is any clock that does not go back.
         """
@@ -98,7 +98,7 @@ class Exchange:
         return frames
 
     def settle(self, key: int, value: Answer) -> Request | None:
-        """Take the answer to `key`; the request it settles, None when there is none."""
+        """Take the answer to `key`; return the request it settles, None when there is none."""
         for request in self.open:
             if request.key == key:
                 request.answer = f"{value}"
@@ -119,7 +119,7 @@ class Exchange:
             )
 
     def _next(self, request: Request, now_s: float, command: Sequence[int]) -> bytes | None:
-        """The frame to send now, none when it is held back."""
+        """Return the frame to send now, none when it is held back."""
         request.tries += request.tries < TRIES
         request.due_s = now_s + (REPEAT_S if request.tries <= TRIES else SLOW_REPEAT_S)
         if request.hold:
@@ -129,7 +129,7 @@ class Exchange:
 
 
 def decode_reply(frame: Frame) -> tuple[int, Answer] | None:
-    """(key, answer) of an `S` or `L` frame, None for any other."""
+    """Decode (key, answer) of an `S` or `L` frame, None for any other."""
     if frame.command == VALUE:
         return decode_value(frame)
     ids = decode_mirrored(frame)

@@ -42,7 +42,7 @@ class Frame(msgspec.Struct, frozen=True):
 
 
 def encode_frame(command: bytes, payload: bytes, address: bytes = b"b") -> bytes:
-    """The bytes of one frame."""
+    """Encode the bytes of one frame."""
     padded = payload + _PAD[len(payload) % 3]
     body = START + address + command + b2a_base64(padded, newline=False).translate(_TO_DATA64)
     return body + _CRC[adler32(body) & 4095] + END
@@ -59,7 +59,7 @@ class FrameDecoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that end within `data`, in order. Never raises, whatever the bytes."""
+        """Decode the frames that end within `data`, in order. Never raises, whatever the bytes."""
         if not self._rest and data.find(END) + 1 == len(data) > 0:  # one frame, as a rule
             frame = self._decode(data[:-1])
             return [] if frame is None else [frame]

@@ -187,7 +187,7 @@ class MemoryPort:
 
 
 def memory_port_pair() -> tuple[MemoryPort, MemoryPort]:
-    """Two connected ends."""
+    """Return two connected ends."""
     one, other = MemoryPort(), MemoryPort()
     one._peer, other._peer = other, one
     return one, other
@@ -225,7 +225,7 @@ def _refused(path: str, error: Exception) -> PortError:
 
 
 def _number(error: BaseException | None) -> int | None:
-    """The errno; pyserial keeps that of a termios.error only as what it came from."""
+    """Return the errno; pyserial keeps that of a termios.error only as what it came from."""
     while error is not None:
         number = getattr(error, "errno", None)
         if number is None and isinstance(error, termios.error) and error.args:

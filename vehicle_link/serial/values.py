@@ -46,7 +46,7 @@ class Quantity(msgspec.Struct, frozen=True):
 
 
 def to_si(id: int, raw: int) -> float:
-    """The value of an id in SI units (m g for thrust) from the int16 or uint16 of a frame.
+    """Return the value of an id in SI units (m g for thrust) from the int16 or uint16 of a frame.
 
     Raises OutOfBoundsError when there is no such id.
     """
@@ -56,7 +56,7 @@ def to_si(id: int, raw: int) -> float:
 
 
 def to_raw(id: int, value: float) -> int:
-    """The int16 that carries a value, the nearest one, from SI units.
+    """Return the int16 that carries a value, the nearest one, from SI units.
 
     Raises OutOfBoundsError when the value is not finite or the id does not take it.
     """
@@ -104,7 +104,7 @@ def _axes(
     bounds: tuple[int, int] = INT16,
     writable: bool = False,
 ) -> dict[Id, Quantity]:
-    """Three ids in a row."""
+    """Return three ids in a row."""
     return {
         Id(first + axis): Quantity(f"{of}, {name}", unit, counts_per_unit, 0, bounds, writable)
         for axis, name in enumerate(_AXES)

@@ -14,7 +14,9 @@ def _layout() -> FixedLayout:
 
 
 def encode_bench_reading(stamp_ns: int, force: float, torque: float, speed: float) -> bytes:
-    """quadlab_msgs/BenchReading: N, N m, and a speed in any unit, NaN without a tachometer."""
+    """Encode quadlab_msgs/BenchReading: N, N m, and a speed in any unit, NaN without a
+    tachometer.
+    """
     out = _layout().new()
     set_stamps(out, stamp_ns)
     out["force"], out["torque"], out["speed"] = force, torque, speed

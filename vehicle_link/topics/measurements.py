@@ -58,7 +58,7 @@ class Sticks:
 
 
 def encode_poses(samples: Record) -> list[bytes]:
-    """`tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
+    """Encode `tracker_pose`: geometry_msgs/PoseStamped of POSE_SAMPLE records, shape (N,)."""
     return payloads_of(pose_messages(samples))
 
 
@@ -73,7 +73,7 @@ def pose_messages(samples: Record) -> Records:
 
 
 def decode_pose(payload: bytes) -> Record:
-    """POSE_SAMPLE of shape (1,), the quaternion normalised.
+    """Decode POSE_SAMPLE of shape (1,), the quaternion normalised.
 
     Raises:
         LinkError: the bytes are no PoseStamped.
@@ -106,7 +106,9 @@ def decode_pose(payload: bytes) -> Record:
 def encode_bearing_pose(
     stamp_ns: int, position_w: Array, quaternion_wb: Array, covariance: Array
 ) -> bytes:
-    """`bearing_pose`: PoseWithCovarianceStamped; covariance (6, 6), m² then rad² (ROS order)."""
+    """Encode `bearing_pose`: PoseWithCovarianceStamped; covariance (6, 6), m² then rad² (ROS
+    order).
+    """
     poses = layout("geometry_msgs/PoseWithCovarianceStamped", WORLD)
     out = poses.new()
     set_stamps(out, stamp_ns)
@@ -130,7 +132,7 @@ def encode_bearings(
     sigma: float,
     vehicle: str = VEHICLE,
 ) -> bytes:
-    """`bearings`: quadlab_msgs/BearingArray of N unit vectors in body axes, shape (N, 3)."""
+    """Encode `bearings`: quadlab_msgs/BearingArray of N unit vectors in body axes, shape (N, 3)."""
     out = _bearings_layout(len(beacon_ids), len(bearings_b), vehicle).new()
     set_stamps(out, stamp_ns)
     if len(beacon_ids):
@@ -161,7 +163,9 @@ def _sticks_layout() -> FixedLayout:
 
 
 def encode_joy(stamp_ns: int, axes: Sequence[float], enabled: bool) -> bytes:
-    """`joy` and `stick`: sensor_msgs/Joy; axes forward, left, up, yaw; buttons[0] the dead-man."""
+    """Encode `joy` and `stick`: sensor_msgs/Joy; axes forward, left, up, yaw; buttons[0] the
+    dead-man.
+    """
     out = _sticks_layout().new()
     set_stamps(out, stamp_ns)
     out["axes"] = axes
@@ -170,7 +174,7 @@ def encode_joy(stamp_ns: int, axes: Sequence[float], enabled: bool) -> bytes:
 
 
 def decode_joy(payload: bytes) -> Sticks:
-    """Axes are cut to -1..1.
+    """Decode sticks; axes are cut to -1..1.
 
     Raises:
         LinkError: the bytes are no Joy.
@@ -192,7 +196,7 @@ def decode_joy(payload: bytes) -> Sticks:
 
 
 def decode_external_reference(payload: bytes) -> tuple[int, Record]:
-    """`external_reference`: (stamp in ns, REFERENCE record of shape (1,)).
+    """Decode `external_reference`: (stamp in ns, REFERENCE record of shape (1,)).
 
     Raises:
         LinkError: the bytes are no Reference.
@@ -231,7 +235,7 @@ class Heartbeat(NamedTuple):
 
 
 def encode_heartbeat(sequence: int, stamp_ns: int, instance: int = 0, holder: int = 0) -> bytes:
-    """`vehicle_heartbeat`, `station_heartbeat`: quadlab_msgs/Heartbeat."""
+    """Encode `vehicle_heartbeat`, `station_heartbeat`: quadlab_msgs/Heartbeat."""
     out = _heartbeat_layout().new()
     out["sequence"] = sequence & 0xFFFF_FFFF
     out["stamp_ns"] = stamp_ns

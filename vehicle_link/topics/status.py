@@ -53,7 +53,7 @@ def _status_layout(mode: str, behavior: str, control_mode: str) -> FixedLayout:
 def encode_status(
     tick: Record, mode: str, behavior: str, flags: Sequence[str], control_mode: str = "direct"
 ) -> bytes:
-    """`status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
+    """Encode `status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
 
     The texts are given because their enums live in the layers above.
     """
@@ -98,7 +98,7 @@ def _estimator_layout(estimator: str) -> FixedLayout:
 
 
 def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
-    """`estimator`: quadlab_msgs/EstimatorStatus of TICK records, shape (N,)."""
+    """Encode `estimator`: quadlab_msgs/EstimatorStatus of TICK records, shape (N,)."""
     estimators = _estimator_layout(estimator)
     out, source = estimators.new(len(ticks)), ticks["estimate"]
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -114,7 +114,7 @@ def encode_estimators(ticks: Record, estimator: str) -> list[bytes]:
 
 
 def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """`battery`: sensor_msgs/BatteryState of TICK records; only the voltage is measured."""
+    """Encode `battery`: sensor_msgs/BatteryState of TICK records; only the voltage is measured."""
     batteries = layout("sensor_msgs/BatteryState", body_frame(vehicle))
     out = batteries.new(len(ticks))
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -128,7 +128,7 @@ def encode_batteries(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
 
 
 def encode_pressures(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """`pressure`: sensor_msgs/FluidPressure (Pa) of TICK records; variance 0 = unknown."""
+    """Encode `pressure`: sensor_msgs/FluidPressure (Pa) of TICK records; variance 0 = unknown."""
     pressures = layout("sensor_msgs/FluidPressure", body_frame(vehicle))
     out = pressures.new(len(ticks))
     set_stamps(out, ticks["imu"]["stamp_ns"])
@@ -141,7 +141,9 @@ UNHEARD = "while the station was not heard: "
 
 
 def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
-    """`events`: rcl_interfaces/Log; level 20 info, 30 warn, 40 error; `name` is the node's."""
+    """Encode `events`: rcl_interfaces/Log; level 20 info, 30 warn, 40 error; `name` is the
+    node's.
+    """
     return encode(
         new("rcl_interfaces/Log", stamp=time_message(stamp_ns), level=level, name=name, msg=text)
     )
@@ -150,7 +152,7 @@ def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
 def encode_parameter_event(
     stamp_ns: int, node: str, changed: Mapping[str, ParameterValue]
 ) -> bytes:
-    """`parameter_events`: rcl_interfaces/ParameterEvent of changed values of node `node`."""
+    """Encode `parameter_events`: rcl_interfaces/ParameterEvent of changed values of node `node`."""
     return encode(
         new(
             "rcl_interfaces/ParameterEvent",
@@ -169,7 +171,7 @@ def encode_parameter_change(
     requester: str,
     revision: int,
 ) -> bytes:
-    """`parameter_changes`: quadlab_msgs/ParameterChange; values as Python prints them."""
+    """Encode `parameter_changes`: quadlab_msgs/ParameterChange; values as Python prints them."""
     return encode(
         new(
             "quadlab_msgs/ParameterChange",

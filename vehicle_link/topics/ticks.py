@@ -29,7 +29,7 @@ TO_ROS, FROM_ROS = [1, 2, 3, 0], [3, 0, 1, 2]
 
 @cache
 def layout(type_name: str, frame: str, child_frame: str = "") -> FixedLayout:
-    """The layout of a stamped message in this frame."""
+    """Return the layout of a stamped message in this frame."""
     strings = {"header.frame_id": frame}
     if child_frame:
         strings["child_frame_id"] = child_frame
@@ -41,7 +41,7 @@ def body_frame(vehicle: str) -> str:
 
 
 def encode_odometries(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
+    """Encode nav_msgs/Odometry of STATE records with their stamps, shape (N,)."""
     return payloads_of(odometry_messages(stamps_ns, states, vehicle))
 
 
@@ -59,7 +59,7 @@ def odometry_messages(stamps_ns: Any, states: Record, vehicle: str = VEHICLE) ->
 
 
 def encode_states(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """`state`: nav_msgs/Odometry of the estimate."""
+    """Encode `state`: nav_msgs/Odometry of the estimate."""
     return payloads_of(state_messages(ticks, vehicle))
 
 
@@ -69,7 +69,7 @@ def state_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
 
 
 def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:
-    """(stamp in ns, STATE record of shape (1,)). Raises LinkError."""
+    """Decode (stamp in ns, STATE record of shape (1,)). Raises LinkError."""
     state = np.zeros(1, STATE)
     odometry = layout("nav_msgs/Odometry", WORLD, body_frame(vehicle))
     if odometry.fits(payload):
@@ -90,7 +90,7 @@ def decode_odometry(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record
 
 
 def encode_references(ticks: Record) -> list[bytes]:
-    """`reference`: quadlab_msgs/Reference."""
+    """Encode `reference`: quadlab_msgs/Reference."""
     return payloads_of(reference_messages(ticks))
 
 
@@ -107,7 +107,7 @@ def reference_messages(ticks: Record) -> Records:
 
 
 def decode_reference(payload: bytes) -> tuple[int, Record]:
-    """(stamp in ns, REFERENCE record of shape (1,)). Raises LinkError."""
+    """Decode (stamp in ns, REFERENCE record of shape (1,)). Raises LinkError."""
     record = layout("quadlab_msgs/Reference", WORLD).decode(payload)
     reference = np.zeros(1, REFERENCE)
     for field in ("position", "velocity", "acceleration", "jerk", "snap"):
@@ -118,7 +118,9 @@ def decode_reference(payload: bytes) -> tuple[int, Record]:
 
 
 def encode_imus(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """`imu`: sensor_msgs/Imu, calibrated; the message's orientation is marked as not given."""
+    """Encode `imu`: sensor_msgs/Imu, calibrated; the message's orientation is marked as not
+    given.
+    """
     return payloads_of(imu_messages(ticks, vehicle))
 
 
@@ -134,7 +136,7 @@ def imu_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
 
 
 def decode_imu(payload: bytes, vehicle: str = VEHICLE) -> Record:
-    """IMU_SAMPLE record of shape (1,). Raises LinkError."""
+    """Decode IMU_SAMPLE record of shape (1,). Raises LinkError."""
     record = layout("sensor_msgs/Imu", body_frame(vehicle)).decode(payload)
     sample = np.zeros(1, IMU_SAMPLE)
     sample["stamp_ns"] = stamp_of_record(record)
@@ -144,7 +146,7 @@ def decode_imu(payload: bytes, vehicle: str = VEHICLE) -> Record:
 
 
 def encode_actuators(ticks: Record, vehicle: str = VEHICLE) -> list[bytes]:
-    """`actuators`: quadlab_msgs/Actuators."""
+    """Encode `actuators`: quadlab_msgs/Actuators."""
     return payloads_of(actuator_messages(ticks, vehicle))
 
 
@@ -161,7 +163,7 @@ def actuator_messages(ticks: Record, vehicle: str = VEHICLE) -> Records:
 
 
 def decode_actuators(payload: bytes, vehicle: str = VEHICLE) -> tuple[int, Record]:
-    """(stamp in ns, ACTUATORS record of shape (1,)). Raises LinkError."""
+    """Decode (stamp in ns, ACTUATORS record of shape (1,)). Raises LinkError."""
     record = layout("quadlab_msgs/Actuators", body_frame(vehicle)).decode(payload)
     actuators = np.zeros(1, ACTUATORS)
     actuators["wrench"][:, 0] = record["thrust"]
@@ -187,7 +189,7 @@ def xyz(vector: Any) -> tuple[float, float, float]:
 
 
 def _rotate(quaternions: Array, vectors: Array, *, inverse: bool) -> Array:
-    """R v, or R^T v, of N unit quaternions (w, x, y, z) and N vectors, shape (N, 3).
+    """Return r v, or R^T v, of N unit quaternions (w, x, y, z) and N vectors, shape (N, 3).
 
     v + 2 w (u × v) + 2 u × (u × v), u the vector part, -u for the inverse; here and not in
     quadrotor.rotations because the station must not load numba, and for N at once.

@@ -83,7 +83,7 @@ class ServiceClient:
         )
 
     def call(self, request: Message, timeout: float = TIMEOUT) -> Message:
-        """The response; blocks for at most `timeout` seconds.
+        """Return the response; blocks for at most `timeout` seconds.
 
         Raises:
             UnreachableError: nobody is there to answer.

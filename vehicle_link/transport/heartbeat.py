@@ -38,7 +38,7 @@ class HeartbeatMonitor:
             self._heard_ns = now_ns
 
     def age(self, now_ns: int) -> float:
-        """s since the last; inf before the first."""
+        """Return the seconds since the last heartbeat; inf before the first."""
         return float("inf") if self._heard_ns is None else (now_ns - self._heard_ns) * 1e-9
 
     def state(self, now_ns: int) -> LinkState:

@@ -11,7 +11,7 @@ ROUTES = Path("/proc/net/route")
 
 
 def own_networks(routes: Path = ROUTES) -> list[ipaddress.IPv4Network]:
-    """Directly attached IPv4 networks (Linux); larger ones are left out."""
+    """Return directly attached IPv4 networks (Linux); larger ones are left out."""
     try:
         rows = [line.split() for line in routes.read_text().splitlines()[1:]]
     except OSError:
@@ -26,7 +26,9 @@ def own_networks(routes: Path = ROUTES) -> list[ipaddress.IPv4Network]:
 
 
 def _swapped(word: int) -> int:
-    """The kernel prints them in the machine's own order of bytes (little endian)."""
+    """Return an address; the kernel prints them in the machine's own order of bytes (little
+    endian).
+    """
     return int.from_bytes(word.to_bytes(4, "little"), "big")
 
 

@@ -149,7 +149,9 @@ class Node:
         express: bool = False,
         drop: bool = True,
     ) -> Publisher:
-        """`drop`: on congestion this publisher's messages are dropped rather than waited for."""
+        """Make a publisher. `drop`: on congestion its messages are dropped rather than waited
+        for.
+        """
         key, gid = self._announce("MP", topic, type_name, qos)
         publisher = self.session.declare_publisher(
             key,
@@ -166,7 +168,7 @@ class Node:
         return Publisher(publisher, gid)
 
     def advertise(self, topic: Topic) -> Publisher:
-        """A publisher as the table of topics says."""
+        """Make a publisher as the table of topics says."""
         return self.publisher(
             topic.name,
             topic.type_name,
@@ -268,7 +270,7 @@ class Node:
     def client(
         self, name: str, srv_type: str, *, priority: Priority = "interactive_high"
     ) -> ServiceClient:
-        """`priority`: of the questions and of their answers."""
+        """Make a client. `priority`: of the questions and of their answers."""
         key, gid = self._announce("SC", name, srv_type, RELIABLE)
         return ServiceClient(
             self.session,
@@ -286,7 +288,7 @@ class Node:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def _announce(self, kind: EntityKind, name: str, type_name: str, qos: Qos) -> tuple[str, bytes]:
-        """The key of a new endpoint and its GID; its token is declared."""
+        """Declare the token of a new endpoint; return its key and GID."""
         topic = full_name(self.namespace, name)
         token = self._identity.endpoint_token(next(self._ids), kind, topic, type_name, qos)
         self._declare_token(token)

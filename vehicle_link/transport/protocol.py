@@ -22,7 +22,7 @@ AT_STATION = ("record", "mark", "experiment", "control", "transfer", "simulation
 
 @cache
 def protocol() -> str:
-    """Eight digits, of the definitions of every topic and service on the radio."""
+    """Return eight digits, of the definitions of every topic and service on the radio."""
     rows = [f"tick {TICK.descr}"]  # what telemetry packs is no ROS type
     for row in TOPICS.values():
         if row.sender == "vehicle" or row.name in FROM_STATION:

@@ -76,14 +76,16 @@ def knock_at_all(places: Sequence[tuple[str, int]]) -> dict[tuple[str, int], Doo
 
 
 def _initial(own: bytes) -> bytes:
-    """A long header of the reserved version; `own` is where answers go (8 bytes)."""
+    """Return a long header of the reserved version; `own` is where answers go (8 bytes)."""
     head = bytes([0xC0]) + RESERVED_VERSION.to_bytes(4, "big")
     head += bytes([8]) + secrets.token_bytes(8) + bytes([len(own)]) + own
     return head.ljust(LEAST, b"\0")
 
 
 def _negotiates(answer: bytes, own: bytes) -> bool:
-    """Version Negotiation: long header, version 0, our own connection id as its destination."""
+    """Return whether this is Version Negotiation: long header, version 0, our own connection id as
+    its destination.
+    """
     return (
         len(answer) > 6 + len(own)
         and answer[0] & 0x80 != 0

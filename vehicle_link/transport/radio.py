@@ -33,7 +33,7 @@ ABANDONED = "abandoned radio"
 
 
 def never() -> float:
-    """s since something that never was."""
+    """Return the seconds since something that never was: inf."""
     return math.inf
 
 
@@ -56,7 +56,9 @@ class Outage:
         self._lasted = 0.0
 
     def ended(self, unheard: float) -> float:
-        """s it lasted, once, when the vehicle is heard again; else 0."""
+        """Return the seconds the outage lasted, once, when the vehicle is received again; else
+        0.
+        """
         if unheard > AWAY:
             self._lasted = unheard
             return 0.0
@@ -117,7 +119,7 @@ class Radio:
 
     @property
     def connected_for(self) -> float:
-        """s for which the link has stood; 0 when it does not."""
+        """Return the seconds for which the link has been connected; 0 when it is not."""
         return time.monotonic() - self._stands_since if self._stands.is_set() else 0.0
 
     def wait(self, timeout: float) -> bool:
@@ -125,7 +127,9 @@ class Radio:
         return self._stands.wait(timeout)
 
     def names(self) -> set[str]:
-        """Namespaces of the nodes at the other end; asks the vehicle, for a second at most."""
+        """Return namespaces of the nodes at the other end; asks the vehicle, for a second at
+        most.
+        """
         session = self._session
         return set() if session is None else namespaces(session)
 

@@ -60,7 +60,7 @@ class NodeIdentity:
     def endpoint_token(
         self, eid: int, kind: EntityKind, topic: str, type_name: str, qos: Qos
     ) -> str:
-        """The liveliness key of a publisher, subscription, server or client."""
+        """Return the liveliness key of a publisher, subscription, server or client."""
         return (
             f"{self._head(eid, kind)}/%/{_part(self.namespace)}/{self.name}/{_part(topic)}"
             f"/{dds_name(type_name)}/{type_hash(type_name)}/{qos.text}"
@@ -71,28 +71,30 @@ class NodeIdentity:
 
 
 def data_key(domain: int, topic: str, type_name: str) -> str:
-    """The Zenoh key of a topic or service of full name `topic` (`/quad1/state`)."""
+    """Return the Zenoh key of a topic or service of full name `topic` (`/quad1/state`)."""
     return f"{domain}/{topic.strip('/')}/{dds_name(type_name)}/{type_hash(type_name)}"
 
 
 def full_name(namespace: str, name: str) -> str:
-    """`state` in `/quad1` → `/quad1/state`; a name with a leading slash stays as it is."""
+    """Return `state` in `/quad1` → `/quad1/state`; a name with a leading slash stays as it is."""
     return name if name.startswith("/") else f"{namespace.rstrip('/')}/{name}"
 
 
 def gid_of(token: str) -> bytes:
-    """16 bytes: XXH3-128 of the liveliness key, low half first, each little endian."""
+    """Return 16 bytes: XXH3-128 of the liveliness key, low half first, each little endian."""
     digest = xxhash.xxh3_128_intdigest(token.encode())
     return digest.to_bytes(GID_SIZE, "little")
 
 
 def attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
-    """33 bytes; rmw_zenoh drops a sample that comes without."""
+    """Return 33 bytes; rmw_zenoh drops a sample that comes without."""
     return _ATTACHMENT.pack(sequence, source_ns, GID_SIZE, gid)
 
 
 def parse_attachment(data: bytes) -> tuple[int, int, bytes]:
-    """(sequence, source time in ns, GID). Raises ValueError when it is no such attachment."""
+    """Return (sequence, source time in ns, GID). Raises ValueError when it is no such
+    attachment.
+    """
     if len(data) != _ATTACHMENT.size:
         raise ValueError(f"an attachment has {_ATTACHMENT.size} bytes, not {len(data)}")
     sequence, source_ns, length, gid = _ATTACHMENT.unpack(data)

@@ -72,7 +72,8 @@ def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Se
 def station_session(
     vehicle_endpoint: str, loopback_port: int, tls: TlsFiles, loopback_host: str = "127.0.0.1"
 ) -> zenoh.Session:
-    """Dials the vehicle for as long as it lives, and routes for clients on the loopback port.
+    """Open a session that dials the vehicle for as long as it lives, and routes for clients on the
+    loopback port.
 
     Returns at once, vehicle or not; `connected_to` says whether the link stands.
 
@@ -109,7 +110,8 @@ def radio_session(
     loopback_port: int | None = None,
     loopback_host: str = "127.0.0.1",
 ) -> zenoh.Session:
-    """Dials a vehicle for as long as it lives, and routes between it and the hub, if one is named.
+    """Open a session that dials a vehicle for as long as it lives, and routes between it and the
+    hub, if one is named.
 
     Returns within a second, vehicle or not; `connected_to` says whether the link stands.
 
@@ -146,7 +148,7 @@ def check_station(vehicle_endpoint: str, tls: TlsFiles) -> None:
 def loopback_session(
     loopback_port: int, timeout: float = 5.0, loopback_host: str = "127.0.0.1"
 ) -> zenoh.Session:
-    """A client of the station's router: web, simulator, tools.
+    """Open a client of the station's router: web, simulator, tools.
 
     Waits for a station to answer; once open, it comes back by itself after the station's restart.
 
@@ -173,7 +175,7 @@ def loopback_session(
 
 
 def connected_to(session: zenoh.Session) -> list[str]:
-    """Addresses at the other end of the session's links (`quic/192.168.4.2:7447`), sorted.
+    """Return addresses at the other end of the session's links (`quic/192.168.4.2:7447`), sorted.
 
     A refused certificate shows only here: the link never stands, and nothing says why.
     """
@@ -197,7 +199,7 @@ def wait_connected(session: zenoh.Session, timeout: float) -> bool:
 
 
 def parse_endpoint(text: str) -> tuple[str, int]:
-    """(host, port) of `host`, `host:port`, `[v6]:port` or `quic/…`. Raises UsageError."""
+    """Return (host, port) of `host`, `host:port`, `[v6]:port` or `quic/…`. Raises UsageError."""
     place = text.removeprefix("quic/").split("?")[0]
     host, colon, port = place.rpartition(":")
     if not colon or place.endswith("]"):

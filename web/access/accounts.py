@@ -65,7 +65,8 @@ class Accounts:
             return session.scalar(select(func.count()).select_from(AccountRow)) or 0
 
     def check_new(self, name: str, role: Role | None = None) -> Role:
-        """The role a new account would get: `role`, by default operator, the first one admin.
+        """Return the role a new account would get: `role`, by default operator, the first one
+        admin.
 
         Raises UsageError for what is no name; RefusedError if the name is taken, or if the first
         account would not be an admin.
@@ -131,7 +132,9 @@ class Accounts:
             _renew(session, _existing(session, name))
 
     def verify(self, name: str, password: str) -> Account | None:
-        """The account if the password is its own. Takes the same time for an unknown name."""
+        """Return the account if the password is its own. Takes the same time for an unknown
+        name.
+        """
         known = NAME.fullmatch(name) is not None
         with self._database.reading() as session:
             row = session.get(AccountRow, name) if known else None

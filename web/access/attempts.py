@@ -35,7 +35,7 @@ class Attempts:
         self._records: OrderedDict[tuple[str, str], _Record] = OrderedDict()
 
     def begin(self, address: str, name: str) -> float:
-        """0 and counted as a failure until it succeeds, or the wait (s) before the next try."""
+        """Return 0 and count a failure until it succeeds, or the wait (s) before the next try."""
         now = self._clock()
         keys = _keys(address, name)
         wait = max(self._wait(key, now) for key in keys)
@@ -59,7 +59,7 @@ class Attempts:
             self._records.pop(key, None)
 
     def wait(self, address: str, name: str) -> int:
-        """Whole seconds before another attempt would be let through."""
+        """Return whole seconds before another attempt would be let through."""
         now = self._clock()
         return math.ceil(max(self._wait(key, now) for key in _keys(address, name)))
 

@@ -99,19 +99,19 @@ class AccessDatabase:
 
     @contextmanager
     def session(self) -> Iterator[Session]:
-        """One transaction, committed at the end; refusals raised inside roll it back."""
+        """Yield one transaction, committed at the end; refusals raised inside roll it back."""
         with self._said(), self._sessions.begin() as session:
             yield session
 
     @contextmanager
     def reading(self) -> Iterator[Session]:
-        """A transaction that only reads, and so never waits for one that writes."""
+        """Yield a transaction that only reads, and so never waits for one that writes."""
         with self._said(), self._sessions() as session:
             session.connection(execution_options={READING: True})
             yield session
 
     def version(self) -> int:
-        """Differs after every commit of any process; costs about 2 µs."""
+        """Return a number that differs after every commit of any process; costs about 2 µs."""
         with self._said(), self._watch_lock:
             row = self._watch.execute("PRAGMA data_version").fetchone()
         return int(row[0])
@@ -141,7 +141,7 @@ def count_accounts(folder: Path) -> int:
 
 
 def next_generation(session: Session) -> int:
-    """A number no account has had."""
+    """Return a generation no account has had."""
     row = session.get(CounterRow, "generation")
     if row is None:
         row = CounterRow(name="generation", value=0)

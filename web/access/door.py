@@ -60,7 +60,7 @@ class Door:
         return self._admin_tokens()[-1]
 
     def mint(self, role: Role) -> str:
-        """A new one-time token, kept until it is used."""
+        """Mint a one-time token, kept until it is used."""
         with self._lock:
             token = secrets.token_urlsafe(24)
             self._state["tokens"][token] = role.value
@@ -68,7 +68,7 @@ class Door:
             return token
 
     def consume(self, token: str) -> Session | None:
-        """The session the token opens, or None when it is wrong or was used before."""
+        """Return the session the token opens, or None when it is wrong or was used before."""
         with self._lock:
             sent = token.encode()
             tokens = self._state["tokens"]
@@ -86,13 +86,15 @@ class Door:
         return _digest(token) in self._state["used"]
 
     def sign(self, session: Session) -> str:
-        """The cookie's value."""
+        """Return the cookie's value."""
         content = [session.id, session.label, session.role.value, session.generation]
         signed = self._serializer.dumps([*content, session.issued])
         return signed if isinstance(signed, str) else signed.decode()
 
     def session(self, cookie: str | None) -> Session | None:
-        """The session of a cookie's value, or None when forged, foreign, too old or ended."""
+        """Return the session of a cookie's value, or None when forged, foreign, too old or
+        ended.
+        """
         if not cookie:
             return None
         try:

@@ -112,7 +112,7 @@ class Gate:
     async def _entrance(
         self, scope: Scope, headers: dict[str, str], receive: Receive, answer: Answer
     ) -> bool:
-        """Answers what serves to sign in; whether it was that."""
+        """Answer what serves to sign in; return whether it was that."""
         if scope["type"] != "http" or scope["path"] not in ("/", "/login"):
             return False
         if scope["path"] == "/login":

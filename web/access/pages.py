@@ -68,7 +68,7 @@ def signed_in_page() -> str:
 
 
 def small_page(title: str, body: str) -> str:
-    """A page of its own, without scripts; `body` is HTML."""
+    """Return a page of its own, without scripts; `body` is HTML."""
     return (
         f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{title}</title>'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'

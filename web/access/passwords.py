@@ -65,7 +65,9 @@ class Passwords:
         return fits and encoded is not None
 
     def is_outdated(self, encoded: str) -> bool:
-        """Made with other costs than ours: to be made anew while the password is at hand."""
+        """Return whether the hash was made with other costs than ours: to be made again while the
+        password is at hand.
+        """
         return self._hasher.check_needs_rehash(encoded)
 
     def _of_nobody(self) -> str:
@@ -75,7 +77,7 @@ class Passwords:
 
 
 def _normal(password: str) -> str:
-    """One form for what keyboards write in several."""
+    """Return one form for what keyboards write in several."""
     return unicodedata.normalize("NFKC", password)
 
 

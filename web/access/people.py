@@ -59,7 +59,7 @@ def open_people(
     attempts: Attempts | None = None,
     passwords: Passwords | None = None,
 ) -> People:
-    """The people of `<data>/web`.
+    """Open the people of `<data>/web`.
 
     Args:
         token: as `given` of `web.access.door.Door`.

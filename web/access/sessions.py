@@ -45,8 +45,9 @@ class Sessions:
         self._seen: dict[str, int] = {}  # since the last `write_seen`
 
     def open(self, label: str, role: Role, generation: int = 0) -> Session:
-        """A new session. `generation` is the account's as its password was verified: should it
-        have changed since, the session is over before it begins."""
+        """Open a session. `generation` is the account's as its password was verified: should it
+        have changed since, the session is over before it begins.
+        """
         now = int(self._clock())
         session = Session(label, role, secrets.token_urlsafe(16), generation, now)
         with self._database.session() as transaction:
@@ -76,7 +77,9 @@ class Sessions:
         return True
 
     def holds(self, session: Session) -> bool:
-        """Neither ended, nor too old, nor of an account that has changed since."""
+        """Return whether the session has neither ended, nor is too old, nor of an account that has
+        changed since.
+        """
         with self._lock:
             version = self._database.version()
             if version != self._version:
@@ -100,7 +103,7 @@ class Sessions:
             transaction.execute(delete(SessionRow).where(*guests))
 
     def people(self) -> list[Seen]:
-        """Everyone with open sessions, by label."""
+        """Return everyone with open sessions, by label."""
         self.write_seen()
         with self._database.reading() as transaction:
             rows = transaction.scalars(self._valid()).all()

@@ -74,7 +74,9 @@ class SignIn:
         return Refusal(401, "This sign-in link is not valid (any more).")
 
     async def by_password(self, name: str, password: str, address: str) -> Session | Refusal:
-        """The name is taken as it was meant: small letters, no blanks around it."""
+        """Sign in by password. The name is taken as it was meant: small letters, no blanks around
+        it.
+        """
         account = await self.verify(name.strip().lower(), password, address)
         if isinstance(account, Refusal):
             return account
@@ -83,7 +85,9 @@ class SignIn:
         return session
 
     async def verify(self, name: str, password: str, address: str) -> Account | Refusal:
-        """The account of a name and its password, within the limits of `web.access.attempts`."""
+        """Return the account of a name and its password, within the limits of
+        `web.access.attempts`.
+        """
         if self._attempts.begin(address, name) > 0.0:
             wait = self._attempts.wait(address, name)
             line = f"Too many wrong sign-ins; wait {wait} s, then try again."
@@ -121,7 +125,7 @@ def address_of(scope: Mapping[str, Any]) -> str:
 
 
 async def read_form(receive: Receive) -> dict[str, str]:
-    """The fields of a form's body. Raises ValueError with the reason."""
+    """Read the fields of a form's body. Raises ValueError with the reason."""
     body = bytearray()
     try:
         async with asyncio.timeout(FORM_TIME):

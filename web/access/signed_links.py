@@ -50,7 +50,9 @@ class SignedLinks:
         self._key = _key(folder / KEY)
 
     def make(self, run_id: str) -> str:
-        """Path and query of a link to the run's file. Raises StorageError for an odd name."""
+        """Return path and query of a link to the run's file. Raises StorageError for an odd
+        name.
+        """
         if not _RUN.fullmatch(run_id):
             raise StorageError(f"run {run_id!r:.80}: a file of this name has no link")
         expires = int(self._clock()) + AGE

@@ -29,7 +29,7 @@ class Tls:
 
 
 def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
-    """A certificate of the data folder's authority for these names; made when missing.
+    """Return a certificate of the data folder's authority for these names; made when missing.
 
     Raises StorageError or LinkError.
     """
@@ -42,7 +42,7 @@ def private_tls(data: Path, names: tuple[str, ...]) -> Tls:
 
 
 def given_tls(certificate: Path, key: Path) -> Tls:
-    """A certificate (with its chain) and key in PEM.
+    """Return a certificate (with its chain) and key in PEM.
 
     Raises UsageError: unreadable, no PEM, locked by a password, not fitting, not valid today.
     """
@@ -140,7 +140,7 @@ def _addresses() -> list[str]:
 
 
 def _interface_addresses() -> list[str]:
-    """IPv4 of every network interface (Linux)."""
+    """Return IPv4 of every network interface (Linux)."""
     import fcntl
     import struct
 

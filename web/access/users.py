@@ -65,7 +65,7 @@ def _add_session(app: FastAPI, people: People) -> None:
 
     @app.put("/api/session/password")
     async def change_own(body: OwnPasswordBody, session: Asker, request: Request) -> JSONResponse:
-        """A new password for one's own account; other browsers of it are signed out."""
+        """Set a new password for one's own account; other browsers of it are signed out."""
         if not session.has_account:
             raise RefusedError(f"{session.label} came by a link and has no password")
         account = await people.sign_in.verify(
@@ -92,7 +92,9 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.get("/api/users")
     async def users(_: Admin) -> list[dict[str, Any]]:
-        """Accounts, and whoever is signed in by a link; `last_seen` in s, epoch, 0 = never."""
+        """Return the accounts, and who is signed in by a link; `last_seen` in s, epoch, 0 =
+        never.
+        """
         return await asyncio.to_thread(_everyone, people)
 
     @app.post("/api/users", status_code=201)
@@ -110,7 +112,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.put("/api/users/{name}/role")
     async def set_role(name: str, body: RoleBody, session: Admin) -> dict[str, str]:
-        """Signs the user out everywhere."""
+        """Set a role, and sign the user out everywhere."""
         await asyncio.to_thread(accounts.set_role, name, body.role)
         people.sockets.check()
         tell("info", f"{session.label} made {name} {body.role}")
@@ -118,7 +120,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.put("/api/users/{name}/password")
     async def set_password(name: str, body: PasswordBody, session: Admin) -> dict[str, str]:
-        """Signs the user out everywhere."""
+        """Set a password, and sign the user out everywhere."""
         await people.hashing.run(accounts.set_password, name, body.password)
         people.sockets.check()
         tell("info", f"{session.label} gave {name} a new password")
@@ -126,7 +128,7 @@ def _add_management(app: FastAPI, people: People) -> None:
 
     @app.post("/api/users/{name}/end_sessions")
     async def end_sessions(name: str, session: Admin) -> dict[str, str]:
-        """Signs an account out everywhere, or out who came by a link as `operator 1`."""
+        """Sign an account out everywhere, or out who came by a link as `operator 1`."""
         if " " in name:
             await asyncio.to_thread(people.sessions.end_guests, name)
         else:

@@ -29,7 +29,7 @@ class Scale:
 
     @classmethod
     def of(cls, bound: npt.NDArray[np.float64]) -> Scale | None:
-        """Round ends around most of a map; None when nothing is determined."""
+        """Return round ends around most of a map; None when nothing is determined."""
         known = bound[np.isfinite(bound)]
         if not len(known):
             return None
@@ -38,13 +38,13 @@ class Scale:
         return cls(low, high if high > low else 2.0 * low)
 
     def share(self, bound: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """0 at the low end, 1 at the high one, on a logarithmic scale, not limited."""
+        """Return 0 at the low end, 1 at the high one, on a logarithmic scale, not limited."""
         shares: npt.NDArray[np.float64] = np.log(bound / self.low) / math.log(self.high / self.low)
         return shares
 
 
 def picture(bound: npt.NDArray[np.float64], scale: Scale) -> npt.NDArray[np.uint8]:
-    """(ny, nx, 4) RGBA of bounds in m, (ny, nx); NaN is transparent."""
+    """Return (ny, nx, 4) RGBA of bounds in m, (ny, nx); NaN is transparent."""
     share = scale.share(np.where(np.isfinite(bound), bound, scale.low))
     shade = np.clip((share * STEPS).astype(int), 0, STEPS - 1)
     colors = np.array([shade_of((k + 0.5) / STEPS) for k in range(STEPS)], np.uint8)
@@ -55,7 +55,7 @@ def picture(bound: npt.NDArray[np.float64], scale: Scale) -> npt.NDArray[np.uint
 
 
 def shade_of(share: float) -> tuple[int, int, int]:
-    """The colour at a share of the scale."""
+    """Return the colour at a share of the scale."""
     place = min(max(share, 0.0), 1.0) * (len(COLORS) - 1)
     k = min(int(place), len(COLORS) - 2)
     part = place - k
@@ -82,12 +82,12 @@ def hex_of(color: tuple[int, int, int]) -> str:
 
 
 def round_down(value: float) -> float:
-    """The largest round number not above."""
+    """Return the largest round number not above."""
     decade = 10.0 ** math.floor(math.log10(value))
     return max((n * decade for n in NICE if n * decade <= value * (1 + 1e-9)), default=decade)
 
 
 def round_up(value: float) -> float:
-    """The smallest round number not below."""
+    """Return the smallest round number not below."""
     decade = 10.0 ** math.floor(math.log10(value))
     return min(n * decade for n in NICE if n * decade >= value * (1 - 1e-9))

@@ -45,7 +45,7 @@ async def serve(socket: WebSocket, live: Live) -> None:
 
 
 def as_json(message: Any) -> dict[str, Any]:
-    """Lengths in mm, angles in degrees; null is not known."""
+    """Return the message for the page: lengths in mm, angles in degrees; null is not known."""
     return {
         "truth": message.truth,
         "duration": _short(message.duration, 6),
@@ -55,9 +55,10 @@ def as_json(message: Any) -> dict[str, Any]:
 
 
 def _estimator(one: Any) -> dict[str, Any]:
-    """`figures` by place, for names would be most of the bytes: position error now, rms and
-    maximum of the last 10 s, rms of the attitude's error, the same two of the session, share of a
-    core in percent."""
+    """Return an estimator's figures by place, for names would be most of the bytes: position error
+    now, rms and maximum of the last 10 s, rms of the attitude's error, the same two of the session,
+    share of a core in percent.
+    """
     lengths = (one.position_error, one.position_rms_recent, one.position_max_recent)
     return {
         "name": one.name,
@@ -81,7 +82,7 @@ def _degrees(radians: float) -> float | None:
 
 
 def _short(value: float, digits: int = 4) -> float | None:
-    """JSON has no NaN, and the page shows no more digits."""
+    """Return a number in few digits: JSON has no NaN, and the page shows no more."""
     return float(f"{value:.{digits}g}") if math.isfinite(value) else None
 
 

@@ -50,7 +50,7 @@ _decode = msgspec.msgpack.Decoder(_DragMessage).decode
 
 
 def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) -> Drag | None:
-    """The drag of one of these nodes that a browser's message is; None for anything else."""
+    """Return the drag of one of these nodes that a browser's message is; None for anything else."""
     try:
         message = _decode(frame)
     except msgspec.DecodeError:
@@ -116,7 +116,7 @@ class BeaconDrags:
                 self.on_moved(id, wish.position, wish.who)
 
     def wanted(self, places: dict[int, Point], now: float) -> dict[int, Point]:
-        """Places asked for and not yet confirmed; `places` are the confirmed ones."""
+        """Return places asked for and not yet confirmed; `places` are the confirmed ones."""
         for id, wish in list(self._wishes.items()):
             place = places.get(id)
             has_come = wish.is_over and place is not None and _near(place, wish.position)

@@ -107,8 +107,9 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/beacons")
     async def beacons() -> dict[str, Any]:
-        """The confirmed layout (null until it has been read), all presets, the shared view with its
-        legend, and the gains presets of the complementary filter."""
+        """Return the confirmed layout (null until it has been read), all presets, the shared view
+        with its legend, and the gains presets of the complementary filter.
+        """
         text = parts.mirror.value(LAYOUT)
         return {
             "layout": text,
@@ -123,7 +124,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/beacons/file", response_class=Response)
     async def file() -> Response:
-        """The confirmed layout as a CSV file, as PUT takes it."""
+        """Return the confirmed layout as a CSV file, as PUT takes it."""
         text = parts.mirror.value(LAYOUT)
         if not isinstance(text, str):
             raise LinkError("the layout of the beacons has not been read yet; is the station up?")
@@ -138,8 +139,9 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
             str, Query(max_length=100, description="what a refusal calls the CSV file")
         ] = "file",
     ) -> dict[str, Any]:
-        """A new layout, all or nothing: 422 when it is none (of a CSV file with line and column),
-        409 with the reason when station or vehicle refuse it."""
+        """Set a new layout, all or nothing: 422 when it is none (of a CSV file with line and
+        column), 409 with the reason when station or vehicle refuse it.
+        """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
         text = layout_of(await _body(request), kind, name)
         applied, _ = await parts.gains.change({LAYOUT: text}, session.label)
@@ -164,7 +166,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
 
 
 def layout_of(body: bytes, kind: str, name: str) -> str:
-    """The one line of text for a request's body; `kind` is its content type.
+    """Return the one line of text for a request's body; `kind` is its content type.
 
     Raises MeasurementError, DegenerateGeometryError or OutOfBoundsError.
     """
@@ -184,7 +186,7 @@ def layout_of(body: bytes, kind: str, name: str) -> str:
 
 
 def rows_of(beacons: Beacons) -> list[list[float]]:
-    """[[id, x, y, z], …], m."""
+    """Return [[id, x, y, z], …], m."""
     places = beacons.positions_w.tolist()
     return [[id, *place] for id, place in zip(beacons.ids.tolist(), places, strict=True)]
 

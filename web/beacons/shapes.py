@@ -34,7 +34,7 @@ def wxyz_of(q: Any) -> Quaternion:
 
 
 def matrix_of(q: Sequence[float]) -> Array:
-    """The rotation matrix of a quaternion of any length but zero."""
+    """Return the rotation matrix of a quaternion of any length but zero."""
     w, x, y, z = np.asarray(q, float) / math.sqrt(math.fsum(c * c for c in q))
     return np.array(
         [
@@ -46,7 +46,7 @@ def matrix_of(q: Sequence[float]) -> Array:
 
 
 def wxyz_of_matrix(R: Array) -> Quaternion:
-    """The quaternion of a rotation matrix, w not negative."""
+    """Return the quaternion of a rotation matrix, w not negative."""
     w, x, y, z = (
         math.sqrt(max(0.0, 1.0 + a * R[0, 0] + b * R[1, 1] + c * R[2, 2]))
         for a, b, c in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
@@ -65,7 +65,7 @@ def wxyz_of_matrix(R: Array) -> Quaternion:
 
 
 def turns_from_z(directions: Array) -> Array:
-    """Quaternions (N, 4) of the shortest turns of +z to unit vectors (N, 3)."""
+    """Return quaternions (N, 4) of the shortest turns of +z to unit vectors (N, 3)."""
     x, y, z = directions.T
     w = 1.0 + z
     q = np.stack([w, -y, x, np.zeros_like(w)], axis=1)
@@ -75,7 +75,7 @@ def turns_from_z(directions: Array) -> Array:
 
 
 def cone(segments: int = 28) -> Mesh:
-    """The side of a cone: apex at the origin, base of radius 1 at z = 1, without a lid."""
+    """Return the side of a cone: apex at the origin, base of radius 1 at z = 1, without a lid."""
     angle = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
     rim = np.stack([np.cos(angle), np.sin(angle), np.ones(segments)], axis=1)
     k = np.arange(segments)
@@ -84,7 +84,8 @@ def cone(segments: int = 28) -> Mesh:
 
 
 def cone_scales(distances: Array, sigma: float) -> Array:
-    """(N, 3): what makes `cone()` reach beacons at these distances (m), `DEVIATIONS` sigma wide.
+    """Return the scales (N, 3) that make `cone()` reach beacons at these distances (m),
+    `DEVIATIONS` sigma wide.
 
     sigma: rad on each of two tangent axes.
     """
@@ -94,7 +95,8 @@ def cone_scales(distances: Array, sigma: float) -> Array:
 
 
 def ellipsoid(covariance: npt.ArrayLike) -> tuple[Point, Quaternion] | None:
-    """Half axes (m) and rotation of the surface at `DEVIATIONS` of a (3, 3) covariance (m^2).
+    """Return half axes (m) and rotation of the surface at `DEVIATIONS` of a (3, 3) covariance
+    (m^2).
 
     None when it is none: not finite, or not positive.
     """

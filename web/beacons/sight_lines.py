@@ -38,7 +38,7 @@ STAMP_NS = 1_000_000_000
 
 
 def stamp_of(message: Any) -> int:
-    """ns of a message's header."""
+    """Return the ns of a message's header."""
     stamp = message.header.stamp
     return int(stamp.sec) * STAMP_NS + int(stamp.nanosec)
 
@@ -67,7 +67,9 @@ class PoseHistory:
         self._poses.clear()
 
     def at(self, stamp_ns: int) -> tuple[Array, Array] | None:
-        """Position (3,) m and R_wb (3, 3), interpolated; the nearest end beyond the history."""
+        """Return position (3,) m and R_wb (3, 3), interpolated; the nearest end beyond the
+        history.
+        """
         if not self._poses:
             return None
         later = self._poses[-1]

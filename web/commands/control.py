@@ -38,7 +38,7 @@ class Control:
 
     @property
     def holder(self) -> str:
-        """Label of who has control; "" = nobody, or not known."""
+        """Return the label of who has control; "" = no one, or not known."""
         status = self._live.current("control")
         return str(status.holder) if status is not None else ""
 

@@ -93,7 +93,7 @@ class EmergencyDesk:
 
     @property
     def state(self) -> Message | None:
-        """The newest press as pages are told it; None before the first."""
+        """Return the newest press as sent to pages; None before the first."""
         return None if self._newest is None else self._as_message(self._newest)
 
     async def press(self, action: str, requester: str, request_id: str | None = None) -> str:
@@ -222,7 +222,9 @@ class EmergencyDesk:
             self._publish({"type": "emergency", "press": self._as_message(press)})
 
     def _as_message(self, press: Press) -> Message:
-        """`age`: s since the press, for a page has a clock of its own."""
+        """Return a press as a message; `age` is in s since the press, for a page has a clock of its
+        own.
+        """
         return {
             "id": press.id,
             "action": press.action,

@@ -80,7 +80,7 @@ def _buttons(session: Session) -> str:
 
 
 def _told(vehicle: str, press: Message | None) -> tuple[str, str]:
-    """One line of the newest press, and what makes the page ask again."""
+    """Return one line of the newest press, and what makes the page ask again."""
     if press is None:
         return f"{vehicle}: no emergency was pressed.", ""
     name, phase = f"{NAMES[press['action']]} by {press['by']}", press["phase"]

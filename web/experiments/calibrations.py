@@ -25,7 +25,7 @@ def add_calibration(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/calibrations")
     async def calibrations() -> dict[str, Any]:
-        """All that the vehicle keeps, newest first; the first of each name is in force.
+        """Return all that the vehicle keeps, newest first; the first of each name is in force.
 
         `history` is null, with the `problem`, while the vehicle does not tell it.
         """

@@ -78,23 +78,23 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/experiments/stop")
     async def stop(body: ExperimentBody, session: Operator) -> dict[str, bool]:
-        """Commands no more: the vehicle brakes and hovers."""
+        """Stop the experiment's commands: the vehicle brakes and hovers."""
         return await ask(body, session.label, "stop")
 
     @app.post("/api/experiments/confirm")
     async def confirm(body: ConfirmBody, session: Operator) -> dict[str, bool]:
-        """Yes to the question it waits with."""
+        """Answer yes to the question it waits with."""
         options = to_parameters({"question": body.question})
         return await ask(body, session.label, "confirm", options=options)
 
     @app.post("/api/experiments/accept")
     async def accept(body: ExperimentBody, session: Operator) -> dict[str, bool]:
-        """The vehicle takes the proposed calibration over, all of it or nothing."""
+        """Accept the proposed calibration: the vehicle takes it over, all of it or nothing."""
         return await ask(body, session.label, "accept")
 
     @app.post("/api/experiments/reject")
     async def reject(body: ExperimentBody, session: Operator) -> dict[str, bool]:
-        """The proposal is put away; nothing changes."""
+        """Reject the proposal; nothing changes."""
         return await ask(body, session.label, "reject")
 
 
@@ -167,5 +167,5 @@ def experiment_summary(live: Live) -> dict[str, Any] | None:
 
 
 def _number(value: float) -> float | None:
-    """JSON has no NaN."""
+    """Return a number, None for NaN, which JSON does not have."""
     return float(f"{value:.6g}") if math.isfinite(value) else None

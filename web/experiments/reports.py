@@ -37,7 +37,7 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/report")
     def report(run_id: str) -> dict[str, Any]:
-        """Verdict, figures, options and files of the experiment judged on this run."""
+        """Return verdict, figures, options and files of the experiment judged on this run."""
         return read_result(catalogue.resolve(run_id))
 
     @app.post("/api/runs/{run_id}/report")
@@ -55,7 +55,7 @@ def add_reports(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/report/{name}")
     def file(run_id: str, name: str) -> FileResponse:
-        """A document, plot or text of the report."""
+        """Return a document, plot or text of the report."""
         path = report_file(catalogue.resolve(run_id), name)
         kind = SHOWN.get(path.suffix)
         return FileResponse(

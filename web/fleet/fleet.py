@@ -59,11 +59,11 @@ class Fleet:
         return [_summary(side) for side in self._sides]
 
     def positions(self) -> list[list[float] | None]:
-        """x, y, z (m, W) and yaw (rad) of each, None where it is not known now."""
+        """Return x, y, z (m, W) and yaw (rad) of each, None where it is not known now."""
         return [_position(side.parts.live) for side in self._sides]
 
     async def land_all(self, requester: str, request_id: str | None = None) -> list[Message]:
-        """Emergency land of all that are not known to stand with their motors off.
+        """Land all in an emergency that are not known to be on the ground with their motors off.
 
         Answers once each has accepted or refused it; what they show then is in `summary`.
         """
@@ -139,10 +139,10 @@ def _position(live: Live) -> list[float] | None:
 
 
 def _age(live: Live, topic: str) -> float | None:
-    """s; None: never."""
+    """Return the age in s; None: never."""
     return _rounded(live.age(topic), 2)
 
 
 def _rounded(value: float, digits: int) -> float | None:
-    """JSON has no infinity."""
+    """Return a number, None for infinity, which JSON does not have."""
     return round(float(value), digits) if math.isfinite(value) else None

@@ -37,8 +37,9 @@ def add_fleet(app: FastAPI, fleet: Fleet) -> None:
 
     @app.post("/api/fleet/land")
     async def land(body: CommandBody, session: Asker) -> dict[str, Any]:
-        """Emergency land of all whose motors are not known to be off, by everybody; answers once
-        each vehicle has accepted or refused it."""
+        """Land all in an emergency whose motors are not known to be off; any role may. Answers once
+        each vehicle has accepted or refused it.
+        """
         return {"vehicles": await fleet.land_all(session.label, body.request_id)}
 
     @app.websocket("/ws/fleet")

@@ -93,7 +93,7 @@ class EventHub:
 
 
 def event(level: str, text: str, source: str, stamp: float) -> Message:
-    """`stamp`: s, epoch; `level`: info, warn or error."""
+    """Return an event; `stamp`: s, epoch; `level`: info, warn or error."""
     return {"type": "event", "level": level, "text": text, "source": source, "stamp": stamp}
 
 
@@ -137,7 +137,7 @@ async def serve(
 
 
 def summarize(live: Live) -> Message:
-    """The bar's content: newest status messages and the age (s) of every topic."""
+    """Return the bar's content: newest status messages and the age (s) of every topic."""
     ages = {topic: live.age(topic) for topic in STALE if topic not in CHARTED}
     return {
         "age": {t: round(a, 2) if math.isfinite(a) else None for t, a in ages.items()},
@@ -159,7 +159,7 @@ def _battery(message: Any) -> Message | None:
 
 
 def _fields(message: Any) -> Message | None:
-    """The flat fields of a message, without its header."""
+    """Return the flat fields of a message, without its header."""
     if message is None:
         return None
     names = [name for name in message.__dataclass_fields__ if name not in ("header", "__msgtype__")]
@@ -167,7 +167,7 @@ def _fields(message: Any) -> Message | None:
 
 
 def _number(value: Any) -> Any:
-    """JSON has no NaN, no arrays of numpy, and needs no 17 digits."""
+    """Return a value for JSON, which has no NaN, no arrays of numpy, and needs no 17 digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}") if math.isfinite(value) else None
     return value.tolist() if hasattr(value, "tolist") else value

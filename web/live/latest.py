@@ -85,7 +85,7 @@ class Live:
         self._newest[topic] = _Newest(payload, self._clock())
 
     def age(self, topic: str) -> float:
-        """s since the newest message arrived; inf if none did."""
+        """Return the seconds since the newest message arrived; inf if none did."""
         newest = self._newest.get(topic)
         return self._clock() - newest.received if newest else float("inf")
 
@@ -93,7 +93,7 @@ class Live:
         return self.age(topic) <= STALE[topic]
 
     def newest(self, topic: str) -> Any | None:
-        """The newest message however old, decoded once; None if none came."""
+        """Return the newest message however old, decoded once; None if none came."""
         newest = self._newest.get(topic)
         if newest is None:
             return None
@@ -102,5 +102,5 @@ class Live:
         return newest.message
 
     def current(self, topic: str) -> Any | None:
-        """The newest message, or None when it is stale."""
+        """Return the newest message, or None when it is stale."""
         return self.newest(topic) if self.fresh(topic) else None

@@ -46,12 +46,14 @@ class LiveWebSocket(WebSocketsSansIOProtocol):
 
 
 def plain_transport(transport: Any) -> Any:
-    """The one below TLS, with a buffer of its own that asyncio gives no other way to; or None."""
+    """Return the transport below TLS, with a buffer of its own that asyncio gives no other way to;
+    or None.
+    """
     return getattr(getattr(transport, "_ssl_protocol", None), "_transport", None)
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A listening socket. Raises LinkError or UsageError, one line each."""
+    """Open a listening socket. Raises LinkError or UsageError, one line each."""
     if not 0 <= port <= 65535:
         raise UsageError(f"port {port} is not a port; allowed 0 (any free one) to 65535")
     try:

@@ -134,14 +134,16 @@ class Station:
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
-        """Applied values and the revision. Raises RefusedError or LinkError."""
+        """Change parameters; return applied values and the revision. Raises RefusedError or
+        LinkError.
+        """
         response = await self._call(
             "change_parameters", requester, parameters=to_parameters(values)
         )
         return from_parameters(response.applied), int(response.revision)
 
     async def read_parameters(self, remote: str) -> Described:
-        """All of a node's parameters (`/quad1/vehicle`). Raises LinkError."""
+        """Return all of a node's parameters (`/quad1/vehicle`). Raises LinkError."""
         return await asyncio.get_running_loop().run_in_executor(
             self._callers, self._read_parameters, remote
         )
@@ -172,7 +174,7 @@ class Station:
     def publish_stick(
         self, axes: tuple[float, float, float, float], enabled: bool, requester: str
     ) -> int:
-        """Forward, left, up, yaw in -1..1; the station checks, watches and forwards them.
+        """Publish forward, left, up, yaw in -1..1; the station checks, watches and forwards them.
 
         Returns the stamp (ns) the station's answer will have; 0 when there is no station.
         """

@@ -29,8 +29,9 @@ class Summary:
         self._newest: Message = {}
 
     def __call__(self) -> Message:
-        """Newest status messages, ages, experiment and its proposal, control, pre-flight, what
-        Emergency land does; to be read only."""
+        """Return newest status messages, ages, experiment and its proposal, control, pre-flight,
+        what Emergency land does; to be read only.
+        """
         now = self._clock()
         if now - self._made > SHARED:
             self._newest, self._made = self.fresh(), now

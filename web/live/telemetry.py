@@ -40,7 +40,9 @@ class Ping(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def parse(text: str) -> Subscription | Ping:
-    """Unknown names are refused, so that a page of another version notices. Raises ValueError."""
+    """Parse a request of the page. Unknown names are refused, so that a page of another version
+    notices. Raises ValueError.
+    """
     try:
         if text.startswith('{"ping"'):
             return msgspec.json.decode(text, type=Ping)
@@ -58,13 +60,13 @@ def parse(text: str) -> Subscription | Ping:
 
 
 def topics_of(signals: Sequence[str]) -> list[str]:
-    """The topics whose ages a frame of these signals has, in its order."""
+    """Return the topics whose ages a frame of these signals has, in its order."""
     found = {SIGNALS[INDEX[name]].topic for name in signals}
     return [topic for topic in STALE if topic in found]
 
 
 def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[float]) -> bytes:
-    """One frame; `stamp` and `ages` in s."""
+    """Return one frame; `stamp` and `ages` in s."""
     milliseconds = [min(NEVER, round(1e3 * age)) if math.isfinite(age) else NEVER for age in ages]
     return struct.pack(
         f"<HHd{len(ages)}H{len(values)}f", identity, len(values), stamp, *milliseconds, *values

@@ -15,7 +15,7 @@ MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
 
 
 def built_in(mirror: ParameterMirror) -> dict[str, dict[str, ParameterValue]]:
-    """Values by parameter, by the preset's name; of parameters that the vehicle has."""
+    """Return values by parameter, by the preset's name; of parameters that the vehicle has."""
     sets: dict[str, dict[str, ParameterValue]] = {}
     for name in CONTROL:
         sets[f"control {name}"] = preset_values(name)

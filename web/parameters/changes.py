@@ -33,7 +33,9 @@ class ParameterTarget(Protocol):
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> Applied:
-        """Applied values and revision. Raises RefusedError or LinkError."""
+        """Change parameters; return applied values and revision. Raises RefusedError or
+        LinkError.
+        """
         ...
 
 
@@ -69,7 +71,7 @@ class GainPath:
     async def change(
         self, values: Mapping[str, object], requester: str, *, walks: bool = False
     ) -> Applied:
-        """Applied values and revision.
+        """Change parameters; return applied values and revision.
 
         One parameter alone may be coalesced with newer values of it from the same requester (the
         answer is then the newer one's); several are one call, all or nothing.
@@ -122,7 +124,9 @@ class GainPath:
                 slot.waiting = waiting
 
     async def _call(self, values: Mapping[str, ParameterValue], requester: str) -> Applied:
-        """The simulator's go last and apart: nothing is left to be refused but by its silence."""
+        """Call the authorities. The simulator's change goes last and apart: nothing is left to be
+        refused but by its silence.
+        """
         simulated = {n: v for n, v in values.items() if authority_of(n) == SIMULATOR}
         if not simulated or len(simulated) == len(values):
             return await self._call_one(values, requester)

@@ -15,7 +15,7 @@ MOST_SHOWN = 200  # characters of a value that cannot be taken
 
 
 def compare(mirror: ParameterMirror, values: Mapping[str, Any]) -> dict[str, Any]:
-    """`lines` of what differs, in the order of the tree, `same`: how many do not.
+    """Return `lines` of what differs, in the order of the tree, `same`: how many do not.
 
     Each line has name, unit, now, new, `reason` ("" or why it cannot be taken) and `steps`, how
     many changes it takes in flight. Raises LinkError before anything was read.

@@ -28,7 +28,7 @@ def write_file(
     *,
     modified_only: bool = False,
 ) -> str:
-    """A TOML document; read-only parameters are comments."""
+    """Write a TOML document; read-only parameters are comments."""
     lines, table = [f"# {line}" for line in heading.splitlines()], None
     for d in descriptions:
         if d.name not in values or (modified_only and values[d.name] == d.default):
@@ -43,7 +43,7 @@ def write_file(
 
 
 def read_file(content: bytes) -> dict[str, Any]:
-    """Value by name, unchecked. Raises MeasurementError that says where it is no TOML."""
+    """Read values by name, unchecked. Raises MeasurementError that says where it is no TOML."""
     if len(content) > LARGEST:
         raise MeasurementError(f"the file has {len(content)} bytes; allowed are {LARGEST}")
     try:

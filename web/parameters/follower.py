@@ -97,7 +97,9 @@ class ParameterFollower:
             )
 
     def _is_news(self, revision: int) -> bool:
-        """A lower one twice: the vehicle restarted; once: its status is behind its answers."""
+        """Return whether a revision is news. A lower one twice: the vehicle restarted; once: its
+        status is behind its answers.
+        """
         was_lower, self._is_lower = self._is_lower, revision < self._mirror.revision
         is_lower = was_lower and self._is_lower
         return self._is_first or is_lower or revision > self._mirror.revision
@@ -134,7 +136,7 @@ class ParameterFollower:
 
 
 def flight_volume(value: Any) -> Box | None:
-    """The box of `behavior.volume_…`, once known; `value(name)` looks a parameter up."""
+    """Return the box of `behavior.volume_…`, once known; `value(name)` looks a parameter up."""
     bounds = []
     for axis in "xyz":
         low, high = value(f"behavior.volume_{axis}_min"), value(f"behavior.volume_{axis}_max")

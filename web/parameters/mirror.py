@@ -110,7 +110,8 @@ class ParameterMirror:
         self.apply({name: value}, requester, revision)
 
     def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
-        """All of them as they may be sent: a slider ends at its bounds, a typed value is refused.
+        """Return all of them as they may be sent: a slider ends at its bounds, a typed value is
+        refused.
 
         Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or LinkError.
         """

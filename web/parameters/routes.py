@@ -56,12 +56,14 @@ def add_parameters(app: FastAPI, parts: Parts) -> None:
 def _add_values(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/parameters")
     async def parameters() -> dict[str, Any]:
-        """Descriptions and confirmed values, as the vehicle gave them."""
+        """Return descriptions and confirmed values, as the vehicle gave them."""
         return parts.mirror.as_json()
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
-        """Checked against their bounds, applied all or none; answers what the vehicle applied."""
+        """Change values, checked against their bounds, all or none; answers what the vehicle
+        applied.
+        """
         applied, revision = await parts.gains.change(body.values, session.label, walks=body.walks)
         return {
             "applied": applied,
@@ -79,7 +81,9 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
         limit: Annotated[int, Query(ge=1, le=1000)] = 200,
         before: Annotated[int, Query(ge=0)] = 0,
     ) -> dict[str, Any]:
-        """Newest first; `flight`: a run id or `ground`; `before`: only older ones than this id."""
+        """Return the changes, newest first; `flight`: a run id or `ground`; `before`: only older
+        ones than this id.
+        """
         wanted = "" if flight == ON_THE_GROUND else flight
         found = parts.history.changes(name, wanted, limit, before)
         return {
@@ -119,7 +123,7 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
 def _add_files(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/parameters/file")
     async def save(which: Literal["all", "modified"] = "all") -> PlainTextResponse:
-        """A TOML file with unit, bounds, default and meaning of each as comments."""
+        """Save a TOML file with unit, bounds, default and meaning of each as comments."""
         now = datetime.now(UTC)
         what = "All parameters" if which == "all" else "Parameters that differ from their default"
         heading = f"{what} of {parts.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
@@ -153,7 +157,9 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/parameters/presets")
     async def all_presets() -> dict[str, Any]:
-        """Built-in ones first; `differs`: in how many values from the present ones."""
+        """Return all presets, built-in ones first; `differs`: in how many values from the present
+        ones.
+        """
         mine = await run_in_threadpool(presets.all)
         own = [
             {
@@ -179,7 +185,7 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/parameters/presets")
     async def save(body: PresetBody, session: Operator) -> dict[str, Any]:
-        """The confirmed values of these parameters under a name."""
+        """Save the confirmed values of these parameters under a name."""
         if body.name in built_in(mirror):
             raise HTTPException(409, f"{body.name!r} is a built-in preset; choose another name")
         mirror.check({})

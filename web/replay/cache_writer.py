@@ -102,7 +102,7 @@ class CacheWriter:
         }
 
     def _read_times(self) -> int:
-        """Seconds since the run's first message, in order; ns of that."""
+        """Read the seconds since the run's first message, in order; return the ns of that."""
         stamps = {}
         for topic, spool in self._spools.items():
             spool.close()
@@ -118,7 +118,7 @@ class CacheWriter:
         return start_ns
 
     def _base(self, times: Times) -> int:
-        """Topics of the same ticks share their times."""
+        """Return the base of a topic: topics of the same ticks share their times."""
         digest = hashlib.sha1(np.ascontiguousarray(times), usedforsecurity=False).hexdigest()
         if digest not in self._bases:
             self._bases[digest] = len(self._base_rows)
@@ -213,7 +213,7 @@ class CacheWriter:
         return rate
 
     def _tracked(self, name: str) -> Floats:
-        """A log without estimates shows what the tracker saw."""
+        """Return the track; a log without estimates shows what the tracker saw."""
         return self._read("tracker_pose", name.removeprefix("pose."))
 
     def _timeline(self, reader: ColumnReader, duration: float) -> dict[str, Any]:

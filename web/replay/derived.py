@@ -22,7 +22,9 @@ REFERENCE = tuple(f"position.{axis}" for axis in "xyz")
 
 
 def of_odometry(column: Column) -> Columns:
-    """Roll, pitch, yaw and the velocity in world axes of a pose with a twist in body axes."""
+    """Return roll, pitch, yaw and the velocity in world axes of a pose with a twist in body
+    axes.
+    """
     w, x, y, z = (column(name).astype(float) for name in ROTATION)
     velocity = [column(name).astype(float) for name in VELOCITY]
     rows = (
@@ -41,7 +43,7 @@ def of_odometry(column: Column) -> Columns:
 
 
 def tracking(times: Array, state: Column, reference_times: Array, reference: Column) -> Columns:
-    """State less reference at the state's times; NaN where there is no reference."""
+    """Return state less reference at the state's times; NaN where there is no reference."""
     error = [
         state(one).astype(float) - at(times, reference_times, reference(other))
         for one, other in zip(POSITION, REFERENCE, strict=True)
@@ -61,7 +63,7 @@ def to_truth(
     state: Column,
     state_velocity: Columns,
 ) -> Columns:
-    """Lengths of the state's errors of position and velocity at the truth's times."""
+    """Return lengths of the state's errors of position and velocity at the truth's times."""
     position = [
         at(times, state_times, state(name)) - truth(name).astype(float) for name in POSITION
     ]

@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float32]
 
 
 def level_sizes(count: int) -> list[int]:
-    """Bins of the levels 1, 2, … of `count` samples."""
+    """Return bins of the levels 1, 2, … of `count` samples."""
     sizes = []
     while count > TOP:
         count = -(-count // FACTOR)
@@ -25,7 +25,7 @@ def level_sizes(count: int) -> list[int]:
 
 
 def coarser(low: Array, high: Array, factor: int) -> tuple[Array, Array]:
-    """Bins of `factor` values, the last one of what is left; NaN only where all are."""
+    """Return bins of `factor` values, the last one of what is left; NaN only where all are."""
     if factor <= 1 or len(low) == 0:
         return low, high
     begins = np.arange(0, len(low), factor)
@@ -33,7 +33,7 @@ def coarser(low: Array, high: Array, factor: int) -> tuple[Array, Array]:
 
 
 def pyramid(values: Array) -> list[tuple[Array, Array]]:
-    """Least and greatest of the levels 1, 2, …"""
+    """Return least and greatest of the levels 1, 2, …"""
     levels = []
     low = high = values
     for _ in level_sizes(len(values)):
@@ -43,7 +43,9 @@ def pyramid(values: Array) -> list[tuple[Array, Array]]:
 
 
 def edges(times: npt.NDArray[np.float64], size: int) -> npt.NDArray[np.float64]:
-    """Times of the first and the last sample of each bin of `size` samples, shape (2, bins)."""
+    """Return times of the first and the last sample of each bin of `size` samples, shape (2,
+    bins).
+    """
     first = np.arange(0, len(times), size)
     last = np.minimum(first + size, len(times)) - 1
     return np.stack([times[first], times[last]])

@@ -96,7 +96,7 @@ class Replay:
         }
 
     def window(self, names: Sequence[str], start: float, end: float, points: int) -> bytes:
-        """Signals from start to end (s), each drawn by about `points` places at most.
+        """Return signals from start to end (s), each drawn by about `points` places at most.
 
         A JSON head and arrays, every part padded to a multiple of 8 bytes; little endian:
         uint32 length of the head, the head, and for each of its groups `count` float64 times and
@@ -120,7 +120,9 @@ class Replay:
         )
 
     def at(self, names: Sequence[str], t: float) -> dict[str, list[float | None]]:
-        """Newest value at t (s) and its age (s) of each signal; None before the first one."""
+        """Return newest value at t (s) and its age (s) of each signal; None before the first
+        one.
+        """
         places: dict[int, tuple[int, float | None]] = {}
         found: dict[str, list[float | None]] = {}
         for name in names:
@@ -140,7 +142,7 @@ class Replay:
         return found
 
     def read(self, place: int, count: int, dtype: Any) -> npt.NDArray[Any]:
-        """`count` numbers of `columns.bin`. Raises StorageError when it is cut off."""
+        """Return `count` numbers of `columns.bin`. Raises StorageError when it is cut off."""
         kind = np.dtype(dtype)
         data = os.pread(self._file, count * kind.itemsize, place)
         if len(data) != count * kind.itemsize:
@@ -199,7 +201,7 @@ class Replay:
     def _level(
         self, row: dict[str, Any], base: _Base, level: int, first: int, last: int
     ) -> tuple[Floats, Floats]:
-        """Least and greatest of the bins; with a negative factor they change places."""
+        """Return least and greatest of the bins; with a negative factor they change places."""
         if level == 0 or "constant" in self._column(row):
             values = self._values(row, first, last)
             return values, values
@@ -225,7 +227,7 @@ class Replay:
 def _parted(
     times: Times, columns: list[Floats], keys: npt.NDArray[np.int64], gaps: npt.NDArray[np.int64]
 ) -> tuple[Times, list[Floats]]:
-    """A NaN between the points that stand on both sides of a gap; `keys`: samples' indices."""
+    """Insert a NaN between the points on both sides of a gap; `keys`: samples' indices."""
     inside = gaps[(gaps >= keys[0]) & (gaps < keys[-1])] if len(keys) else gaps[:0]
     places = np.unique(np.searchsorted(keys, inside, side="right"))
     places = places[(places > 0) & (places < len(keys))]

@@ -61,7 +61,9 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay")
     def logs() -> list[dict[str, Any]]:
-        """The vehicle's own logs that lie on this computer, newest first; runs: /api/runs."""
+        """Return the vehicle's own logs that lie on this computer, newest first; runs:
+        /api/runs.
+        """
         found = [(path.stat().st_mtime, name, path) for name, path in onboard_logs().items()]
         return [
             {"id": name, "bytes": path.stat().st_size}
@@ -70,7 +72,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay/{run_id}")
     def describe(run_id: str, newer: bool = False) -> dict[str, Any]:
-        """Signals, events, spans, parameters of a run; or how far they are: ask again."""
+        """Return signals, events, spans, parameters of a run; or how far they are: ask again."""
         log = find(run_id)
         found = store.get(log, newer=newer)
         if isinstance(found, Building):
@@ -85,7 +87,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     @app.get("/api/replay/{run_id}/track")
     def track(run_id: str) -> FileResponse:
-        """Rows of float32 for the 3D view, see web/replay/track.py."""
+        """Return rows of float32 for the 3D view, see web/replay/track.py."""
         return FileResponse(store.opened(find(run_id)).track, media_type=BINARY)
 
     @app.get("/api/replay/{run_id}/window")
@@ -96,11 +98,11 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
         signal: Names,
         points: Annotated[int, Query(ge=2, le=MOST_POINTS)] = 1000,
     ) -> Response:
-        """Signals between two instants (s) for a chart, see web/replay/reader.py."""
+        """Return signals between two instants (s) for a chart, see web/replay/reader.py."""
         found = store.opened(find(run_id)).window(signal, start, end, points)
         return Response(found, media_type=BINARY)
 
     @app.get("/api/replay/{run_id}/at")
     def at(run_id: str, t: Seconds, signal: Names) -> dict[str, list[float | None]]:
-        """Newest value and its age (s) of each signal at t (s)."""
+        """Return newest value and its age (s) of each signal at t (s)."""
         return store.opened(find(run_id)).at(signal, t)

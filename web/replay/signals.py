@@ -85,7 +85,7 @@ class Recorded:
 def signals_of(
     columns: Mapping[str, Collection[str]], names: Mapping[str, str]
 ) -> Iterator[Recorded]:
-    """The signals of a log.
+    """Yield the signals of a log.
 
     Args:
         columns: topic without the vehicle's namespace → its columns.
@@ -104,7 +104,7 @@ def signals_of(
 
 
 def _compared(names: Mapping[str, str]) -> dict[str, Source]:
-    """`comparison.vehicle.position_error` is `estimators[0].position_error`, and so on."""
+    """Return `comparison.vehicle.position_error` is `estimators[0].position_error`, and so on."""
     return {
         f"comparison.{estimator}.{figure}": (
             "comparison",

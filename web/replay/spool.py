@@ -26,7 +26,7 @@ class ColumnSpool:
 
     @property
     def constant(self) -> float | None:
-        """The one value it has, NaN for none at all; None if it has several."""
+        """Return the one value it has, NaN for none at all; None if it has several."""
         return None if self._is_spooled else float(self._first)
 
     def extend(self, values: Floats) -> None:
@@ -51,7 +51,7 @@ class ColumnSpool:
             self.extend(np.full(count - self.count, np.nan, np.float32))
 
     def read(self) -> Floats:
-        """All of it, shape (count,)."""
+        """Return all of it, shape (count,)."""
         if not self._is_spooled:
             return np.full(self.count, self._first, np.float32)
         return np.fromfile(self._path, np.float32)
@@ -70,7 +70,7 @@ class TopicSpool:
         self._folder = folder
 
     def extend(self, columns: Any, room: int) -> int:
-        """One block's `flight_log.topic_columns.Columns`; at most `room` new columns.
+        """Add one block's `flight_log.topic_columns.Columns`; at most `room` new columns.
 
         Returns how many columns are new.
         """
@@ -99,7 +99,7 @@ class TopicSpool:
             column.fill(self.count)
 
     def stamps(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-        """Reception and source's stamps, ns."""
+        """Return reception and source's stamps, ns."""
         return (
             np.fromfile(self._folder / "log", np.int64),
             np.fromfile(self._folder / "publish", np.int64),

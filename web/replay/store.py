@@ -56,7 +56,7 @@ class ReplayStore:
         self._open: OrderedDict[str, tuple[tuple[int, int], Replay]] = OrderedDict()
 
     def get(self, log: Path, *, newer: bool = False) -> Replay | Building:
-        """The replay of a log, or how far it is.
+        """Return the replay of a log, or how far it is.
 
         A recording that still grows is shown as it was when it was opened; `newer` asks for what
         has come since. Raises StorageError or LogFormatError with the reason a log has none,
@@ -86,7 +86,9 @@ class ReplayStore:
         return building
 
     def opened(self, log: Path) -> Replay:
-        """One that `get` gave before. Raises StorageError when it is not there (any more)."""
+        """Return a replay that `get` gave before. Raises StorageError when it does not exist (any
+        more).
+        """
         with self._lock:
             kept = self._kept(self._name(log))
         if kept is None:
@@ -192,7 +194,9 @@ class ReplayStore:
         self._make_room(name)
 
     def _make_room(self, name: str) -> bool:
-        """The oldest caches above LARGEST go, but not `name`; whether that was enough."""
+        """Remove the oldest caches above LARGEST, but not `name`; return whether that was
+        enough.
+        """
         excess = folder_bytes(self._folder) - LARGEST
         if excess <= 0:
             return True

@@ -64,7 +64,7 @@ def as_events(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One a mark: of the messages of one id the newest text counts, an empty one as well."""
+    """Return one a mark: of the messages of one id the newest text counts, an empty one as well."""
     found: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(lines):
         key = str(line["fields"].get("id") or number)
@@ -74,7 +74,7 @@ def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Values are those of Python's text where it is one, else the text."""
+    """Return the changes; values are those of Python's text where it is one, else the text."""
     return [
         {
             "t": line["t"],
@@ -88,7 +88,7 @@ def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def spans(changes: list[tuple[float, str]], end: float) -> list[dict[str, Any]]:
-    """Stretches of one text each, to `end`."""
+    """Return stretches of one text each, to `end`."""
     ends = [t for t, _ in changes[1:]] + [end]
     return [
         {"from": round(t, 4), "to": round(max(t, stop), 4), "text": text}
@@ -127,7 +127,7 @@ def moments(
 
 
 def parameters_of(attachment: bytes | None) -> dict[str, Any]:
-    """Name → value at the start; those of the station begin with `station.`."""
+    """Return name → value at the start; those of the station begin with `station.`."""
     try:
         read = json_value(attachment or b"{}")
     except ValueError:
@@ -144,7 +144,9 @@ def parameters_of(attachment: bytes | None) -> dict[str, Any]:
 
 
 def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
-    """The flight volume, (low, high) of x, y and z in m; None where the log does not tell."""
+    """Return the flight volume, (low, high) of x, y and z in m; None where the log does not
+    tell.
+    """
     sides = []
     for axis in "xyz":
         side = [parameters.get(f"behavior.volume_{axis}_{end}") for end in ("min", "max")]
@@ -157,7 +159,7 @@ def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
 def beacons_of(
     parameters: Mapping[str, Any], changes: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Layouts with the time each came in force: t, beacons (id, x, y, z)."""
+    """Return layouts with the time each came in force: t, beacons (id, x, y, z)."""
     name = next((one for one in LAYOUTS if one in parameters), None)
     if name is None:
         return []
@@ -176,7 +178,7 @@ def beacons_of(
 
 
 def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Numbers, truths and texts; what JSON has no number for becomes a text."""
+    """Return numbers, truths and texts; what JSON has no number for becomes a text."""
     kept = {k: v for k, v in values.items() if isinstance(v, bool | int | float | str)}
     return {
         k: str(v) if isinstance(v, float) and not math.isfinite(v) else v for k, v in kept.items()

@@ -25,7 +25,7 @@ Source = tuple[npt.NDArray[np.float64], Callable[[str], npt.NDArray[np.float32]]
 
 
 def track(duration: float, sources: dict[str, Source]) -> tuple[float, npt.NDArray[np.float32]]:
-    """Rate in Hz and rows (M, WIDTH): the newest sample of each topic at k / rate.
+    """Return rate in Hz and rows (M, WIDTH): the newest sample of each topic at k / rate.
 
     NaN where a topic is older than STALE, or not in the log.
     """

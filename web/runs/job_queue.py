@@ -60,7 +60,7 @@ class Workshop:
 
     @property
     def process(self) -> subprocess.Popen[str] | None:
-        """The one that is running."""
+        """Return the process that is running."""
         return self._process
 
     def put(

@@ -56,7 +56,9 @@ def _is_recorded(catalogue: Catalogue, entry: RunEntry) -> bool:
 
 
 def _report(log: Path) -> dict[str, Any]:
-    """`report`: whether there is one; `verdict` also says when it cannot be read."""
+    """Return the report's fields: `report`: whether there is one; `verdict` also says when it
+    cannot be read.
+    """
     try:
         stamp = (report_folder(log) / RESULT).stat().st_mtime_ns
     except OSError:
@@ -67,7 +69,7 @@ def _report(log: Path) -> dict[str, Any]:
 
 @lru_cache(maxsize=4096)
 def _verdict(log: Path, stamp: int) -> tuple[str, str]:
-    """`stamp` makes a report judged again another one."""
+    """Return the verdict; another `stamp` makes a report that was judged again a different one."""
     try:
         result = read_result(log)
     except StorageError:

@@ -26,8 +26,9 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/onboard")
     async def logs() -> dict[str, Any]:
-        """The vehicle's logs, newest first; times are s of its clock, null where not known; `here`:
-        the id by which /replay knows the copy on this computer."""
+        """Return the vehicle's logs, newest first; times are s of its clock, null where not known;
+        `here`: the id by which /replay knows the copy on this computer.
+        """
         answer = await parts.station.answer("onboard_files", "")
         return {
             "vehicle": parts.vehicle,
@@ -74,7 +75,9 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
 
 
 def copy_of(folder: Path, vehicle: str, name: str, size: int) -> str | None:
-    """Id of a log here of that name and size: fetched, or of a vehicle simulated here."""
+    """Return the id of a log here of that name and size: fetched, or of a vehicle simulated
+    here.
+    """
     for path, prefix in (
         (folder / vehicle / name, f"{ONBOARD}:{vehicle}:"),
         (folder / name, f"{ONBOARD}:"),

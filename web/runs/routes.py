@@ -53,8 +53,9 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs")
     def runs(search: Text = "", limit: int = 200, offset: int = 0) -> list[dict[str, Any]]:
-        """Newest first; each word of `search` must stand in id, operator, notes, vehicle, a tag or
-        the text of a mark. `report`: whether it has one."""
+        """Return the runs, newest first; each word of `search` must be in id, operator, notes,
+        vehicle, a tag or the text of a mark. `report`: whether it has one.
+        """
         return lines(
             catalogue, catalogue.runs(search, limit=min(max(limit, 1), MOST), offset=max(offset, 0))
         )
@@ -69,7 +70,9 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
         limit: Annotated[int, Query(ge=1, le=MOST)] = 100,
         offset: Annotated[int, Query(ge=0)] = 0,
     ) -> dict[str, Any]:
-        """A page of the list and how many there are; bounds of the start are of the epoch."""
+        """Return a page of the list and how many there are; bounds of the start are of the
+        epoch.
+        """
         wanted = RunSearch(words, tag, vehicle, since_ns, until_ns)
         found = catalogue.runs(wanted, limit=limit, offset=offset)
         return {"total": catalogue.count(wanted), "runs": lines(catalogue, found)}
@@ -77,7 +80,7 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
     @app.head("/api/runs/{run_id}/download", include_in_schema=False)
     @app.get("/api/runs/{run_id}/download")
     def download(run_id: str) -> FileResponse:
-        """The run's MCAP file; ranges work, so a broken download can be resumed."""
+        """Return the run's MCAP file; ranges work, so a broken download can be resumed."""
         path = catalogue.resolve(run_id)
         return FileResponse(path, filename=path.name, media_type="application/octet-stream")
 
@@ -87,8 +90,9 @@ def _add_notes(app: FastAPI, parts: Parts) -> None:
 
     @app.put("/api/runs/{run_id}/notes")
     def set_notes(run_id: str, body: NotesBody, session: Operator) -> dict[str, Any]:
-        """The last one who writes wins; `replaced`: what somebody wrote that `seen` did not know.
-        Earlier texts stay in the history."""
+        """Set the notes. The last one who writes wins; `replaced`: what another wrote that `seen`
+        did not know. Earlier texts stay in the history.
+        """
         written = write_notes(catalogue, run_id, body.notes, session.label, body.seen)
         tell_changed(parts.hub, [run_id])
         replaced = written.replaced
@@ -100,7 +104,7 @@ def _add_notes(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/notes")
     def history(run_id: str) -> list[dict[str, Any]]:
-        """All texts, newest first."""
+        """Return all texts, newest first."""
         return [{"notes": n.text, **about(n)} for n in notes_history(catalogue, run_id)]
 
 
@@ -109,7 +113,7 @@ def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/tags")
     def tags() -> list[dict[str, Any]]:
-        """All there are, the most used first."""
+        """Return all tags, the most used first."""
         return [{"tag": tag, "runs": count} for tag, count in all_tags(catalogue).items()]
 
     @app.post("/api/tags")
@@ -131,8 +135,9 @@ def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/marks")
     async def mark(body: MarkBody, session: Operator) -> dict[str, Any]:
-        """Marks the moment the key was pressed in the run being recorded; needs no lease. With a
-        known id only the text is new."""
+        """Mark the moment the key was pressed in the run being recorded; needs no lease. With a
+        known id only the text is new.
+        """
         pressed_ns = 0 if body.ago is None else time.time_ns() - round(body.ago * 1e9)
         answer = await parts.station.answer(
             "mark", session.label, id=body.id, text=body.text, pressed_ns=pressed_ns

@@ -28,8 +28,9 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/runs/{run_id}/link")
     def link(run_id: str, request: Request, _: Asker) -> dict[str, Any]:
-        """A link to the run's file that works for ten minutes without a session, and the addresses
-        that open it in a viewer."""
+        """Return a link to the run's file that works for ten minutes without a session, and the
+        addresses that open it in a viewer.
+        """
         catalogue.resolve(run_id)
         here = f"{urlsplit(parts.base_url).scheme}://{request.headers['host']}"
         url = f"{here}{parts.links.make(run_id)}"
@@ -43,7 +44,9 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
     @app.head("/signed/runs/{name}", include_in_schema=False)
     @app.get("/signed/runs/{name}", include_in_schema=False)
     def signed(name: str) -> FileResponse:
-        """The gate lets a request come this far with a session or a valid signature."""
+        """Send the file. The gate lets a request come this far with a session or a valid
+        signature.
+        """
         try:
             path = catalogue.resolve(name.removesuffix(SUFFIX))
         except StorageError as error:
@@ -59,7 +62,9 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/runs/{run_id}/viser")
     def recording(run_id: str) -> Response:
-        """The recording, for /viser/?playbackPath=…; 202 and how it stands while it is made."""
+        """Return the recording, for /viser/?playbackPath=…; 202 and its progress while it is
+        made.
+        """
         log = catalogue.resolve(run_id)
         state = exports.ask(run_id, log)
         if state.path is None:

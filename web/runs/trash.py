@@ -32,8 +32,9 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/storage")
     def disk() -> dict[str, Any]:
-        """Sizes in bytes; `lasts`: s of recording until only `keep_free` is left, at the rate of
-        the newest runs or of the one being recorded; null when no rate is known."""
+        """Return sizes in bytes; `lasts`: s of recording until only `keep_free` is left, at the
+        rate of the newest runs or of the one being recorded; null when no rate is known.
+        """
         found, limits = storage(catalogue), recorder_limits(parts)
         station = parts.live.current("station_status")
         rate, is_recording = found.rate, station is not None and bool(station.recording)
@@ -52,7 +53,7 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/trash")
     def deleted() -> list[dict[str, Any]]:
-        """The newest deletion first."""
+        """Return the deleted runs, the newest deletion first."""
         return [asdict(run) for run in deleted_runs(catalogue)]
 
     @app.post("/api/trash")
@@ -88,7 +89,7 @@ def add_trash(app: FastAPI, parts: Parts) -> None:
 
 
 def recorder_limits(parts: Parts) -> dict[str, float]:
-    """`station.recorder.*` as confirmed, else their defaults."""
+    """Return `station.recorder.*` as confirmed, else their defaults."""
     defaults = RecorderParameters()
     return {
         name: float(parts.mirror.value(f"{RECORDER}{name}") or getattr(defaults, name))

@@ -69,7 +69,7 @@ class _Flight:
         self._scene_of_parameters()
 
     def play(self, duration: float, progress: Callable[[float], None]) -> bytes:
-        """Args: `duration` of the log, s."""
+        """Play the flight into a recording; `duration` of the log in s."""
         recording = self._server.viser.get_scene_serializer()
         start = due = told = 0.0
         period, frames = max(1.0 / RATE, duration / MOST_FRAMES), 0
@@ -125,7 +125,7 @@ class _Flight:
 
 
 def _station_values(log: Path) -> dict[str, Any]:
-    """Parameters of vehicle and station by their full names, as they were at the start."""
+    """Return parameters of vehicle and station by their full names, as they were at the start."""
     try:
         content = json_value(read_attachments(log).get("parameters.json", b"{}"))
     except ValueError:

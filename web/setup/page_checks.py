@@ -17,7 +17,7 @@ PACKAGES = ("viser", "fastapi", "uvicorn", "uplot-python")
 
 
 def page_checks(base_url: str, tls: Tls | None, accounts: int) -> list[Check]:
-    """Args: `accounts`: how many there are."""
+    """Return the page's checks; `accounts`: how many there are."""
     place = urlsplit(base_url)
     return [
         _encryption(place.hostname or "", tls),

@@ -9,7 +9,9 @@ from web.live.latest import Live
 
 
 def preflight_summary(live: Live) -> dict[str, Any] | None:
-    """None when the station has not told it for a while: then nothing is known."""
+    """Return the pre-flight list; None when the station has not sent it for a while: then nothing
+    is known.
+    """
     message = live.current("preflight")
     if message is None:
         return None
@@ -22,7 +24,7 @@ def preflight_summary(live: Live) -> dict[str, Any] | None:
 
 
 def _listed(check: Check) -> dict[str, str]:
-    """All are the station's; sent twice a second."""
+    """Return a check in a list that is the station's; sent twice a second."""
     fields = check_fields(check)
     fields.pop("place")
     return fields

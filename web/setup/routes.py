@@ -34,7 +34,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
 
     @app.get("/api/setup/vehicles")
     async def vehicles() -> list[dict[str, Any]]:
-        """Known vehicles; `last_seen` in s, epoch, null = never."""
+        """Return known vehicles; `last_seen` in s, epoch, null = never."""
         return await asyncio.to_thread(known_vehicles, fleet.lives, parts.catalogue, time.time())
 
     @app.get("/api/setup/people")

@@ -27,7 +27,9 @@ class KnownVehicle:
 def known_vehicles(
     dialled: Mapping[str, Live], catalogue: Catalogue, now: float
 ) -> list[dict[str, object]]:
-    """Ours first: what came of each, by name. `now`: s, epoch. Raises StorageError."""
+    """Return the known vehicles, ours first: what came of each, by name. `now`: s, epoch. Raises
+    StorageError.
+    """
     found = {}
     for name, live in dialled.items():
         age, link = live.age("status"), live.current("link_status")

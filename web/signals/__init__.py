@@ -45,7 +45,7 @@ _NAMES = [frozenset(signal.name for signal in source.signals) for source in _SOU
 
 
 def snapshot(live: Live, wanted: Set[str] | None = None) -> list[float]:
-    """The values now, in the order of SIGNALS; NaN where stale.
+    """Return the values now, in the order of SIGNALS; NaN where stale.
 
     Args:
         wanted: names; sources with none of them are not read and give NaN. None: all.
@@ -73,5 +73,5 @@ def describe() -> dict[str, Any]:
 
 @cache
 def described() -> bytes:
-    """The same as JSON."""
+    """Return the same as JSON."""
     return msgspec.json.encode(describe())

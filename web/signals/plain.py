@@ -27,7 +27,7 @@ class Leaf:
 
 
 def leaves(type_name: str, covered: Collection[str] = ()) -> list[Leaf]:
-    """The numbers of a message of this type (`quadlab_msgs/LinkStatus`), in its order.
+    """Return the numbers of a message of this type (`quadlab_msgs/LinkStatus`), in its order.
 
     Args:
         covered: dotted paths left out, with what is below them.
@@ -43,7 +43,9 @@ def leaves(type_name: str, covered: Collection[str] = ()) -> list[Leaf]:
 
 
 def _words(path: Path) -> list[str]:
-    """`pose`, `covariance 7` of `pose.pose.covariance.7`: an index says nothing alone."""
+    """Return the words of a path: `pose`, `covariance 7` of `pose.pose.covariance.7`, as an index
+    says nothing alone.
+    """
     words: list[str] = []
     for step in path:
         if isinstance(step, int):
@@ -59,7 +61,7 @@ def reader(members: Sequence[Leaf]) -> Callable[[Any], Sequence[float]]:
 
 
 def sources_of(topic: str, covered: Collection[str]) -> list[Source]:
-    """One source for each group of numbers, so that only what is wanted is read."""
+    """Return one source for each group of numbers, so that only what is wanted is read."""
     groups: dict[str, list[Leaf]] = {}
     for leaf in leaves(TOPICS[topic].type_name, covered):
         groups.setdefault(leaf.group, []).append(leaf)

@@ -44,6 +44,6 @@ def norm(v: Any) -> float:
 
 
 def rms(*variances: float) -> float:
-    """The length that an error of these variances has in the mean square."""
+    """Return the length that an error of these variances has in the mean square."""
     total = float(sum(variances))
     return math.sqrt(total) if total >= 0.0 else math.nan

@@ -153,7 +153,7 @@ class TuningBench:
             await asyncio.sleep(LOOK)
 
     async def _fetch(self, requester: str, begin_ns: int, end_ns: int) -> Samples:
-        """Every tick between these stamps. Raises StorageError when none can be read."""
+        """Return every tick between these stamps. Raises StorageError when none can be read."""
         collection = Collection(COLUMNS, begin_ns, end_ns)
         while not collection.done:
             self._tell("fetching", f"{100 * collection.share:.0f} %", collection.share)

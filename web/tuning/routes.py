@@ -62,7 +62,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.get("/api/tuning/runs/{run_id}")
     def one(run_id: str) -> dict[str, Any]:
-        """Set-point and actual at every tick, s since the first edge; null within a gap."""
+        """Return set-point and actual at every tick, s since the first edge; null within a gap."""
         found = kept.run(run_id)
         return {**asdict(found), **drawn(evaluate(kept.samples(run_id), found.plan))}
 
@@ -81,7 +81,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
     @app.post("/api/tuning/runs/{run_id}/gains")
     async def put_back(run_id: str, session: Operator) -> dict[str, Any]:
-        """The gains of this test, on the way of every gain, all or none; numbers only.
+        """Put back the gains of this test, on the way of every gain, all or none; numbers only.
 
         Which law or estimator flies is chosen where the vehicle can check it.
         """
@@ -96,7 +96,9 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
 
 
 def _differences(run: KeptRun, bench: TuningBench) -> tuple[dict[str, ParameterValue], list[str]]:
-    """Numbers that are to be changed, and names of other parameters that differ and are left."""
+    """Return numbers that are to be changed, and names of other parameters that differ and are
+    left.
+    """
     now = bench.gains()
     differing = {n: v for n, v in run.gains.items() if n in now and now[n] != v}
     numbers = {n: v for n, v in differing.items() if type(v) in (int, float)}

@@ -129,7 +129,7 @@ def _add_body(
 def _blades(
     radius: float, *, clockwise: bool
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:
-    """Two twisted blades, vertices (8, 3) and faces (4, 3)."""
+    """Return two twisted blades, vertices (8, 3) and faces (4, 3)."""
     pitch = -0.012 if clockwise else 0.012
     vertices: list[tuple[float, float, float]] = []
     faces: list[tuple[int, int, int]] = []

@@ -9,7 +9,7 @@ Vector = tuple[float, float, float]
 
 
 def roll_pitch_yaw(quaternion: Any) -> Vector:
-    """Angles (rad) of R = Rz(yaw) Ry(pitch) Rx(roll) from a geometry_msgs/Quaternion."""
+    """Return angles (rad) of R = Rz(yaw) Ry(pitch) Rx(roll) from a geometry_msgs/Quaternion."""
     w, x, y, z = quaternion.w, quaternion.x, quaternion.y, quaternion.z
     sine = min(1.0, max(-1.0, 2.0 * (w * y - z * x)))
     return (
@@ -20,7 +20,9 @@ def roll_pitch_yaw(quaternion: Any) -> Vector:
 
 
 def rotate(quaternion: Any, vector: Any) -> Vector:
-    """R v, with R the rotation of a unit geometry_msgs/Quaternion (v + 2w q×v + 2 q×(q×v))."""
+    """Return r v, with R the rotation of a unit geometry_msgs/Quaternion (v + 2w q×v + 2
+    q×(q×v)).
+    """
     w, x, y, z = quaternion.w, quaternion.x, quaternion.y, quaternion.z
     tx = 2.0 * (y * vector.z - z * vector.y)
     ty = 2.0 * (z * vector.x - x * vector.z)

@@ -129,7 +129,7 @@ def eye_of(position: object) -> Point | None:
 
 @cache
 def client_html() -> bytes:
-    """viser's single-file client with our injection, about 0.8 MB."""
+    """Return viser's single-file client with our injection, about 0.8 MB."""
     path = distribution("viser").locate_file("viser/client/build/index.html")
     html = Path(str(path)).read_text(encoding="utf-8")
     return html.replace("</head>", _INJECTION + "</head>", 1).encode()

@@ -174,7 +174,7 @@ def _add_room(api: Any) -> None:
 
 
 def _edges(box: Box) -> Any:
-    """The 12 edges of a box, shape (12, 2, 3)."""
+    """Return the 12 edges of a box, shape (12, 2, 3)."""
     corners = np.array(np.meshgrid(*box, indexing="ij"), np.float32).reshape(3, 2, 2, 2)
     edges = [
         corners.swapaxes(1, axis + 1)[:, :, i, j].T

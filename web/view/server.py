@@ -60,7 +60,7 @@ class ViewServer:
         return viser.__version__
 
     def clients_of(self, views: set[str]) -> dict[str, viser.ClientHandle]:
-        """View name → client, of those views that are connected and have sent a camera."""
+        """Return view name → client, of those views that are connected and have sent a camera."""
         connections = self.viser._websock_server._live_connections
         found = {}
         for client_id, client in self.viser.get_clients().items():
@@ -94,7 +94,7 @@ def refuse_sharing(server: viser.ViserServer) -> None:
 
 @contextlib.contextmanager
 def _guarded_listener(secret: str) -> Iterator[None]:
-    """viser's call of `websockets.asyncio.server.serve` gets our socket and our check.
+    """Give viser's call of `websockets.asyncio.server.serve` our socket and our check.
 
     viser takes neither a socket nor a request hook. It looks `serve` up on the module when it
     starts its thread and returns once it listens, so the replacement lasts only that long.

@@ -75,6 +75,6 @@ def estimate_attitude(p: Item, omega_b: Vector, force_b: Vector, dt: float) -> N
 
 @compiled(inner=True)
 def angles(p: Item) -> tuple[float, float, float]:
-    """Roll, pitch (rad) and the cosine of the tilt."""
+    """Return roll, pitch (rad) and the cosine of the tilt."""
     x_b, y_b, z_b = axes_of(quaternion(p.quaternion_wb))
     return math.atan2(y_b[2], z_b[2]), -math.asin(min(1.0, max(-1.0, x_b[2]))), z_b[2]

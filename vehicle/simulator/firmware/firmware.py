@@ -88,7 +88,7 @@ class Firmware:
 
     @property
     def references(self) -> tuple[int, ...]:
-        """Motor references (counts) on the motors' bus."""
+        """Return motor references (counts) on the motors' bus."""
         return tuple(self._program["references"].tolist())
 
     def receive(self, port: int, data: bytes) -> bytes:
@@ -120,7 +120,7 @@ class Firmware:
             self._enter(MotorState.OFF)
 
     def next_data(self) -> tuple[int, bytes]:
-        """(port, `D` frame) of the registers as they are; the lines take turns."""
+        """Return (port, `D` frame) of the registers as they are; the lines take turns."""
         port = self._turn
         self._turn = (port + 1) % len(self._decoders)
         self._unsigned[_TIME] = (START_MS + self._ms) % TIME_PERIOD_MS
@@ -147,7 +147,9 @@ class Firmware:
             self.command = instruction.references
 
     def _set(self, instruction: Instruction) -> bytes:
-        """The echo tells what holds afterwards. A mode is set together with its command."""
+        """Set a value; the echo tells what holds afterwards. A mode is set together with its
+        command.
+        """
         id, value = instruction.id, instruction.value
         if id == Id.MOTOR_STATE:
             self._set_motor_state(value)

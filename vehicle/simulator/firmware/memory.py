@@ -38,7 +38,7 @@ PROGRAM = np.dtype(
 
 
 def new_program() -> Record:
-    """A PROGRAM record, shape (1,), as at power-up.
+    """Return a PROGRAM record, shape (1,), as at power-up.
 
     The model is the nominal vehicle's: the true one may differ.
     """
