@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 WATCH_PERIOD = 0.2
 PROGRESS_PERIOD = 1.5
 """s between two lines while the processes start."""
-ANSWER_TIME = 0.3
-"""s the page has for an answer, else it is still starting."""
 MCU_PORTS = ("mcu0", "mcu1")
 
 
@@ -227,14 +225,19 @@ class _Progress:
 
     def _tell(self) -> None:
         began = time.monotonic()
-        while not self._ended.wait(PROGRESS_PERIOD):
-            with (
-                contextlib.suppress(OSError),
-                socket.create_connection(self._address, ANSWER_TIME) as page,
-            ):
-                page.sendall(b"GET / HTTP/1.0\r\n\r\n")
+        page: socket.socket | None = None
+        while not self._ended.is_set():
+            try:
+                if page is None:
+                    page = socket.create_connection(self._address, PROGRESS_PERIOD)
+                    page.sendall(b"GET / HTTP/1.0\r\n\r\n")
                 page.recv(1)  # whatever it is: with TLS it may only close
+                page.close()
                 return
+            except TimeoutError:  # it listens, and answers as soon as it runs
+                pass
+            except OSError:
+                self._ended.wait(PROGRESS_PERIOD)
             print(f"quadlab: starting, {time.monotonic() - began:.0f} s", flush=True)
 
 
