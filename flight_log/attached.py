@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import ast
 import json
+from collections.abc import Mapping
 from typing import Any
+
+from quadrotor.parameters import ParameterValue
 
 LONGEST = 100_000
 """Characters of one parameter's value; the largest layout of beacons has a tenth of it."""
@@ -30,3 +33,34 @@ def literal_value(text: str) -> Any:
         return ast.literal_eval(text)
     except (SyntaxError, TypeError, MemoryError, RecursionError) as error:
         raise ValueError(str(error) or "it is nested too deep") from None
+
+
+def plain_value(text: Any) -> Any:
+    """Return the value that `repr` wrote, or the text itself where it wrote none."""
+    try:
+        value = literal_value(text)
+    except (ValueError, TypeError):
+        return text
+    return value if isinstance(value, bool | int | float | str) else text
+
+
+def parameters_of(attachment: bytes | None) -> dict[str, ParameterValue]:
+    """Name → value at the start; a station's own begin with `station.`. Empty: not recorded."""
+    try:
+        read = json_value(attachment or b"{}")
+    except ValueError:
+        return {}
+    if not isinstance(read, Mapping):
+        return {}
+    if "vehicle" not in read and "station" not in read:
+        return _plain(read)
+    values = _plain(read.get("vehicle"))
+    for name, value in _plain(read.get("station")).items():
+        values[name if name.startswith("station.") else f"station.{name}"] = value
+    return values
+
+
+def _plain(values: Any) -> dict[str, ParameterValue]:
+    if not isinstance(values, Mapping):
+        return {}
+    return {str(k): v for k, v in values.items() if isinstance(v, bool | int | float | str)}

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from console.evaluation.log_columns import TopicColumns, read_columns
+from console.evaluation.log_columns import read_columns
 from console.experiments.client import Client
 from console.experiments.pose_guide import Array, raw_of, up_of
 from estimation.calibration.accelerometer import (
@@ -17,6 +17,7 @@ from estimation.calibration.accelerometer import (
     identify_accelerometer,
 )
 from estimation.calibration.still_poses import StillPose
+from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 from quadrotor.parameters import ParameterValue
@@ -82,9 +83,7 @@ def identify(
     return identify_accelerometer(poses, attitude_error=noise)
 
 
-def _pose(
-    number: int, held: Held, columns: dict[str, TopicColumns], in_force: InForce
-) -> StillPose:
+def _pose(number: int, held: Held, columns: dict[str, Series], in_force: InForce) -> StillPose:
     force, references, seen = (
         columns[topic].table(names, held.start, held.end) for topic, names in WANTED.items()
     )

@@ -17,7 +17,7 @@ from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
 from flight_log.attached import literal_value
-from flight_log.column_spool import ColumnSpool, read_spools
+from flight_log.gathered import Topic, read_topics
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.messages import decode
@@ -134,29 +134,29 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
 
     Raises LogFormatError when it was not flown on bearings, or truth is missing.
     """
-    spools = read_spools(log, vehicle, WANTED, WHOLE)
-    phase = _phase(spools["parameter_changes"])
+    topics = read_topics(log, vehicle, WANTED, WHOLE)
+    phase = _phase(topics["parameter_changes"])
     if not phase:
         raise LogFormatError(
             f"{log.name} never flew on bearings: no change of estimation.source to bearings in it"
         )
-    newest = max(int(one.publish_ns.max()) for one in spools.values() if len(one))
+    newest = max(int(one.publish_ns.max()) for one in topics.values() if len(one))
     begin_ns, end_ns = phase[0], newest if len(phase) == 1 else phase[1]
     begin, end = begin_ns * 1e-9, end_ns * 1e-9
     events = [
-        (ns * 1e-9, str(decode(payload, spools["events"].type_name).msg))
-        for ns, payload in _payloads(spools["events"])
+        (ns * 1e-9, str(decode(payload, topics["events"].type_name).msg))
+        for ns, payload in _payloads(topics["events"])
     ]
     window = _window([e for e in events if begin <= e[0] <= end], begin, end, ramp)
-    stamps, truth = _rows(spools, "truth", begin_ns, end_ns)
+    stamps, truth = _rows(topics, "truth", begin_ns, end_ns)
     tracked = not len(stamps)
     if tracked:
-        stamps, truth = _rows(spools, "tracker_pose", begin_ns, end_ns)
-    state_ns, state = _rows(spools, "state", begin_ns, end_ns)
+        stamps, truth = _rows(topics, "tracker_pose", begin_ns, end_ns)
+    state_ns, state = _rows(topics, "state", begin_ns, end_ns)
     _unflip(state)
     estimate, known = between(stamps, state_ns, state)
     del state
-    wanted_w, known_too = between(stamps, *_rows(spools, "reference", begin_ns, end_ns))
+    wanted_w, known_too = between(stamps, *_rows(topics, "reference", begin_ns, end_ns))
     rows = known & known_too
     time = stamps[rows].astype(np.float64) * 1e-9
     if not ((time >= window[0]) & (time <= window[1])).any():
@@ -165,9 +165,9 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
             f"{window[0]:.1f} s and {window[1]:.1f} s: too short a stay on bearings"
         )
     positions, attitudes = np.asarray(truth[:, :3], np.float64), truth[:, 3:7].astype(np.float64)
-    frames = _frames(spools["bearings"], begin, end)
+    frames = _frames(topics["bearings"], begin, end)
     nearest = np.searchsorted(stamps[:-1], [round(1e9 * frame.time) for frame in frames])
-    values = _values(log, spools["parameter_changes"], window[0])
+    values = _values(log, topics["parameter_changes"], window[0])
     noise = _noise(values)
     bound = posterior_bound(
         frames, positions[nearest], attitudes[nearest], _places(values), noise, window
@@ -175,7 +175,7 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
     if tracked:
         sigma = math.radians(noise.pose_attitude_sigma)
         bound = bound.seen_by(noise.pose_position_sigma, sigma)
-    _, scaling = _rows(spools, "actuators", round(window[0] * 1e9), round(window[1] * 1e9))
+    _, scaling = _rows(topics, "actuators", round(window[0] * 1e9), round(window[1] * 1e9))
     return BearingsFlight(
         time,
         _state(np.asarray(truth[rows], np.float64)),
@@ -188,16 +188,16 @@ def read_flight(log: Path, vehicle: str, ramp: float = 0.0) -> BearingsFlight:
             for _, text in events
             if text.startswith("fell back") or "no tracker to fall back" in text
         ),
-        _emergencies(spools["status"], begin_ns),
+        _emergencies(topics["status"], begin_ns),
         bound,
     )
 
 
-def _payloads(spool: ColumnSpool) -> list[tuple[int, bytes]]:
-    return list(zip(spool.publish_ns.tolist(), spool.payloads, strict=False))
+def _payloads(topic: Topic) -> list[tuple[int, bytes]]:
+    return list(zip(topic.publish_ns.tolist(), topic.payloads, strict=False))
 
 
-def _phase(changes: ColumnSpool) -> list[int]:
+def _phase(changes: Topic) -> list[int]:
     """Return when bearings were first flown on, and until when (ns), as far as that happened."""
     phase: list[int] = []
     for ns, payload in _payloads(changes):
@@ -209,7 +209,7 @@ def _phase(changes: ColumnSpool) -> list[int]:
     return phase
 
 
-def _emergencies(status: ColumnSpool, begin_ns: int) -> int:
+def _emergencies(status: Topic, begin_ns: int) -> int:
     stamps = status.publish_ns
     return sum(
         bool(stamps[index] >= begin_ns) and mode in EMERGENCIES
@@ -218,14 +218,12 @@ def _emergencies(status: ColumnSpool, begin_ns: int) -> int:
 
 
 def _rows(
-    spools: dict[str, ColumnSpool], topic: str, begin_ns: int, end_ns: int
+    topics: dict[str, Topic], topic: str, begin_ns: int, end_ns: int
 ) -> tuple[Stamps, Floats]:
-    """Return stamps (N,), rising, and the numbers wanted of the topic, (N, K). The spool is given
-    up.
-    """
-    spool = spools.pop(topic)
-    stamps, rows = spool.publish_ns, spool.take(WANTED[topic])
-    del spool
+    """Return stamps (N,), rising, and the numbers wanted, (N, K). The topic is given up."""
+    found = topics.pop(topic)
+    stamps, rows = found.publish_ns, found.take(WANTED[topic])
+    del found
     if not (np.diff(stamps) >= 0).all():
         order = np.argsort(stamps, kind="stable")
         stamps, rows = stamps[order], rows[order]
@@ -275,10 +273,10 @@ def _window(
     return (start, end - late) if start < end - late else (begin, end)
 
 
-def _frames(spool: ColumnSpool, begin: float, end: float) -> list[Frame]:
+def _frames(topic: Topic, begin: float, end: float) -> list[Frame]:
     """Return the usable frames of bearings between two times (s), in order."""
     frames = {}
-    for ns, payload in _payloads(spool):
+    for ns, payload in _payloads(topic):
         if begin <= ns * 1e-9 <= end:
             with suppress(LinkError, MeasurementError):
                 seen = decode_bearings(payload)
@@ -286,7 +284,7 @@ def _frames(spool: ColumnSpool, begin: float, end: float) -> list[Frame]:
     return [frames[ns] for ns in sorted(frames)]
 
 
-def _values(log: Path, changes: ColumnSpool, until: float) -> dict[str, ParameterValue]:
+def _values(log: Path, changes: Topic, until: float) -> dict[str, ParameterValue]:
     """Return the vehicle's parameters at a time (s), as far as the log shows them."""
     try:
         values = dict(read_parameters(log).vehicle)

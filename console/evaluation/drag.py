@@ -15,12 +15,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.log_columns import (
-    FlownParameters,
-    TopicColumns,
-    read_columns,
-    read_parameters,
-)
+from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
+from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 
@@ -141,8 +137,8 @@ def read_drag(log: Path, vehicle: str) -> DragFlight:
     if inside.sum() < PIECES * 10:
         raise MeasurementError(f"{log.name} has hardly a tick of the circles")
 
-    def table(columns: TopicColumns, rows: npt.NDArray[np.intp], names: tuple[str, ...]) -> Array:
-        return np.stack([columns.numbers[name][rows][inside] for name in names], axis=1)
+    def table(columns: Series, rows: npt.NDArray[np.intp], names: tuple[str, ...]) -> Array:
+        return np.stack([columns.values(name)[rows][inside] for name in names], 1, dtype=np.float64)
 
     attitude, velocity_b = table(state, first, ATTITUDE), table(state, first, VELOCITY)
     thrusts = table(actuators, second, THRUSTS)
@@ -212,9 +208,9 @@ def _solve(force: Array, velocity: Array) -> tuple[float, Array]:
     return drag, c + drag * velocity.mean(axis=0)
 
 
-def _circled(status: TopicColumns) -> tuple[float, float]:
+def _circled(status: Series) -> tuple[float, float]:
     """Return start and end (s) of the circles without their ramps; NaN when none were flown."""
-    behaviors = status.words.get("behavior", [])
+    behaviors = status.changes("behavior")
     for k, (begin, name) in enumerate(behaviors):
         if name == "follow_trajectory":
             end = behaviors[k + 1][0] if k + 1 < len(behaviors) else float(status.time[-1])

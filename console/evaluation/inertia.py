@@ -9,12 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from console.evaluation.log_columns import (
-    FlownParameters,
-    TopicColumns,
-    read_columns,
-    read_parameters,
-)
+from console.evaluation.log_columns import FlownParameters, read_columns, read_parameters
+from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 
@@ -172,8 +168,10 @@ def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
     inside = (time >= start) & (time <= end)
     if inside.sum() < 3:
         raise MeasurementError(f"{log.name} has hardly a tick of the excitation")
-    rates = np.stack([state.numbers[name][first][inside] for name in RATES], axis=1)
-    thrusts = np.stack([actuators.numbers[name][second][inside] for name in THRUSTS], axis=1)
+    rates = np.stack([state.values(name)[first][inside] for name in RATES], 1, dtype=np.float64)
+    thrusts = np.stack(
+        [actuators.values(name)[second][inside] for name in THRUSTS], 1, dtype=np.float64
+    )
     return estimate_inertia(time[inside], rates, thrusts, parameters)
 
 
@@ -226,12 +224,13 @@ def estimate_inertia(
     )
 
 
-def _excited(status: TopicColumns) -> tuple[float, float]:
-    """Return the span (s) from the first excitation to shortly after the last, in the air; NaN
-    without one.
+def _excited(status: Series) -> tuple[float, float]:
+    """Return the span (s) from the first excitation to shortly after the last, in the air.
+
+    NaN without one.
     """
-    flying = status.time[status.numbers["airborne"] > 0.5]
-    behaviors = status.words.get("behavior", [])
+    flying = status.time[status.values("airborne") > 0.5]
+    behaviors = status.changes("behavior")
     begins = [t for t, name in behaviors if name == "excite"]
     if not begins or not len(flying):
         return math.nan, math.nan

@@ -3,83 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from flight_log.attached import json_value
+from flight_log.gathered import read_topics
 from flight_log.reader import read_attachments
-from flight_log.topic_columns import ColumnReader
+from flight_log.run import Series
 from quadrotor.errors import LogFormatError
 from quadrotor.parameters import ParameterValue
 
 Array = npt.NDArray[np.float64]
 
-Words = list[tuple[float, str]]
-"""(s, text from then on)."""
-
-
-@dataclass(slots=True)
-class TopicColumns:
-    """N messages of one topic, by the stamps of their source."""
-
-    time: Array  # (N,) s
-    numbers: dict[str, Array]  # (N,) each
-    words: dict[str, Words] = field(default_factory=dict)
-
-    def table(self, names: tuple[str, ...], start: float, end: float) -> Array:
-        """Return (M, len(names)) of start <= t <= end; NaN where the log has no such number."""
-        inside = (self.time >= start) & (self.time <= end)
-        nothing = np.full(len(self.time), np.nan)
-        columns = [self.numbers.get(name, nothing)[inside] for name in names]
-        return np.stack(columns, axis=1)
-
-    def first(self, name: str, *words: str) -> float:
-        """Return the time (s) at which a text first is one of `words`; NaN when it never is."""
-        return next((t for t, text in self.words.get(name, []) if text in words), float("nan"))
-
 
 def read_columns(
     log: Path, vehicle: str, wanted: Mapping[str, tuple[str, ...]], optional: tuple[str, ...] = ()
-) -> dict[str, TopicColumns]:
-    """Return the fields of each topic, named without namespace. Raises LogFormatError for missing
-    ones.
+) -> dict[str, Series]:
+    """Return the fields of each topic, named without namespace, by the stamps of their source (s).
 
     Args:
         optional: topics that may be missing; they have no messages then.
+
+    Raises LogFormatError for missing ones.
     """
-    batches: dict[str, list[tuple[Array, dict[str, Array]]]] = {topic: [] for topic in wanted}
-    words: dict[str, dict[str, Words]] = {topic: {} for topic in wanted}
-    for batch in ColumnReader(log, wanted=wanted):
-        for columns in batch.columns:
-            topic = columns.topic.rsplit("/", 1)[-1]
-            if topic not in wanted or columns.topic != f"/{vehicle}/{topic}":
-                continue
-            time: Array = columns.publish_ns.astype(float) * 1e-9
-            batches[topic].append((time, {k: v.astype(float) for k, v in columns.numbers.items()}))
-            for name, changes in columns.texts.items():
-                at = [(float(time[index]), text.lower()) for index, text in changes]
-                words[topic].setdefault(name, []).extend(at)
-    missing = [topic for topic, found in batches.items() if not found and topic not in optional]
+    found = read_topics(log, vehicle, wanted)
+    missing = [name for name, topic in found.items() if not len(topic) and name not in optional]
     if missing:
         raise LogFormatError(
             f"{log.name} has no messages of {', '.join(missing)} of {vehicle}: "
             "it cannot be judged without them"
         )
-    out = {}
-    for topic, found in batches.items():
-        time: Array = np.concatenate([t for t, _ in found] or [np.empty(0)])
-        order = np.argsort(time, kind="stable")
-        numbers = {
-            name: np.concatenate(
-                [values.get(name, np.full(len(t), np.nan)) for t, values in found]
-            )[order]
-            for name in dict.fromkeys(name for _, values in found for name in values)
-        }
-        out[topic] = TopicColumns(time[order], numbers, words[topic])
-    return out
+    return {
+        name: Series(topic, topic.publish_ns.astype(float) * 1e-9) for name, topic in found.items()
+    }
 
 
 @dataclass(frozen=True, slots=True)

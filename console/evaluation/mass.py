@@ -167,7 +167,7 @@ def read_mass(log: Path, vehicle: str) -> MassFlight:
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     estimator, status = columns["estimator"], columns["status"]
-    flying = status.time[status.numbers["airborne"] > 0.5]
+    flying = status.time[status.values("airborne") > 0.5]
     if not len(flying):
         raise MeasurementError(
             f"{log.name}: the vehicle never left the ground, so nothing is known"
@@ -175,19 +175,25 @@ def read_mass(log: Path, vehicle: str) -> MassFlight:
     lift_off = float(flying[0])
     if not (estimator.time > lift_off).any():
         raise MeasurementError(f"{log.name} has no estimate of the mass from the flight")
-    names = estimator.words.get("estimator", [])
+    names = estimator.changes("estimator")
+    behaviors = status.changes("behavior")
     return MassFlight(
         estimator.time,
-        estimator.numbers["mass"],
-        np.sqrt(estimator.numbers["mass_variance"]),
-        status.first("behavior", "take_off"),
+        estimator.values("mass").astype(float),
+        np.sqrt(estimator.values("mass_variance").astype(float)),
+        _first(behaviors, "take_off"),
         lift_off,
-        status.first("behavior", "land", "emergency_landing"),
-        _stretch(status.words.get("behavior", []), float(flying[-1])),
+        _first(behaviors, "land", "emergency_landing"),
+        _stretch(behaviors, float(flying[-1])),
         _truth(parameters),
         names[-1][1] if names else "",
         parameters,
     )
+
+
+def _first(behaviors: list[tuple[float, str]], *names: str) -> float:
+    """s at which it first is one of them; NaN when it never is."""
+    return next((time for time, name in behaviors if name in names), math.nan)
 
 
 def _stretch(behaviors: list[tuple[float, str]], end: float) -> tuple[float, float]:

@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from console.evaluation.bench_file import BenchRecording
-from console.evaluation.log_columns import Array, TopicColumns, read_columns
+from console.evaluation.log_columns import Array, read_columns
 from console.experiments.client import Client
 from estimation.calibration.motor_bench import BenchSchedule, BenchSteps, average_steps, held_steps
 from estimation.calibration.motor_law import USABLE, MotorCalibration, identify_motor
 from estimation.calibration.time_constant import TimeConstant, lag_and_dead_time
+from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord, Quality
 from quadrotor.errors import MeasurementError
 
@@ -115,7 +116,7 @@ def _identify(
     return BenchResult(law, lag, dead_time, law.slope / gain, voltage, tuple(warnings))
 
 
-def _times(columns: TopicColumns, window: tuple[float, float]) -> Array:
+def _times(columns: Series, window: tuple[float, float]) -> Array:
     start, end = window
     return columns.time[(columns.time >= start) & (columns.time <= end)]
 

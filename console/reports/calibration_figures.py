@@ -13,7 +13,8 @@ from console.reports.content import Picture
 from console.reports.flight import Flight
 from console.reports.judgement import Judgement
 from console.reports.plots import AXES, COLORS, QUIET, REFERENCE, finish, grid, line, styled, triple
-from console.reports.run_log import IMU, RunLog, Series, read_run
+from console.reports.run_log import IMU, RunLog, read_run
+from flight_log.run import Series
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.constants import GRAVITY
 from quadrotor.errors import LogFormatError

@@ -20,7 +20,7 @@ from console.reports.paper_figures import (
     trajectory_tracking,
 )
 from console.reports.plots import styled
-from console.reports.run_log import RunLog, parameters_of
+from console.reports.run_log import RunLog
 from quadrotor.errors import LogFormatError, QuadlabError
 
 Array = npt.NDArray[np.floating[Any]]
@@ -70,7 +70,7 @@ def _mass(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     mass, variance = series.rows(("mass", "mass_variance")).T
     told = (series.time, mass, np.sqrt(np.maximum(variance, 0.0)))
     estimate = flight.estimate or shown
-    simulated = parameters_of(log).get("simulator.mass")
+    simulated = log.parameters.get("simulator.mass")
     true_mass = judged.metrics.get("truth_kg")
     if true_mass is None and isinstance(simulated, int | float):
         true_mass = float(simulated)

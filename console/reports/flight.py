@@ -157,9 +157,9 @@ def inside(time: Array, spans: list[tuple[float, float]]) -> Flags:
 def airborne(log: RunLog) -> list[tuple[float, float]]:
     """Return when the vehicle flew, s; empty when the log does not show it."""
     status = log.topics.get("status")
-    if status is None or "airborne" not in status.numbers:
+    if status is None or "airborne" not in status:
         return []
-    on = status.numbers["airborne"] > 0.5
+    on = status.values("airborne") > 0.5
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
     ends = np.append(status.time, log.duration)
     return [(float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -168,7 +168,7 @@ def airborne(log: RunLog) -> list[tuple[float, float]]:
 def _odometry(log: RunLog, topic: str, name: str, time: Array | None = None) -> Track | None:
     """Return the track of a topic at `time`, else as it was logged."""
     series = log.topics.get(topic)
-    if series is None or ODOMETRY[0] not in series.numbers:
+    if series is None or ODOMETRY[0] not in series:
         return None
     rows: Array = series.take(ODOMETRY)
     if time is not None:

@@ -113,8 +113,8 @@ def _motors(log: RunLog) -> Picture:
     def draw(figure: Any) -> None:
         axes = grid(figure, 2, height_ratios=(2.0, 1.0))[:, 0]
         for k, name in enumerate(MOTORS):
-            column = series.numbers.get(REFERENCES[k])
-            if column is not None:
+            if REFERENCES[k] in series:
+                column = series.values(REFERENCES[k])
                 line(axes[0], series.time, column, color=COLORS[k], label=name, linewidth=0.8)
         finish(axes[0], "motor references", "counts")
         scaling = series.rows(("scaling",))[:, 0]
@@ -175,7 +175,7 @@ def _shown(log: RunLog, topic: str) -> bool:
     series = log.topics[topic]
     if topic == "status":
         return bool(np.nanmax(series.rows(("lateness_max",)), initial=0.0) > 0.0)
-    return any(np.isfinite(column).any() for column in series.numbers.values())
+    return any(np.isfinite(series.values(name)).any() for name in series.names)
 
 
 def _times(axes: Any, log: RunLog) -> None:

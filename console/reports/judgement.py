@@ -18,7 +18,7 @@ from console.experiments.figure_eight import REST_TO_REST, STEADY
 from console.experiments.hover import Hover
 from console.reports.bench_steps import law_figures
 from console.reports.flight import Flight, airborne, inside, rms
-from console.reports.run_log import RunLog, parameters_of
+from console.reports.run_log import RunLog
 from console.runs.report_folders import has_report, read_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.errors import QuadlabError
@@ -91,7 +91,7 @@ def judge(
     out = Judgement(experiment_of(log))
     out.options = {
         name.removeprefix("experiment."): value
-        for name, value in parameters_of(log).items()
+        for name, value in log.parameters.items()
         if name.startswith("experiment.")
     }
     if has_report(log.path):

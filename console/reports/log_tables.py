@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from console.reports.content import Block, Heading, Table, Text
 from console.reports.defaults import Defaults
 from console.reports.judgement import Judgement
-from console.reports.run_log import ON_CHANGE, RunLog, parameters_of
+from console.reports.run_log import ON_CHANGE, RunLog
 from console.reports.tables import NOT_RECORDED, shown
 from flight_log.attached import json_value
 
@@ -17,7 +17,7 @@ MOST_GAPS = 60
 def parameter_blocks(log: RunLog, judged: Judgement, defaults: Defaults) -> list[Block]:
     """Return the parameters that differ from their defaults first, then all, folded."""
     blocks: list[Block] = [Heading("Parameters")]
-    values = parameters_of(log)
+    values = log.parameters
     if judged.options:
         chosen = [(name, shown(value)) for name, value in judged.options.items()]
         blocks.append(

@@ -21,7 +21,7 @@ from console.reports.log_tables import (
     version_blocks,
 )
 from console.reports.plots import require_matplotlib
-from console.reports.run_log import RunLog, parameters_of, read_run
+from console.reports.run_log import RunLog, read_run
 from console.reports.tables import calibration_blocks, day, metrics_blocks, proposal_blocks
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
@@ -115,7 +115,7 @@ def assemble(
     blocks += [Text(text, warning=True) for text in missing]
     figures = metrics_blocks(judged)
     blocks += [Heading("Result"), *figures] if figures else []
-    blocks += proposal_blocks(judged, parameters_of(log))
+    blocks += proposal_blocks(judged, log.parameters)
     if found:
         blocks += [Heading("Figures of the paper" if name in PAPERS else "Figures"), *found]
     more = flight_pictures(log, flight, standing=name in STANDING)

@@ -12,7 +12,7 @@ import pytest
 from flight_log import read_attachments, read_log, summarize
 from flight_log.blocks import BLOCK_BYTES, BlockReader
 from flight_log.check import check_log
-from flight_log.column_spool import gather
+from flight_log.gathered import gather
 from flight_log.limits import MOST_BYTES
 from flight_log.reader import read_topic
 from flight_log.topic_columns import ColumnReader
@@ -110,12 +110,12 @@ def test_a_log_without_an_index_is_counted_block_by_block(tmp_path: Path) -> Non
 
 def test_columns_are_gathered_up_to_a_bound(tmp_path: Path) -> None:
     log = many_tiny(tmp_path / "a.mcap", 50_000)
-    [spool] = gather(ColumnReader(log), most_bytes=50_000 * (8 + 8 + 4)).values()
-    assert (len(spool), spool.size) == (50_000, 50_000 * (8 + 8 + 4))
+    [topic] = gather(ColumnReader(log), most_bytes=50_000 * (8 + 8)).values()
+    assert (len(topic), topic.size) == (50_000, 50_000 * (8 + 8)), "its number never changes"
     with pytest.raises(LogFormatError, match="more than 1 MB of times and values"):
-        gather(ColumnReader(log), most_bytes=999_999)
-    spool.give_up_stamps()
-    assert spool.size == 50_000 * 4
+        gather(ColumnReader(log), most_bytes=799_999)
+    topic.give_up_stamps()
+    assert topic.size == 0
 
 
 def test_a_block_of_the_smallest_messages_is_given_in_pieces(tmp_path: Path) -> None:

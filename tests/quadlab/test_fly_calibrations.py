@@ -115,7 +115,7 @@ def held(faces: dict[str, Any]) -> list[Held]:
 
     paths = tuple(f"angular_velocity.{axis}" for axis in "xyz")
     imu = read_columns(Path(faces["log"]), "quad1", {"imu": paths})["imu"]
-    rates = np.linalg.norm(np.stack([imu.numbers[path] for path in paths]), axis=0)
+    rates = np.linalg.norm(np.stack([imu.values(path) for path in paths]), axis=0)
     moving = np.flatnonzero(rates > math.radians(20.0))
     ends = [moving[0], *moving[1:][np.diff(moving) > 100]]
     names = ("upright", "upside down", "nose up", "nose down", "left side up", "right side up")

@@ -179,8 +179,8 @@ def test_packets_that_were_lost_are_counted_and_do_not_spoil_it(turned: Turned) 
     state, actuators = columns["state"], columns["actuators"]
     kept = (state.time >= whole.time[0] - 0.01) & (state.time <= whole.time[-1])
     kept &= np.random.default_rng(1).random(len(state.time) // 5 + 1).repeat(5)[: len(kept)] > 0.1
-    rates = np.stack([state.numbers[name][kept] for name in RATES], axis=1)
-    thrusts = np.stack([actuators.numbers[name][kept] for name in THRUSTS], axis=1)
+    rates = np.stack([state.values(name)[kept] for name in RATES], axis=1)
+    thrusts = np.stack([actuators.values(name)[kept] for name in THRUSTS], axis=1)
     found = estimate_inertia(state.time[kept], rates, thrusts, whole.parameters)
     assert found.missing == pytest.approx(0.1, abs=0.03)
     np.testing.assert_allclose(found.found_b, INERTIA, rtol=0.03)

@@ -16,11 +16,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from flight_log.gathered import Topic
+from flight_log.run import read_run
 from flight_log.topic_columns import ColumnReader
 from quadrotor.errors import LogFormatError, QuadlabError
 from web.replay import timeline
 from web.replay.cache_writer import COLUMNS, INDEX, Arrays, CacheWriter
-from web.replay.spool import TopicSpool
 
 NICENESS = 10
 """Below everything that flies; somebody waits for it all the same."""
@@ -35,31 +36,22 @@ def build(log: Path, folder: Path, tell: Callable[[float], None]) -> None:
     scratch = folder / "scratch"
     shutil.rmtree(folder, ignore_errors=True)
     scratch.mkdir(parents=True)
-    reader = ColumnReader(log, timeline.WHOLE)
-    spools: dict[str, TopicSpool] = {}
-    room = MOST_COLUMNS
-    for batch in reader:
-        for columns in batch.columns:
-            spool = spools.get(columns.topic)
-            if spool is None:
-                place = scratch / f"topic{len(spools)}"
-                spool = spools[columns.topic] = TopicSpool(place, columns.topic, columns.type_name)
-            if spool.type_name == columns.type_name:
-                room -= spool.extend(columns, room)
-        if (count := sum(one.count for one in spools.values())) > MOST_MESSAGES:
+
+    def look(topics: dict[str, Topic], share: float) -> None:
+        if (count := sum(map(len, topics.values()))) > MOST_MESSAGES:
             raise LogFormatError(
                 f"{log.name} has more than {count} messages; at most {MOST_MESSAGES} are replayed: "
                 "cut it with `mcap filter --output-compression lz4 --start … --end …`"
             )
-        tell(READING * batch.share)
-    if not spools:
-        why = next(iter(reader.problems.values()), reader.log.tear or "no message in it")
-        raise LogFormatError(f"{log.name} has nothing to show ({why})")
+        tell(READING * share)
+
+    reader = ColumnReader(log, timeline.WHOLE)
+    run = read_run(reader, look, folder=scratch, most_columns=MOST_COLUMNS)
     with (folder / COLUMNS).open("wb") as file:
         writer = CacheWriter(
-            spools, Arrays(file), folder, lambda share: tell(READING + (1.0 - READING) * share)
+            run, Arrays(file), folder, lambda share: tell(READING + (1.0 - READING) * share)
         )
-        index = writer.index(reader)
+        index = writer.index()
     shutil.rmtree(scratch)
     (folder / INDEX).write_text(json.dumps(index, allow_nan=False, separators=(",", ":")))
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
-from flight_log.attached import json_value, literal_value
-from flight_log.topic_columns import text_fields
+from flight_log.attached import parameters_of, plain_value
+from flight_log.run import Series
 from quadrotor.errors import QuadlabError
-from web.replay.spool import TopicSpool
 
 WHOLE = ("/events", "/marks", "/parameter_changes")
 """Topics of which every message is a line of its own."""
@@ -30,21 +30,10 @@ Times = npt.NDArray[np.float64]
 Moment = dict[str, Any]
 
 
-def lines_of(
-    spool: TopicSpool, times: Times, order: npt.NDArray[np.int64] | None
-) -> list[dict[str, Any]]:
-    """Return each message of one of WHOLE with its time t, its words, who and its other fields.
-
-    Of one instant they stay as they were logged: a mark's later text has the mark's own stamp.
-
-    Args:
-        times: s, in order.
-        order: which message of the log has which time; None where they lie in it in order.
-    """
+def lines_of(series: Series) -> list[dict[str, Any]]:
+    """Return each message of one of WHOLE with its time t, its words, who and its other fields."""
     found = []
-    payloads = spool.payloads if order is None else [spool.payloads[k] for k in order]
-    for t, payload in zip(times[:MOST_LINES].tolist(), payloads, strict=False):
-        fields = text_fields(payload, spool.type_name)
+    for t, fields in islice(series.lines(), MOST_LINES):
         texts = {k: v for k, v in fields.items() if isinstance(v, str) and v}
         words = next((texts[name] for name in _WORDS if name in texts), "")
         who = next((texts[name] for name in _PEOPLE if name in texts), "")
@@ -80,8 +69,8 @@ def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
             "t": line["t"],
             "name": str(line["fields"].get("name", "")),
             "who": line["who"],
-            "old": _value(line["fields"].get("old_value")),
-            "new": _value(line["fields"].get("new_value")),
+            "old": plain_value(line["fields"].get("old_value")),
+            "new": plain_value(line["fields"].get("new_value")),
         }
         for line in lines
     ]
@@ -126,21 +115,12 @@ def moments(
     return found
 
 
-def parameters_of(attachment: bytes | None) -> dict[str, Any]:
-    """Return name → value at the start; those of the station begin with `station.`."""
-    try:
-        read = json_value(attachment or b"{}")
-    except ValueError:
-        return {}
-    if not isinstance(read, Mapping):
-        return {}
-    if not isinstance(read.get("vehicle"), Mapping):
-        return _plain(read)
-    values = dict(read["vehicle"])
-    station = read.get("station")
-    for name, value in station.items() if isinstance(station, Mapping) else ():
-        values[name if name.startswith("station.") else f"station.{name}"] = value
-    return _plain(values)
+def parameters_in_json(attachment: bytes | None) -> dict[str, Any]:
+    """Return name → value at the start; what JSON has no number for becomes a text."""
+    return {
+        k: str(v) if isinstance(v, float) and not math.isfinite(v) else v
+        for k, v in parameters_of(attachment).items()
+    }
 
 
 def volume_of(parameters: Mapping[str, Any]) -> list[list[float]] | None:
@@ -177,24 +157,8 @@ def beacons_of(
     return found
 
 
-def _plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return numbers, truths and texts; what JSON has no number for becomes a text."""
-    kept = {k: v for k, v in values.items() if isinstance(v, bool | int | float | str)}
-    return {
-        k: str(v) if isinstance(v, float) and not math.isfinite(v) else v for k, v in kept.items()
-    }
-
-
 def _numbered(kind: str, label: str, times: list[float]) -> list[Moment]:
     return [
         {"kind": kind, "label": label if k == 0 else f"{label} {k + 1}", "t": t}
         for k, t in enumerate(times[:50])
     ]
-
-
-def _value(text: Any) -> Any:
-    try:
-        value = literal_value(text)
-    except (ValueError, TypeError):
-        return text
-    return value if isinstance(value, bool | int | float | str) else text

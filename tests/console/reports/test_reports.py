@@ -16,7 +16,7 @@ from console.reports.flight import flight_of
 from console.reports.html import render
 from console.reports.judgement import Judgement, judge
 from console.reports.report import assemble, write_report
-from console.reports.run_log import parameters_of, read_run
+from console.reports.run_log import read_run
 from console.runs.report_folders import report_folder, write_result
 from flight_log import LogWriter
 from flight_log.reader import read_log
@@ -133,7 +133,7 @@ def test_parameters_that_differ_come_first_and_all_are_there(log: Path, page: st
     assert len(rows) == 2
     differing = page.index("Differing from")
     assert differing < page.index("parameters</summary>")
-    for name in parameters_of(read_run(log)):
+    for name in read_run(log).parameters:
         assert f"<td>{name}</td>" in page, name
 
 
@@ -274,7 +274,7 @@ def test_bad_logs_and_folders_get_one_line(tmp_path: Path, log: Path) -> None:
         (tmp_path, StorageError, "is a folder"),
         (other, LogFormatError, "no MCAP log"),
         (empty, LogFormatError, "nothing was recorded"),
-        (nothing, LogFormatError, "nothing to report on: it has no message"),
+        (nothing, LogFormatError, "nothing to show: it has no message"),
     ):
         with pytest.raises(error, match=said) as caught:
             write_report(path, tmp_path / "out")

@@ -1,0 +1,161 @@
+"""A run read once: its topics in the order of their time, on one clock that begins with the run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.blocks import BlockReader
+from flight_log.gathered import Topic, gather
+from flight_log.message_times import common_stamps, gaps, seconds_since
+from flight_log.topic_columns import ColumnReader, text_fields
+from quadrotor.errors import LogFormatError
+
+Floats = npt.NDArray[np.float32]
+Times = npt.NDArray[np.float64]
+
+
+class Series:
+    """N messages of one topic in the order of their time.
+
+    Args:
+        time: of each message as the topic has them, s, shape (N,).
+
+    Attributes:
+        time: the same, rising.
+    """
+
+    def __init__(self, topic: Topic, time: Times) -> None:
+        self.type_name = topic.type_name
+        self._topic = topic
+        rises = bool((time[1:] >= time[:-1]).all())
+        self._order = None if rises else np.argsort(time, kind="stable")
+        self.time = time if self._order is None else time[self._order]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._topic.columns
+
+    @property
+    def names(self) -> list[str]:
+        """Of its numbers."""
+        return list(self._topic.columns)
+
+    def constant(self, name: str) -> float | None:
+        """The one value that a number has, NaN for none at all; None if it has several."""
+        column = self._topic.columns[name]
+        column.fill(len(self))
+        return column.constant
+
+    def values(self, name: str) -> Floats:
+        """(N,), NaN where the log has no such number; not to be written into."""
+        values = self._topic.values(name)
+        return values if self._order is None else values[self._order]
+
+    def rows(self, names: Sequence[str]) -> Floats:
+        """(N, len(names)), NaN where the log has no such number."""
+        return np.stack([self.values(name) for name in names], axis=1)
+
+    def take(self, names: Sequence[str]) -> Floats:
+        """As `rows`; the columns are given up, one after the other."""
+        rows = self._topic.take(names)
+        return rows if self._order is None else rows[self._order]
+
+    def table(self, names: Sequence[str], start: float, end: float) -> Times:
+        """(M, len(names)) of start <= t <= end; NaN where the log has no such number."""
+        inside = (self.time >= start) & (self.time <= end)
+        columns = [self.values(name)[inside].astype(np.float64) for name in names]
+        return np.stack(columns, axis=1)
+
+    @property
+    def texts(self) -> dict[str, list[tuple[float, str]]]:
+        """By path, from which time (s) on it was what."""
+        return {path: self.changes(path) for path in self._topic.texts}
+
+    def changes(self, path: str) -> list[tuple[float, str]]:
+        """Of one text, in order; empty where the log has no such text."""
+        told = self._topic.texts.get(path, [])
+        if self._order is None:
+            return [(float(self.time[index]), text) for index, text in told]
+        place = np.argsort(self._order)
+        return sorted((float(self.time[place[index]]), text) for index, text in told)
+
+    def lines(self) -> Iterator[tuple[float, dict[str, Any]]]:
+        """Time (s) and fields of each message whose payload was read.
+
+        Of one instant they stay as they were logged: a mark's later text has the mark's stamp.
+        """
+        payloads = self._topic.payloads
+        order = range(len(self.time)) if self._order is None else self._order.tolist()
+        for time, index in zip(self.time.tolist(), order, strict=True):
+            if index < len(payloads):
+                yield time, text_fields(payloads[index], self.type_name)
+
+    @property
+    def gaps(self) -> list[tuple[float, float]]:
+        """Start and length (s) of its silences."""
+        return [
+            (float(self.time[k]), float(self.time[k + 1] - self.time[k])) for k in gaps(self.time)
+        ]
+
+
+@dataclass
+class Run:
+    """Times are s since the run's first message.
+
+    Attributes:
+        space: namespace of the vehicle whose run it is.
+        start_ns: of the first message, on the recorder's clock.
+        topics: by name without that namespace; those of the same ticks share their `time`.
+        log: attachments, metadata and damages of the file.
+        problems: by topic, why it could not be read.
+    """
+
+    space: str
+    start_ns: int
+    topics: dict[str, Series]
+    log: BlockReader
+    problems: dict[str, str]
+
+    @property
+    def duration(self) -> float:
+        """s."""
+        return max(float(one.time[-1]) for one in self.topics.values())
+
+
+def read_run(reader: ColumnReader, *arguments: Any, **options: Any) -> Run:
+    """Args: as `gather`. Raises as it does, and LogFormatError when there is no message."""
+    found = gather(reader, *arguments, **options)
+    if not found:
+        unread = next(iter(reader.problems.items()), None)
+        why = f"{unread[0]}: {unread[1]}" if unread else f"it {reader.log.tear or 'has no message'}"
+        raise LogFormatError(f"{reader.log.path.name} has nothing to show: {why}")
+    space = _namespace(found)
+    stamps = {name: common_stamps(one.log_ns, one.publish_ns) for name, one in found.items()}
+    start_ns = min(int(one.min()) for one in stamps.values())
+    topics: dict[str, Series] = {}
+    for name in list(found):
+        topic = found.pop(name)
+        time = seconds_since(stamps.pop(name), start_ns)
+        topic.give_up_stamps()
+        series = Series(topic, time)
+        del time
+        known = (one.time for one in topics.values() if np.array_equal(one.time, series.time))
+        series.time = next(known, series.time)
+        topics[name.removeprefix(f"{space}/").lstrip("/")] = series
+    return Run(space, start_ns, topics, reader.log, reader.problems)
+
+
+def _namespace(topics: dict[str, Topic]) -> str:
+    """Of the vehicle whose log it is: where the state is, else most of the messages."""
+    counts: dict[str, int] = {}
+    for topic, one in topics.items():
+        space, _, name = topic.rpartition("/")
+        counts[space] = counts.get(space, 0) + len(one) + (10**12 if name == "state" else 0)
+    return max(counts, key=lambda space: counts[space])
