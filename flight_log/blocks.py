@@ -52,6 +52,10 @@ class Block(NamedTuple):
 class BlockReader:
     """Iterate once; `channels`, `schemas`, `attachments` and `metadata` grow on the way.
 
+    Args:
+        begin: place of the first record read, whose channels the caller knows; 0 for all.
+        block_bytes: size of a block.
+
     After the last block `tear` says why reading stopped early (empty: at the log's end),
     `damaged_chunks` and `damaged_records` how many were passed over.
 
@@ -60,8 +64,9 @@ class BlockReader:
         StorageError: the file cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, begin: int = 0, block_bytes: int = BLOCK_BYTES) -> None:
         self.path = path
+        self._begin, self._block_bytes = begin, block_bytes
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, Channel] = {}
         self.attachments: dict[str, bytes] = {}
@@ -83,7 +88,7 @@ class BlockReader:
 
     def __iter__(self) -> Iterator[Block]:
         state = WalkState()
-        for opcode, data in walk(self.path, state):
+        for opcode, data in walk(self.path, state, self._begin):
             if opcode == Opcode.DATA_END:
                 break
             if opcode == Opcode.CHUNK and _claimed(data) > BLOCK_BYTES:
@@ -91,7 +96,7 @@ class BlockReader:
                 yield from self._blocks(state.share)  # so that the large one is not copied
             self._take(opcode, data)
             del data
-            if self._filled >= BLOCK_BYTES:
+            if self._filled >= self._block_bytes:
                 yield from self._blocks(state.share)
         self.tear = state.tear
         self._close_chunk(is_indexed=not self.tear)
@@ -150,7 +155,7 @@ class BlockReader:
     def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
         """`entries`: pairs of log time and place, by channel; None when not known."""
         base = self._filled
-        if entries is None or not entries.keys() <= self.channels.keys():
+        if entries is None or not (self._begin or entries.keys() <= self.channels.keys()):
             found = self._walk(data)
         else:
             found = {
@@ -159,7 +164,7 @@ class BlockReader:
                 ]
                 for channel, pairs in entries.items()
             }
-        if not found.keys() <= self._described:
+        if not self._begin and not found.keys() <= self._described:
             self._describe(found.keys())
         for channel, places in found.items():
             inside = places[(places >= 0) & (places <= len(data) - HEAD_BYTES)]
@@ -268,3 +273,14 @@ def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArra
         (len(data) - kind.itemsize + 1,), kind, data.data, strides=(1,)
     )
     return stands[places + offset]
+
+
+def rows_at(data: Bytes, places: Places, size: int) -> Bytes:
+    """The bytes behind each place, shape (N, size)."""
+    if size == 0:
+        return np.zeros((len(places), 0), np.uint8)
+    stands: npt.NDArray[Any] = np.ndarray(
+        (len(data) - size + 1,), f"V{size}", data.data, strides=(1,)
+    )
+    rows: Bytes = stands[places].view(np.uint8).reshape(len(places), size)
+    return rows

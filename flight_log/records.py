@@ -62,8 +62,11 @@ class WalkState:
     tear: str = ""  # why reading stopped, empty for a closed file
 
 
-def walk(path: Path, state: WalkState) -> Iterator[tuple[int, bytes]]:
+def walk(path: Path, state: WalkState, begin: int = 0) -> Iterator[tuple[int, bytes]]:
     """Yield opcode and content of every record up to the footer or the tear.
+
+    Args:
+        begin: place of the first record read; 0 for all.
 
     Raises:
         LogFormatError: this is no MCAP file, or a record is larger than any that is read.
@@ -71,19 +74,23 @@ def walk(path: Path, state: WalkState) -> Iterator[tuple[int, bytes]]:
     """
     with open_log(path) as stream:
         try:
-            yield from _walk(path.name, stream, state)
+            yield from _walk(path.name, stream, state, begin)
         except OSError as error:
             raise StorageError(f"cannot read {path}: {error.strerror}") from error
 
 
-def _walk(name: str, stream: IO[bytes], state: WalkState) -> Iterator[tuple[int, bytes]]:
+def _walk(
+    name: str, stream: IO[bytes], state: WalkState, begin: int
+) -> Iterator[tuple[int, bytes]]:
     size = os.fstat(stream.fileno()).st_size
     start = stream.read(len(MAGIC))
     if not start:
         raise LogFormatError(f"{name} is empty: nothing was recorded")
     if not MAGIC.startswith(start):
         raise LogFormatError(f"{name} is no MCAP log (wrong first bytes)")
-    place = len(MAGIC)
+    place, state.whole_bytes = len(MAGIC), begin
+    if begin:
+        place = stream.seek(begin)
     while True:
         head = stream.read(RECORD.size)
         opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)

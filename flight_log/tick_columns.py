@@ -6,21 +6,21 @@ decoding messages: a second of ticks takes some milliseconds.
 
 from __future__ import annotations
 
-import os
-import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from mcap.opcode import Opcode
 from mcap.records import Channel
 
-from flight_log.format import HEAD_BYTES, MAGIC, MESSAGE, RECORD, UNREADABLE, opened
+from flight_log.blocks import Block, BlockReader, Places, field_at, rows_at
+from flight_log.format import HEAD_BYTES, LENGTH_AT, MAGIC, MESSAGE
+from flight_log.mcap_writer import CHUNK_BYTES
 from flight_log.records import records
-from quadrotor.errors import LogFormatError, StorageError, UsageError
+from quadrotor.errors import UsageError
 from vehicle_link.messages.cdr_layout import FixedLayout
 from vehicle_link.topics.ticks import SECOND_NS, WORLD, body_frame, layout
 
@@ -29,8 +29,6 @@ Floats = npt.NDArray[np.float32]
 
 TICK_TOPICS = ("state", "reference", "imu", "actuators")
 """Topics with one message a tick, all with its stamp."""
-
-_HEAD = struct.Struct("<BQH")
 
 
 class Column(NamedTuple):
@@ -108,99 +106,61 @@ def read_columns(
     layouts = layouts_of(vehicle)
     columns = [parse_column(name, layouts) for name in names]
     topics = sorted({column.topic for column in columns} | {"state"})
-    wanted = {topic: layouts[topic] for topic in topics}
-    reader = _Reader(path.name, wanted, start_ns, end_ns, rows)
-    try:
-        channels = _channels(path, vehicle, topics)
-        with path.open("rb") as stream:
-            ended = reader.read(stream.fileno(), channels, max(offset, len(MAGIC)))
-    except OSError as error:
-        raise StorageError(f"cannot read {path.name}: {error.strerror}") from error
-    stamps, found = reader.joined()
-    values = np.empty((len(stamps), len(columns)), np.float32)
+    found = {topic: _Ticks(layouts[topic], start_ns, end_ns) for topic in topics}
+    channels = _channels(path, vehicle, topics)
+    reader = BlockReader(path, offset or len(MAGIC), CHUNK_BYTES)
+    ended = False
+    for block in reader:
+        for channel, places in block.places.items():
+            if channel in channels:
+                found[channels[channel]].take(block, places)
+        # Topics follow one another in the file: the slowest one decides.
+        if min(one.newest_ns for one in found.values()) >= end_ns:
+            break
+        if min(one.count for one in found.values()) > rows:
+            break
+    else:
+        ended = not reader.tear
+    stamps = (one.stamps for one in found.values())
+    common = reduce(np.intersect1d, stamps, np.unique(found["state"].stamps))[:rows]
+    values = np.empty((len(common), len(columns)), np.float32)
     for j, (topic, field, item) in enumerate(columns):
-        column = found[topic][field]
+        column = found[topic].at(common)[field]
         values[:, j] = column if item is None else column[:, item]
-    return Columns(stamps, values, reader.written_ns, ended, reader.damaged)
+    written_ns = min(one.newest_ns for one in found.values())
+    return Columns(common, values, written_ns, ended, reader.damaged_chunks)
 
 
-class _Reader:
-    """Collects the rows of each topic, chunk by chunk, until there are enough."""
+class _Ticks:
+    """The records of one topic between two stamps, both included."""
 
-    def __init__(
-        self, name: str, layouts: dict[str, FixedLayout], start_ns: int, end_ns: int, rows: int
-    ) -> None:
-        self._name = name
-        self._layouts = layouts
-        self._start_ns, self._end_ns, self._rows = start_ns, end_ns, rows
-        self._parts: dict[str, list[npt.NDArray[np.void]]] = {topic: [] for topic in layouts}
-        self._stamps: dict[str, list[Stamps]] = {topic: [] for topic in layouts}
-        self._newest = dict.fromkeys(layouts, 0)
-        self._counts = dict.fromkeys(layouts, 0)
-        self.damaged = 0
+    def __init__(self, layout: FixedLayout, start_ns: int, end_ns: int) -> None:
+        self._layout, self._start_ns, self._end_ns = layout, start_ns, end_ns
+        self._parts = [np.zeros(0, layout.dtype)]
+        self._stamps = [np.zeros(0, np.int64)]
+        self.newest_ns = self.count = 0
+
+    def take(self, block: Block, places: Places) -> None:
+        size = self._layout.size
+        places = places[field_at(block.data, places, LENGTH_AT, "<u8") == size + MESSAGE.size]
+        if not len(places):
+            return
+        found = rows_at(block.data, places + HEAD_BYTES, size).view(self._layout.dtype)[:, 0]
+        stamps = found["header.stamp.sec"].astype(np.int64) * SECOND_NS
+        stamps += found["header.stamp.nanosec"]
+        self.newest_ns = max(self.newest_ns, int(stamps[-1]))
+        wanted = (stamps >= self._start_ns) & (stamps <= self._end_ns)
+        self._parts.append(found[wanted])
+        self._stamps.append(stamps[wanted])
+        self.count += int(wanted.sum())
 
     @property
-    def written_ns(self) -> int:
-        return min(self._newest.values())
+    def stamps(self) -> Stamps:
+        return np.concatenate(self._stamps)
 
-    def read(self, file: int, channels: dict[int, str], place: int) -> bool:
-        """Read on; return whether the file's end was reached and it is closed."""
-        size = os.fstat(file).st_size
-        while place + RECORD.size <= size and not self._enough():
-            head = os.pread(file, RECORD.size, place)
-            opcode, length = RECORD.unpack(head)
-            place += RECORD.size
-            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
-                return True
-            if place + length > size:
-                break
-            if opcode == Opcode.CHUNK:
-                try:
-                    self._take(opened(self._name, os.pread(file, length, place)), channels)
-                except (*UNREADABLE, LogFormatError):
-                    self.damaged += 1
-            place += length
-        return False
-
-    def joined(self) -> tuple[Stamps, dict[str, npt.NDArray[np.void]]]:
-        """Return stamps that every topic has, and each topic's records of them."""
-        stamps = {topic: _all(parts, np.int64) for topic, parts in self._stamps.items()}
-        common = np.unique(stamps["state"])
-        for its in stamps.values():
-            common = np.intersect1d(common, its)
-        common = common[: self._rows]
-        found = {}
-        for topic, parts in self._parts.items():
-            places = np.searchsorted(stamps[topic], common)
-            found[topic] = _all(parts, self._layouts[topic].dtype)[places]
-        return common, found
-
-    def _enough(self) -> bool:
-        # Topics follow one another in the file: the slowest one decides.
-        return self.written_ns >= self._end_ns or min(self._counts.values()) > self._rows
-
-    def _take(self, data: bytes, channels: dict[int, str]) -> None:
-        places: dict[str, list[int]] = {}
-        place, end = 0, len(data)
-        while place < end:
-            opcode, length, channel = _HEAD.unpack_from(data, place)
-            if opcode == Opcode.MESSAGE and channel in channels:
-                topic = channels[channel]
-                if length == self._layouts[topic].size + MESSAGE.size:
-                    places.setdefault(topic, []).append(place + HEAD_BYTES)
-            place += RECORD.size + length
-        octets = np.frombuffer(data, np.uint8)
-        for topic, starts in places.items():
-            dtype = self._layouts[topic].dtype
-            rows = octets[np.array(starts)[:, None] + np.arange(dtype.itemsize)]
-            found = np.ascontiguousarray(rows).view(dtype)[:, 0]
-            stamps = found["header.stamp.sec"].astype(np.int64) * SECOND_NS
-            stamps += found["header.stamp.nanosec"]
-            self._newest[topic] = max(self._newest[topic], int(stamps[-1]))
-            wanted = (stamps >= self._start_ns) & (stamps <= self._end_ns)
-            self._parts[topic].append(found[wanted])
-            self._stamps[topic].append(stamps[wanted])
-            self._counts[topic] += int(wanted.sum())
+    def at(self, stamps: Stamps) -> npt.NDArray[np.void]:
+        """Return its record of each."""
+        return np.concatenate(self._parts)[np.searchsorted(self.stamps, stamps)]
 
 
 def _channels(path: Path, vehicle: str, topics: Sequence[str]) -> dict[int, str]:
@@ -213,7 +173,3 @@ def _channels(path: Path, vehicle: str, topics: Sequence[str]) -> dict[int, str]
             if len(found) == len(wanted):
                 break
     return found
-
-
-def _all(parts: Sequence[npt.NDArray[Any]], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    return np.concatenate(parts) if parts else np.zeros(0, dtype)

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from mcap.records import Schema
 
-from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at
+from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at, rows_at
 from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
 from quadrotor.errors import LinkError, LogFormatError
@@ -182,7 +182,7 @@ class _TopicReader:
         texts: dict[str, npt.NDArray[Any]] = {}
         for size in np.unique(sizes).tolist() if self._paths != frozenset() else ():
             chosen = np.flatnonzero(sizes == size)
-            rows = _rows(data, places[chosen] + HEAD_BYTES, size)
+            rows = rows_at(data, places[chosen] + HEAD_BYTES, size)
             self._read_size(rows, chosen, out, texts)
         for path, column in texts.items():
             out.texts[path] = self._changes(path, column)
@@ -308,17 +308,6 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
         made[k] = ", ".join(words)
     joined: npt.NDArray[Any] = made[which]
     return joined
-
-
-def _rows(data: Bytes, places: Places, size: int) -> Bytes:
-    """Return the bytes behind each place, shape (N, size)."""
-    if size == 0:
-        return np.zeros((len(places), 0), np.uint8)
-    stands: npt.NDArray[Any] = np.ndarray(
-        (len(data) - size + 1,), f"V{size}", data.data, strides=(1,)
-    )
-    rows: Bytes = stands[places].view(np.uint8).reshape(len(places), size)
-    return rows
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
