@@ -35,11 +35,11 @@ class Growing:
 
     @property
     def size(self) -> int:
-        """Bytes of memory."""
+        """Return the bytes of memory it takes."""
         return len(self._held)
 
     def extend(self, values: npt.NDArray[Any]) -> None:
-        """Raises OSError."""
+        """Add values, shape (N,). Raises OSError."""
         self.count += len(values)
         values = values.astype(self._kind, copy=False)
         if self._path is None:
@@ -50,7 +50,7 @@ class Growing:
             values.tofile(file)
 
     def read(self) -> npt.NDArray[Any]:
-        """All of it, shape (count,); nothing is added any more."""
+        """Return all of it, shape (count,), after the last value was added."""
         if self._path is None:
             return np.frombuffer(self._held, self._kind)
         return np.fromfile(self._path, self._kind) if self.count else np.zeros(0, self._kind)
@@ -66,16 +66,16 @@ class Column:
 
     @property
     def size(self) -> int:
-        """Bytes of memory."""
+        """Return the bytes of memory it takes."""
         return self._values.size
 
     @property
     def constant(self) -> float | None:
-        """The one value it has, NaN for none at all; None if it has several."""
+        """Return its one value, NaN if it has none at all, None if it has several."""
         return None if self._values.count else float(self._first)
 
     def extend(self, values: npt.NDArray[Any]) -> None:
-        """More values, shape (N,). Raises OSError."""
+        """Add values, shape (N,). Raises OSError."""
         if len(values) == 0:
             return
         if not self._values.count:
@@ -90,12 +90,12 @@ class Column:
         self.count += len(values)
 
     def fill(self, count: int) -> None:
-        """NaN up to `count` values: messages without this number."""
+        """Add NaN up to `count` values, for messages without this number."""
         if count > self.count:
             self.extend(np.full(count - self.count, np.nan, np.float32))
 
     def read(self) -> Floats:
-        """All of it, shape (count,), not to be written into."""
+        """Return all of it, shape (count,), not to be written into."""
         if not self._values.count:
             return np.broadcast_to(self._first, self.count)
         return self._values.read()
@@ -134,7 +134,7 @@ class Topic:
         return self._count
 
     def extend(self, columns: Columns, room: float = math.inf) -> int:
-        """More messages, with at most `room` new columns; returns how many are new."""
+        """Add messages, with at most `room` new columns; return how many are new."""
         made, before = 0, self._count
         self._count += len(columns.log_ns)
         self._publish_ns.extend(columns.publish_ns)
@@ -160,26 +160,26 @@ class Topic:
 
     @property
     def size(self) -> int:
-        """Bytes of memory; texts as they change."""
+        """Return the bytes of memory it takes; texts count where they change."""
         stamps = self._publish_ns.size + self._log_ns.size
         return stamps + self._written + sum(one.size for one in self.columns.values())
 
     @property
     def log_ns(self) -> Stamps:
-        """(N,) reception at the writer; empty when it is not kept."""
+        """Return the stamps of reception at the writer, (N,); empty when they are not kept."""
         return self._log_ns.read()
 
     @property
     def publish_ns(self) -> Stamps:
-        """(N,) the source's stamp."""
+        """Return the stamps of the source, (N,)."""
         return self._publish_ns.read()
 
     def give_up_stamps(self) -> None:
-        """After their last use: of a long log they are most of it."""
+        """Free the stamps after their last use: of a long log they are most of it."""
         self._log_ns, self._publish_ns = Growing(np.int64, None), Growing(np.int64, None)
 
     def values(self, name: str) -> Floats:
-        """(N,), NaN where there is none; not to be written into."""
+        """Return a number, (N,), NaN where there is none; not to be written into."""
         column = self.columns.get(name)
         if column is None:
             return np.broadcast_to(np.float32(np.nan), len(self))
@@ -187,7 +187,7 @@ class Topic:
         return column.read()
 
     def take(self, names: Collection[str]) -> Floats:
-        """(N, len(names)), NaN for a number that the topic has not; the columns are given up."""
+        """Return (N, len(names)), NaN for a number the topic does not have; free the columns."""
         out = np.empty((len(self), len(names)), np.float32)
         for k, name in enumerate(names):
             out[:, k] = self.values(name)
@@ -205,7 +205,7 @@ def gather(
     most_bytes: float = math.inf,
     received: bool = True,
 ) -> dict[str, Topic]:
-    """Everything that `reader` gives, by topic; of each the messages of its first type.
+    """Return all that `reader` gives, by topic; of each the messages of its first type.
 
     Args:
         look: told all so far, and the share of the file read, after each block.
@@ -237,7 +237,7 @@ def gather(
 def read_topics(
     log: Path, vehicle: str, wanted: Mapping[str, Collection[str]], whole: tuple[str, ...] = ()
 ) -> dict[str, Topic]:
-    """Of one vehicle, by name without namespace; a topic without messages is empty.
+    """Return topics of one vehicle, by name without namespace; one without messages is empty.
 
     Args:
         wanted: paths of numbers and texts by topic.

@@ -44,42 +44,42 @@ class Series:
 
     @property
     def names(self) -> list[str]:
-        """Of its numbers."""
+        """Return the names of its numbers."""
         return list(self._topic.columns)
 
     def constant(self, name: str) -> float | None:
-        """The one value that a number has, NaN for none at all; None if it has several."""
+        """Return the one value of a number, NaN if it has none at all, None if it has several."""
         column = self._topic.columns[name]
         column.fill(len(self))
         return column.constant
 
     def values(self, name: str) -> Floats:
-        """(N,), NaN where the log has no such number; not to be written into."""
+        """Return a number, (N,), NaN where the log has none such; not to be written into."""
         values = self._topic.values(name)
         return values if self._order is None else values[self._order]
 
     def rows(self, names: Sequence[str]) -> Floats:
-        """(N, len(names)), NaN where the log has no such number."""
+        """Return numbers, (N, len(names)), NaN where the log has none such."""
         return np.stack([self.values(name) for name in names], axis=1)
 
     def take(self, names: Sequence[str]) -> Floats:
-        """As `rows`; the columns are given up, one after the other."""
+        """Return the columns as `rows` does, and free them one after the other."""
         rows = self._topic.take(names)
         return rows if self._order is None else rows[self._order]
 
     def table(self, names: Sequence[str], start: float, end: float) -> Times:
-        """(M, len(names)) of start <= t <= end; NaN where the log has no such number."""
+        """Return (M, len(names)) of start <= t <= end, NaN where the log has no such number."""
         inside = (self.time >= start) & (self.time <= end)
         columns = [self.values(name)[inside].astype(np.float64) for name in names]
         return np.stack(columns, axis=1)
 
     @property
     def texts(self) -> dict[str, list[tuple[float, str]]]:
-        """By path, from which time (s) on it was what."""
+        """Return by path from which time (s) on a text was what."""
         return {path: self.changes(path) for path in self._topic.texts}
 
     def changes(self, path: str) -> list[tuple[float, str]]:
-        """Of one text, in order; empty where the log has no such text."""
+        """Return the changes of one text, in order; empty where the log has no such text."""
         told = self._topic.texts.get(path, [])
         if self._order is None:
             return [(float(self.time[index]), text) for index, text in told]
@@ -87,7 +87,7 @@ class Series:
         return sorted((float(self.time[place[index]]), text) for index, text in told)
 
     def lines(self) -> Iterator[tuple[float, dict[str, Any]]]:
-        """Time (s) and fields of each message whose payload was read.
+        """Yield time (s) and fields of each message whose payload was read.
 
         Of one instant they stay as they were logged: a mark's later text has the mark's stamp.
         """
@@ -99,7 +99,7 @@ class Series:
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
-        """Start and length (s) of its silences."""
+        """Return start and length (s) of its silences."""
         return [
             (float(self.time[k]), float(self.time[k + 1] - self.time[k])) for k in gaps(self.time)
         ]
@@ -125,12 +125,12 @@ class Run:
 
     @property
     def duration(self) -> float:
-        """s."""
+        """Return the time of the last message, s."""
         return max(float(one.time[-1]) for one in self.topics.values())
 
 
 def read_run(reader: ColumnReader, *arguments: Any, **options: Any) -> Run:
-    """Args: as `gather`. Raises as it does, and LogFormatError when there is no message."""
+    """Read a run; arguments as for `gather`. Raises as it does, LogFormatError without messages."""
     found = gather(reader, *arguments, **options)
     if not found:
         unread = next(iter(reader.problems.items()), None)
@@ -153,7 +153,7 @@ def read_run(reader: ColumnReader, *arguments: Any, **options: Any) -> Run:
 
 
 def _namespace(topics: dict[str, Topic]) -> str:
-    """Of the vehicle whose log it is: where the state is, else most of the messages."""
+    """Return the vehicle's namespace: where the state is, else most of the messages."""
     counts: dict[str, int] = {}
     for topic, one in topics.items():
         space, _, name = topic.rpartition("/")
