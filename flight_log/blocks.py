@@ -276,7 +276,7 @@ def field_at(data: Bytes, places: Places, offset: int, dtype: str) -> npt.NDArra
 
 
 def rows_at(data: Bytes, places: Places, size: int) -> Bytes:
-    """The bytes behind each place, shape (N, size)."""
+    """Return the bytes behind each place, shape (N, size)."""
     if size == 0:
         return np.zeros((len(places), 0), np.uint8)
     stands: npt.NDArray[Any] = np.ndarray(
