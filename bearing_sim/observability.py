@@ -39,7 +39,7 @@ LARGEST_MAP = 250_000
 
 @dataclass(frozen=True)
 class Sight:
-    """Which beacons a sensor sees.
+    """The field of view of a sensor: which beacons it sees.
 
     Attributes:
         axis_b: unit vector, the sensor's axis in body axes.

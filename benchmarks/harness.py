@@ -65,7 +65,7 @@ class Row:
 
 @dataclass
 class Target:
-    """What was to be reached and what was."""
+    """A target, and what was reached of it."""
 
     what: str
     reached: float

@@ -62,7 +62,7 @@ CLOSE_PATIENCE = 3.0
 
 
 class BaseStation:
-    """Everything of this process, wired to one Zenoh session.
+    """The base station of one vehicle: everything of this process, wired to one Zenoh session.
 
     Args:
         session: of vehicle_link.transport.session.hub_session.

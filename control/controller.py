@@ -237,7 +237,7 @@ Law = Callable[[Record, Record, Record, Record, Record, bool, float, Record], No
 
 
 class Controller(Protocol):
-    """What the vehicle's tick needs of a controller; plain Python is allowed."""
+    """The protocol of a controller, as the vehicle's tick needs it; plain Python is allowed."""
 
     @property
     def tilt_limited(self) -> bool:

@@ -49,7 +49,7 @@ LOW_MARGIN = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Margin:
-    """Of one loop.
+    """The stability margin of one loop.
 
     Attributes:
         loop: its name.

@@ -86,7 +86,7 @@ class AttitudeGains(Parameters):
 
 
 class ControlLimits(Parameters):
-    """What the laws may ask for."""
+    """The limits of what the laws may ask for."""
 
     tilt_max: float = parameter(
         45.0,
@@ -174,7 +174,7 @@ class DisturbanceParameters(Parameters):
 
 
 class ControlParameters(Parameters):
-    """Everything the controller is tuned by."""
+    """The parameters of the controller."""
 
     law: str = parameter(
         GEOMETRIC,

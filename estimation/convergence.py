@@ -15,7 +15,9 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """Whether an estimator may be flown on; `reason` says why, with numbers, either way."""
+    """The convergence of an estimator: whether it may be flown on; `reason` says why, with numbers,
+    either way.
+    """
 
     reached: bool
     reason: str
@@ -32,7 +34,7 @@ class Deviations:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """How far one STATE is from another: m, m/s, rad."""
+    """The distance of one STATE from another: m, m/s, rad."""
 
     position: float
     velocity: float

@@ -13,7 +13,7 @@ NORM_TOLERANCE = 0.02
 
 
 class Outcome(IntEnum):
-    """What became of a measurement."""
+    """The outcome of a measurement."""
 
     APPLIED = 0
     TOO_OLD = 1  # older than the history
@@ -24,7 +24,7 @@ class Outcome(IntEnum):
 
 
 class Agreement(IntEnum):
-    """How the newest measurements agree with the estimate."""
+    """The agreement of the newest measurements with the estimate."""
 
     USED = 0  # the newest one was used
     REFUSED = 1  # it was refused by the gate, as too far from its prediction

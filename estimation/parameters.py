@@ -34,7 +34,9 @@ ESTIMATION_GAINS = np.dtype(
 
 
 class EstimationParameters(Parameters):
-    """Which estimator, on what; gains of eqs. 11 and 12 as poles, for a 100 Hz tracker."""
+    """The choice of estimator and source; gains of eqs. 11 and 12 as poles, for a 100 Hz
+    tracker.
+    """
 
     estimator: str = parameter(
         "complementary",

@@ -39,7 +39,7 @@ _YEAR = 3.2e7  # s; a longer time is a damaged one
 
 @dataclass
 class TopicCheck:
-    """What one topic came to; times in s, stamps of the source."""
+    """The check of one topic; times in s, stamps of the source."""
 
     type_name: str
     count: int = 0
@@ -64,7 +64,7 @@ class TopicCheck:
 
 @dataclass
 class LogCheck:
-    """What was found.
+    """The findings of a check.
 
     Attributes:
         problems: what makes the log unsound, a line each; empty for a sound one.

@@ -17,7 +17,7 @@ from quadrotor.errors import LogFormatError, StorageError
 
 @dataclass(frozen=True)
 class FillSource:
-    """Of one file on board.
+    """A source for filling: one file on board.
 
     Attributes:
         name: on board.

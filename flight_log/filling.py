@@ -41,7 +41,9 @@ class Placed(NamedTuple):
 
 @dataclass(frozen=True)
 class Stretch:
-    """What of one file on board was looked at: its ticks there, and those the run has of them."""
+    """A stretch of one file on board that was looked at: its ticks there, and those the run has of
+    them.
+    """
 
     name: str
     first_ns: int
@@ -52,7 +54,8 @@ class Stretch:
 
 @dataclass
 class Found:
-    """What the run lacks of the sources, and how it stands once that is filled in.
+    """The findings of a look: what the run lacks of the sources, and its state once that is filled
+    in.
 
     Attributes:
         messages, ticks: to be filled in.

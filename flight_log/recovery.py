@@ -20,7 +20,7 @@ PIECE = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Recovery:
-    """What `recover` found."""
+    """The findings of `recover`."""
 
     path: Path
     torn: bool  # False: the file was closed properly and was left alone

@@ -46,7 +46,7 @@ HOLE_PERIODS = 1.5
 
 @dataclass
 class TopicIndex:
-    """Of one topic, in the order of the stamps.
+    """An index of one topic, in the order of the stamps.
 
     Attributes:
         stamps_ns: the vehicle's, shape (N,).

@@ -41,7 +41,7 @@ class Column(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """What was read.
+    """The columns that were read.
 
     Attributes:
         stamps_ns: shape (N,), rising.

@@ -28,7 +28,7 @@ MEDIA_TYPES = {".json": "application/json", ".toml": "application/toml", ".py": 
 
 
 class Message(NamedTuple):
-    """As `LogWriter.write` takes them."""
+    """A message as `LogWriter.write` takes it."""
 
     topic: str
     type_name: str

@@ -40,7 +40,7 @@ class MeasurementError(QuadlabError):
 
 
 class DegenerateGeometryError(MeasurementError):
-    """What was seen, or where the beacons stand, does not determine a pose."""
+    """The measurement, or the place of the beacons, does not determine a pose."""
 
 
 class UndeterminedStartError(DegenerateGeometryError):
@@ -59,7 +59,7 @@ class NoAnswerError(LinkError):
 
 
 class UnreachableError(NoAnswerError):
-    """Nobody is there to answer: nothing was carried out."""
+    """No one answers: nothing was carried out."""
 
 
 class StorageError(QuadlabError):

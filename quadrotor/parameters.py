@@ -61,7 +61,7 @@ def parameter(
 
 @dataclass(frozen=True, slots=True)
 class ParameterDescription:
-    """What a client needs to show and edit one parameter."""
+    """The description of a parameter: what a client needs to show and edit it."""
 
     name: str
     type: str  # "bool", "int", "float" or "str"

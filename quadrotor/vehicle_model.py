@@ -38,7 +38,7 @@ MODEL = np.dtype(
 
 
 class VehicleModel(Parameters):
-    """What the controller believes of the vehicle."""
+    """The model that the controller believes of the vehicle."""
 
     mass: float = parameter(
         1.308, unit="kg", ge=0.5, le=2.4, step=0.001, flight_step=0.2, description="total mass"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 from pathlib import Path
@@ -53,3 +54,54 @@ def test_every_document_the_code_refers_to_is_there() -> None:
     for file in files:
         for document in re.findall(r"docs/[\w/-]+\.md", file.read_text()):
             assert (ROOT / document).exists(), f"{file.relative_to(ROOT)} refers to {document}"
+
+
+FRAGMENTS = {
+    "Of",
+    "Whether",
+    "As",
+    "Where",
+    "From",
+    "By",
+    "In",
+    "With",
+    "For",
+    "What",
+    "Who",
+    "How",
+    "When",
+    "If",
+    "That",
+    "To",
+    "At",
+    "On",
+    "Why",
+    "Which",
+    "It",
+}
+PRODUCT = [
+    "quadrotor",
+    "control",
+    "estimation",
+    "bearing_sim",
+    "flight_log",
+    "vehicle_link",
+    "vehicle",
+    "console",
+    "web",
+    "quadlab",
+]
+
+
+@pytest.mark.parametrize("package", PRODUCT)
+def test_docstrings_of_public_functions_are_sentences(package: str) -> None:
+    """A hover shows the docstring alone: it begins with a verb ("Return the …"), or with "The"."""
+    found = []
+    for file in sorted((ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                words = (ast.get_docstring(node) or "").split()
+                if words and words[0].rstrip(",:;.") in FRAGMENTS and node.name[0] != "_":
+                    place = f"{file.relative_to(ROOT)}:{node.lineno} {node.name}"
+                    found.append(f"{place}: {' '.join(words[:6])} …")
+    assert not found, "\n".join(["begin these with a verb, such as Return:", *found])

@@ -19,7 +19,7 @@ from vehicle.safety.parameters import SafetyParameters
 
 
 class BeaconParameters(Parameters):
-    """Where the beacons stand, and where their bearings are good enough to fly on."""
+    """The beacons' positions, and where their bearings are good enough to fly on."""
 
     layout: str = parameter(
         "paper",
@@ -48,7 +48,7 @@ class BeaconParameters(Parameters):
 
 
 class FallBackParameters(Parameters):
-    """When bearings are no longer flown on; the table is docs/safety.md."""
+    """The conditions under which bearings are no longer flown on; the table is docs/safety.md."""
 
     enabled: bool = parameter(
         True,

@@ -15,7 +15,7 @@ STATES: tuple[State, ...] = ("ok", "warn", "fail", "unknown")
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """What was looked at.
+    """A check and its result.
 
     state: `warn` is worth a look, `fail` must be mended, `unknown` could not be looked at.
     found, wanted: in words, with the figure and its limit.

@@ -64,8 +64,8 @@ class Page:
 
 
 class Part:
-    """How far one process has come with one vehicle, for the simulator; where there is no lockstep,
-    nobody looks.
+    """The progress of one process with one vehicle, for the simulator; without lockstep it is not
+    looked at.
 
     Attributes:
         in_lockstep: whether somebody does.

@@ -12,7 +12,7 @@ from typing import Protocol
 
 
 class Ending(Protocol):
-    """What a loop waits on; a threading.Event where no signal sets it."""
+    """An event that a loop waits on; a threading.Event where no signal sets it."""
 
     def wait(self, timeout: float) -> bool: ...
 

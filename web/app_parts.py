@@ -28,7 +28,7 @@ from web.view.server import ViewServer
 
 @dataclass(frozen=True)
 class Parts:
-    """Everything the routes speak to."""
+    """The parts that the routes use."""
 
     vehicle: str
     base_url: str

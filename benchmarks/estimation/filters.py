@@ -49,7 +49,7 @@ EPOCH_NS = 1_000_000_000
 
 @dataclass
 class Flown:
-    """What one method estimated on one flight."""
+    """The estimates of one method on one flight."""
 
     states: Record
     seconds: float  # of processor a second of flight

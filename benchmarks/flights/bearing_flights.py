@@ -34,7 +34,7 @@ EXCHANGED = "1 -1.0 1.0 0.1; 2 1.0 1.0 0.1; 3 -1.0 -1.0 0.1; 4 1.0 -1.0 0.1"
 
 @dataclass(frozen=True)
 class Fault:
-    """What happens to emulator and tracker; `ends` s later it is over, 0 for never."""
+    """A fault of emulator and tracker; `ends` s later it is over, 0 for never."""
 
     name: str
     bearings: dict[str, Any] = field(default_factory=dict)
@@ -130,7 +130,9 @@ class WatchedFlight(SimulatedFlight):
 
 @dataclass
 class Outcome:
-    """Of one flight; `end` is "on bearings", "on the tracker", "landed by itself" or a refusal."""
+    """The outcome of one flight; `end` is "on bearings", "on the tracker", "landed by itself" or a
+    refusal.
+    """
 
     end: str
     metrics: dict[str, float]

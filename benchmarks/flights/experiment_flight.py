@@ -21,7 +21,7 @@ VEHICLE = "quad1"
 
 @dataclass(frozen=True)
 class Flown:
-    """What came of it; `proposal` of a calibration only."""
+    """The outcome of a flown experiment; `proposal` of a calibration only."""
 
     result: Result
     proposal: CalibrationRecord | None

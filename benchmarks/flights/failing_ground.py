@@ -33,7 +33,7 @@ NAME, REQUESTER = "quad1", "benchmark"
 
 
 class NotFlownError(Exception):
-    """It did not come as far as the failure."""
+    """The flight did not come as far as the failure."""
 
 
 def until(what: str, look: Callable[[], Any], patience: float = PATIENCE) -> Any:
@@ -62,7 +62,7 @@ def free_port() -> int:
 
 
 class Ground:
-    """Everything that is not on board, and the truth.
+    """The part of the laboratory that is not on board, and the truth.
 
     Attributes:
         stamp, truth: time (s) and STATE (1,) of the newest truth; each is given to `watch`, too.

@@ -34,7 +34,7 @@ LOOK = 0.25  # s
 
 
 class Pilot:
-    """Of one vehicle: what it says last, and what it is told."""
+    """The pilot of one vehicle: its newest messages, and commands to it."""
 
     def __init__(self, client: StationClient) -> None:
         self._client = client

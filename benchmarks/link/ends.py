@@ -84,7 +84,7 @@ class Plan(msgspec.Struct, frozen=True):
 
 
 class Program:
-    """What both ends do: threads until the end, notes, plain UDP both ways."""
+    """The program of both ends: threads until the end, notes, plain UDP both ways."""
 
     def __init__(self, folder: Path, plan: Plan) -> None:
         self.folder, self.plan = folder, plan

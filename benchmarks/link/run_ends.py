@@ -27,7 +27,7 @@ PATIENCE = 20.0
 
 
 class Running:
-    """Both ends run, over a link without faults until it is told otherwise."""
+    """Both ends running, over a link without faults until its conditions change."""
 
     def __init__(self, link: ImpairedLink, folder: Path, plan: Plan) -> None:
         self.link, self._folder = link, folder

@@ -27,7 +27,9 @@ _FIELDS = struct.Struct("<qq")
 
 
 class Board:
-    """What was put so far; written by one process, read by another when that one is dead."""
+    """A board with the count put so far; written by one process, read by another when that one is
+    dead.
+    """
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
@@ -46,7 +48,7 @@ class Board:
 
 @dataclass(frozen=True)
 class Kill:
-    """What one killed writer left behind."""
+    """The remains of one killed writer."""
 
     put: int  # messages
     kept: int

@@ -75,7 +75,7 @@ def kills(count: int, seed: int = 1) -> Iterator[Kill]:
 
 @dataclass(frozen=True)
 class Dead:
-    """What one killed process left; ticks by number."""
+    """The remains of one killed process; ticks by number."""
 
     taken: int  # from the ring
     first: int  # in its file

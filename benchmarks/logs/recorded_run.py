@@ -34,7 +34,7 @@ TAKE_OFF, REST = 3.0, 3.0  # s after the start, before the end
 
 @dataclass(frozen=True)
 class MadeRun:
-    """What is in it; times in s since the first tick."""
+    """A made-up run and its content; times in s since the first tick."""
 
     duration: float
     vehicle: str = "quad1"

@@ -42,7 +42,7 @@ RATIO = 1.25
 
 @dataclass
 class Turn:
-    """Of one stretch of the flight."""
+    """A turn of measurement: one stretch of the flight."""
 
     began_ns: int
     ended_ns: int = 0
@@ -63,7 +63,7 @@ class NoLog:
 
 @dataclass
 class Logged:
-    """What went into a log, and what came of it."""
+    """A log under test: what went into it, and what came of it."""
 
     log: OnboardLog | NoLog
     said: list[str]

@@ -75,7 +75,7 @@ EVENTS = {
 
 
 class Listener:
-    """What the vehicle would get, with when (ms of the system's clock)."""
+    """A listener to what the vehicle would get, with when (ms of the system's clock)."""
 
     def __init__(self, port: int) -> None:
         self.session = loopback_session(port)

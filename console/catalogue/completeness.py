@@ -24,7 +24,7 @@ WORTH_TELLING = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Completeness:
-    """Of one run; times in s of ticks."""
+    """The completeness of one run; times in s of ticks."""
 
     state: State
     filled: float = 0.0  # from the vehicle's log

@@ -14,7 +14,7 @@ LABEL = 120
 
 
 class Base(DeclarativeBase):
-    """Of the tables here."""
+    """The base class of the tables here."""
 
 
 class RunRow(Base):
@@ -81,7 +81,9 @@ class TrashRow(Base):
 
 
 class CompletenessRow(Base):
-    """How a run compares with what the vehicle itself logged (console.catalogue.completeness)."""
+    """A row that compares a run with what the vehicle itself logged
+    (console.catalogue.completeness).
+    """
 
     __tablename__ = "run_completeness"
 

@@ -6,7 +6,7 @@ from quadrotor.parameters import Parameters, parameter
 
 
 class PreflightParameters(Parameters):
-    """What must hold before the station passes a request to arm on."""
+    """The conditions for passing a request to arm on to the vehicle."""
 
     blocks: bool = parameter(
         True, read_only=True, description="the station refuses to arm while a check fails"

@@ -20,7 +20,7 @@ UNANSWERED = 20.0
 
 @dataclass(frozen=True, slots=True)
 class LeaseView:
-    """Names as of `requester` everywhere; "" = nobody."""
+    """A view of the lease, with names as of `requester` everywhere; "" = no one."""
 
     holder: str
     asking: str

@@ -16,7 +16,7 @@ watchdog."""
 
 @dataclass(frozen=True, slots=True)
 class StickOrder:
-    """What goes to the vehicle: axes (forward, left, up, yaw) in -1..1."""
+    """A stick order to the vehicle: axes (forward, left, up, yaw) in -1..1."""
 
     axes: tuple[float, float, float, float]
     enabled: bool

@@ -40,7 +40,8 @@ TOPIC = "comparison"
 
 
 class ComparisonFeed:
-    """Everything but `close` may be called from any thread, and costs an append.
+    """A feed of the comparison process. Everything but `close` may be called from any thread, and
+    costs an append.
 
     The process begins with the first telemetry, and is there only while it is wanted.
 

@@ -39,7 +39,7 @@ class Result:
 
 @dataclass
 class Comparison:
-    """As in quadlab_msgs/EstimatorComparison."""
+    """A comparison with the fields of quadlab_msgs/EstimatorComparison."""
 
     stamp_ns: int
     truth: str

@@ -26,7 +26,7 @@ WAITING = 128
 
 
 class Event(Enum):
-    """What became of a packet."""
+    """The result of adding a packet."""
 
     GOES_ON = auto()
     GAP = auto()  # goes on, after more than LONGEST_GAP

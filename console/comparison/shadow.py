@@ -24,7 +24,7 @@ MEASURED_NS = 5_000_000_000
 
 
 class Shadow:
-    """Its estimate never reaches the vehicle.
+    """An estimator in parallel with the vehicle's own; its estimate never reaches the vehicle.
 
     Args:
         timer: s of processor time of the thread that calls.

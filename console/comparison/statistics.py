@@ -43,7 +43,7 @@ NOTHING = Summary(math.nan, math.nan, math.nan, math.nan)
 
 
 class ErrorStatistics:
-    """Of one estimator."""
+    """The error statistics of one estimator."""
 
     def __init__(self) -> None:
         self._stamps = np.full(KEPT, -(1 << 62), np.int64)

@@ -35,7 +35,7 @@ LONGEST = 1.0
 
 
 class Frame(NamedTuple):
-    """When a frame was taken (s), the ids in it, and its sigma (rad)."""
+    """A frame of bearings: when it was taken (s), the ids in it, and its sigma (rad)."""
 
     time: float
     beacon_ids: tuple[int, ...]

@@ -43,7 +43,7 @@ def read_columns(
 
 @dataclass(frozen=True, slots=True)
 class FlownParameters:
-    """What the log began with.
+    """The parameters at the beginning of a log.
 
     Attributes:
         vehicle: its own parameters. truth: those of the simulator, without prefix; empty when the

@@ -32,7 +32,7 @@ WANTED = {
 
 @dataclass(frozen=True)
 class Battery:
-    """How the vehicle's model follows the battery."""
+    """The battery law of the vehicle's model."""
 
     nominal: float = 15.2  # V
     exponent: float = 0.0
@@ -53,7 +53,7 @@ class Battery:
 
 @dataclass(frozen=True)
 class BenchResult:
-    """What a bench came to; the law is that of the nominal battery voltage."""
+    """The result of a bench run; the law is that of the nominal battery voltage."""
 
     law: MotorCalibration
     lag: TimeConstant

@@ -43,7 +43,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What came of it: the result, names of the report's files, and why there are none."""
+    """The judgement of a run: the result, names of the report's files, and why there are none."""
 
     result: Result
     files: tuple[str, ...]

@@ -22,7 +22,7 @@ BENCH, SILENT = "bench", ""
 
 
 class LiveBench:
-    """Of one experiment; its thread begins with the first motor.
+    """The motor bench of one experiment; its thread begins with the first motor.
 
     Args:
         ask: sends (motor, reference) once. Raises RefusedError, or LinkError without an answer.

@@ -33,7 +33,7 @@ SETTLE = 0.05
 
 
 class Ground(Protocol):
-    """What the client needs of the station."""
+    """The functions of the station that the client needs."""
 
     def link_state(self) -> LinkState: ...
 
@@ -55,7 +55,7 @@ class Ground(Protocol):
 
 
 class LiveCommands:
-    """What a flying experiment needs of `console.experiments.client.Client`.
+    """The commands of a flying experiment, as `console.experiments.client.Client` needs them.
 
     Args:
         requester: who started it; the vehicle is told that this person asks.

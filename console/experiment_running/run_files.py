@@ -21,7 +21,7 @@ LOOK = 0.05
 
 
 class Settings(Protocol):
-    """What of the station's parameters matters to an experiment."""
+    """The station's parameters that matter to an experiment."""
 
     def __call__(self) -> tuple[float, float]:
         """Return the timeout of the sticks, and how long a run goes on after disarming, both in

@@ -24,7 +24,7 @@ RECORDS = {"motor_bench": "motor"}
 
 
 class Runner(Protocol):
-    """Each raises RefusedError with the reason."""
+    """The runner behind the service; each method raises RefusedError with the reason."""
 
     def permit(self, command: str, requester: str) -> None: ...
 

@@ -27,7 +27,7 @@ _GET = "rcl_interfaces/srv/GetParameters"
 
 
 class SimulatedHand:
-    """Of the simulator at this station, if there is one; used by one experiment at a time.
+    """The hand of the simulator at this station, if there is one; used by one experiment at a time.
 
     Attributes:
         is_there: whether a simulator answered when the experiment began.

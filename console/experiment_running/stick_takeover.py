@@ -15,7 +15,7 @@ SILENT = 0.3
 
 
 class _Until(Enum):
-    """What must be seen of the sticks before they can take over."""
+    """The state the sticks must pass through before they can take over."""
 
     NOTHING = 0
     CENTRED = 1  # they were deflected when it began

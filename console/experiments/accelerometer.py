@@ -84,7 +84,7 @@ class AccelerometerOptions(Parameters):
 
 @dataclass
 class _Progress:
-    """What has been held so far."""
+    """The progress so far: what has been held."""
 
     finder: StillPoses
     since: float  # s, of the newest pose

@@ -32,7 +32,7 @@ class TrackedAttitude:
 
 @dataclass(frozen=True, slots=True)
 class BenchReadings:
-    """Of the force/torque sensor since the last look, oldest first; N may be 0."""
+    """Readings of the force/torque sensor since the last look, oldest first; N may be 0."""
 
     time: Array  # (N,) s, vehicle clock
     force: Array  # (N,) N
@@ -42,7 +42,7 @@ class BenchReadings:
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a guided procedure is, for the person beside the vehicle.
+    """The progress of a guided procedure, for the person next to the vehicle.
 
     Attributes:
         instruction: what to do now, a short sentence.

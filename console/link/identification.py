@@ -28,7 +28,9 @@ DOWN = 3.0
 
 
 class Introduction:
-    """In a thread of its own (`run`): an answer may take a second."""
+    """The introduction to the vehicle, in a thread of its own (`run`): an answer may take a
+    second.
+    """
 
     def __init__(self, node: Node, vehicle: str, link: LinkMonitor) -> None:
         self._vehicle, self._link = vehicle, link

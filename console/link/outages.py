@@ -11,7 +11,7 @@ _SHORTEST_NS = round(DEGRADED_AFTER * 1e9)
 
 @dataclass(frozen=True, slots=True)
 class OutageFigures:
-    """Since the vehicle was first heard; an outage under way is among them. Lengths in s."""
+    """The outages since the vehicle was first received, one under way included. Lengths in s."""
 
     count: int = 0
     last: float = 0.0

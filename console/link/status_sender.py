@@ -19,7 +19,9 @@ INFO, WARN = 20, 30
 
 
 class StatusSender:
-    """Of one thread. Args: `on_link` hears each LinkStatus that is sent."""
+    """A sender of both statuses, used by one thread. Args: `on_link` gets each LinkStatus that is
+    sent.
+    """
 
     def __init__(
         self,

@@ -37,7 +37,8 @@ Act = Callable[[Received], None]
 
 
 class Subscriptions:
-    """Each topic has a thread of its own (vehicle_link.transport.node).
+    """The station's subscriptions; each topic has a thread of its own
+    (vehicle_link.transport.node).
 
     Args:
         acts: by topic; may raise LinkError or MeasurementError for what makes no sense.

@@ -17,7 +17,9 @@ from vehicle_link.transport.node import Received
 
 
 class TelemetryIn:
-    """Of one thread. Args: the station's parts that hear of it; `heard` of its newest stamp."""
+    """The receiver of telemetry, used by one thread. Args: the station's parts that take it;
+    `heard` gets its newest stamp.
+    """
 
     def __init__(
         self,

@@ -18,8 +18,9 @@ FORMATS = ("csv", "parquet", "mat")
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """What was written; `problems` has a line for each topic that could not be read, `missing`
-    says what of the file could not."""
+    """The result of an export; `problems` has a line for each topic that could not be read,
+    `missing` says what of the file could not.
+    """
 
     files: tuple[Path, ...]
     rows: int

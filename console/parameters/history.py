@@ -20,7 +20,7 @@ from quadrotor.parameters import ParameterValue
 
 
 class Base(DeclarativeBase):
-    """Of the tables here."""
+    """The base class of the tables here."""
 
 
 class ChangeRow(Base):
@@ -45,7 +45,7 @@ class ChangeRow(Base):
 
 
 class FlightRow(Base):
-    """From arming to disarming; `after` is the last change before it."""
+    """A flight from arming to disarming; `after` is the last change before it."""
 
     __tablename__ = "parameter_flights"
 

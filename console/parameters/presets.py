@@ -17,7 +17,7 @@ from quadrotor.parameters import ParameterValue
 
 
 class Base(DeclarativeBase):
-    """Of the table here."""
+    """The base class of the table here."""
 
 
 class PresetRow(Base):

@@ -9,7 +9,7 @@ from quadrotor.parameters import Parameters, parameter
 
 
 class RecorderParameters(Parameters):
-    """When a run ends, and what the disk must keep free."""
+    """The rules for when a run ends, and what the disk must keep free."""
 
     after_disarm: float = parameter(
         1.0,
@@ -52,7 +52,7 @@ class StickParameters(Parameters):
 
 
 class StationParameters(Parameters):
-    """Everything the station itself can be told."""
+    """The parameters of the station itself."""
 
     tracker: TrackerParameters = TrackerParameters()
     bearings: BearingParameters = BearingParameters()

@@ -30,7 +30,7 @@ TRACKED = (
 
 @dataclass(frozen=True)
 class Track:
-    """Where something was: position_w (m), angles (rad), velocity_w (m/s, NaN when unknown)."""
+    """A track of positions: position_w (m), angles (rad), velocity_w (m/s, NaN when unknown)."""
 
     name: str
     time: Array  # (N,) s
@@ -46,7 +46,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Flight:
-    """What of one log can be laid over each other; None where the log has none of it.
+    """The columns of one log that can be laid over each other; None where the log has none of it.
 
     Attributes:
         truth: the simulator's, else the tracker's.

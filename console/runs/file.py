@@ -16,7 +16,8 @@ killed process loses some 30 ms."""
 
 
 class RunFile:
-    """Of one thread, but `sync`. The attachments are asked for here and may wait.
+    """The file of a run being recorded, used by one thread, but for `sync`. The attachments are
+    asked for here and may wait.
 
     Raises StorageError.
     """

@@ -22,7 +22,7 @@ DAY = 86_400.0
 
 
 class Housekeeping:
-    """Its methods are called from one thread, again and again.
+    """The housekeeping of runs and disk; its methods are called from one thread, again and again.
 
     Args:
         recording: the recorder's status, now.

@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Decision(Enum):
-    """What the recorder is to do now."""
+    """The recorder's next action."""
 
     NOTHING = 0
     START = 1

@@ -24,7 +24,7 @@ class Run:
 
 @dataclass(frozen=True)
 class RunEnd:
-    """How a run ended."""
+    """The end of a run."""
 
     run: Run
     duration: float  # s
@@ -37,7 +37,7 @@ class RunEnd:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """For the page."""
+    """The status of the recorder, for the page."""
 
     recording: bool
     run_id: str

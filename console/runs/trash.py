@@ -47,7 +47,7 @@ class Deleted:
 
 @dataclass(frozen=True, slots=True)
 class Purged:
-    """What emptying the trash came to."""
+    """The result of emptying the trash."""
 
     done: list[str] = field(default_factory=list)  # ids
     refused: dict[str, str] = field(default_factory=dict)  # id -> reason; these stay

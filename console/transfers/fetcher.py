@@ -20,7 +20,7 @@ RATE_WINDOW = 3.0
 
 
 class ChangedError(QuadlabError):
-    """Under the same name there is another content on board now: `file`."""
+    """Another content has the same name on board now: `file`."""
 
     def __init__(self, file: VehicleFile) -> None:
         super().__init__(f"{file.name} is another file on board now")

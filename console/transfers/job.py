@@ -18,11 +18,11 @@ ENDED = ("done", "incomplete", "failed", "cancelled")
 
 
 class CancelledError(QuadlabError):
-    """Somebody asked for it."""
+    """The job was cancelled on request."""
 
 
 class NotYetError(QuadlabError):
-    """What it needs is not there yet, with the reason; it is tried again."""
+    """The job lacks something for the moment, with the reason; it is tried again."""
 
 
 @dataclass

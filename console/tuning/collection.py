@@ -24,7 +24,7 @@ EDGE = 20_000_000
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Nothing is known of the time between (s since the first tick)."""
+    """A gap: nothing is known of the time in it (s since the first tick)."""
 
     start: float
     end: float

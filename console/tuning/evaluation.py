@@ -37,7 +37,7 @@ SHOWN_BEFORE, SHOWN_AFTER = 0.4, 0.3
 
 @dataclass(frozen=True)
 class Plan:
-    """What was asked of `excite`."""
+    """The plan of a test: what was asked of `excite`."""
 
     axis: str
     shape: str

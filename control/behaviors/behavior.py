@@ -54,7 +54,7 @@ class Outside:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What a behavior may know when it starts."""
+    """The context of a behavior's start: what it may know."""
 
     reference: Record  # a copy of the present one; on the ground, where the vehicle stands
     parameters: BehaviorParameters
@@ -137,7 +137,7 @@ class TrajectoryBehavior:
 
 
 class NoArguments(Parameters):
-    """Nothing to choose."""
+    """The arguments of a behavior without any."""
 
 
 Arguments = TypeVar("Arguments", bound=Parameters)

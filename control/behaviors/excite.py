@@ -32,7 +32,7 @@ AT_REST = (0.15, 0.15, 0.3)
 
 
 class ExciteArguments(Parameters):
-    """Of excite."""
+    """The arguments of excite."""
 
     axis: str = parameter("x", choices=AXES, description="x, y or z of the world, or yaw")
     shape: str = parameter(

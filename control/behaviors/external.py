@@ -24,7 +24,8 @@ YAW_STEP_MAX = 0.5
 
 
 class External:
-    """Between two references the last one is led on, at most for behavior.external_timeout.
+    """A behavior that flies the references of another program; between two of them the last one is
+    led on, at most for behavior.external_timeout.
 
     A reference that is late, that steps, that the vehicle could not fly, or after which silence
     would lead to one that it could not, or out of the flight volume, is not flown: the vehicle

@@ -23,7 +23,7 @@ from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 
 class FlyToArguments(Parameters):
-    """Of fly_to; what is left out stays as it is."""
+    """The arguments of fly_to; what is left out stays as it is."""
 
     x: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="world x")
     y: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="world y")

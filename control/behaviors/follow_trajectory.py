@@ -43,7 +43,9 @@ _SLOWEST = 8.0
 
 
 class FollowTrajectory(TrajectoryBehavior):
-    """From rest to rest, starting from the present reference; see `trajectory_choice.CHOICES`."""
+    """A behavior that flies a trajectory from rest to rest, starting from the present reference;
+    see `trajectory_choice.CHOICES`.
+    """
 
     name: ClassVar[BehaviorName] = BehaviorName.FOLLOW_TRAJECTORY
     arguments: ClassVar[type[Parameters]] = FollowTrajectoryArguments

@@ -55,7 +55,7 @@ def touched_down(detector: Record, dt: float, thrust: float, state: Record) -> b
 
 
 class LandArguments(Parameters):
-    """Of land."""
+    """The arguments of land."""
 
     speed: float = parameter(
         0.3,

@@ -48,7 +48,7 @@ class Level:
 
 
 class NearHoveringArguments(Parameters):
-    """Of near_hovering."""
+    """The arguments of near_hovering."""
 
     hold_altitude: bool = parameter(
         True, description="hold the climb rate by the barometer; false: the stick is thrust"

@@ -9,7 +9,7 @@ from quadrotor.errors import RefusedError
 
 
 class BehaviorName(IntEnum):
-    """Also the number in STATUS records."""
+    """The name of a behavior, also its number in STATUS records."""
 
     GROUND = 0  # standing, motors idle
     TAKE_OFF = 1

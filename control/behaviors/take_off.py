@@ -14,7 +14,7 @@ from quadrotor.parameters import Parameters, ParameterValue, parameter
 
 
 class TakeOffArguments(Parameters):
-    """Of take_off."""
+    """The arguments of take_off."""
 
     height: float = parameter(
         1.0, unit="m", ge=0.2, le=20.0, step=0.1, description="above where it stands"

@@ -12,13 +12,13 @@ TRAJECTORIES = ("figure_eight", "figure_eight_lap", "circle", "helix", "line", "
 
 
 class WhichTrajectory(Parameters):
-    """What every one of them starts with."""
+    """The argument that all of them start with."""
 
     trajectory: str = parameter("figure_eight", choices=TRAJECTORIES, description="which one")
 
 
 class PeriodArguments(WhichTrajectory):
-    """Of what is flown in laps."""
+    """The arguments of what is flown in laps."""
 
     period: float = parameter(
         8.0,
@@ -31,7 +31,7 @@ class PeriodArguments(WhichTrajectory):
 
 
 class LapArguments(PeriodArguments):
-    """Of laps at a constant rate between ramps."""
+    """The arguments of laps at a constant rate between ramps."""
 
     laps: int = parameter(
         3, ge=1, le=1000, step=1, description="figure_eight, circle, helix: whole laps"
@@ -84,15 +84,15 @@ class EightShape(WhichTrajectory):
 
 
 class FigureEightArguments(EightShape, LapArguments):
-    """Of figure_eight; the defaults are those of the paper's second experiment."""
+    """The arguments of figure_eight; the defaults are those of the paper's second experiment."""
 
 
 class FigureEightLapArguments(EightShape, PeriodArguments):
-    """Of figure_eight_lap: one lap from rest to rest in `period`."""
+    """The arguments of figure_eight_lap: one lap from rest to rest in `period`."""
 
 
 class CircleArguments(LapArguments):
-    """Of circle."""
+    """The arguments of circle."""
 
     radius: float = parameter(
         0.8, unit="m", ge=0.05, le=20.0, step=0.1, description="circle, helix: radius"
@@ -110,7 +110,7 @@ class CircleArguments(LapArguments):
 
 
 class HelixArguments(CircleArguments):
-    """Of helix."""
+    """The arguments of helix."""
 
     rise: float = parameter(
         0.2, unit="m", ge=-5.0, le=5.0, step=0.05, description="helix: climb of one lap"
@@ -139,7 +139,7 @@ class PaceArguments(WhichTrajectory):
 
 
 class LineArguments(PaceArguments):
-    """Of line; the end, where what is left out stays as it is."""
+    """The arguments of line; the end, where what is left out stays as it is."""
 
     x: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="line: end's x")
     y: float = parameter(0.0, unit="m", ge=-100.0, le=100.0, step=0.1, description="line: end's y")
@@ -153,7 +153,7 @@ class LineArguments(PaceArguments):
 
 
 class WaypointArguments(PaceArguments):
-    """Of waypoints, a path of least snap."""
+    """The arguments of waypoints, a path of least snap."""
 
     waypoints: str = parameter(
         "",
@@ -163,7 +163,7 @@ class WaypointArguments(PaceArguments):
 
 
 class FileArguments(WhichTrajectory):
-    """Of file."""
+    """The arguments of file."""
 
     file: str = parameter(
         "", description="file: name, without ending, of one loaded from the trajectory folder"
@@ -181,4 +181,6 @@ class FileArguments(WhichTrajectory):
 class FollowTrajectoryArguments(
     FigureEightArguments, HelixArguments, LineArguments, WaypointArguments, FileArguments
 ):
-    """Of follow_trajectory: every argument of every trajectory. Those of another are refused."""
+    """The arguments of follow_trajectory: every argument of every trajectory. Those of another are
+    refused.
+    """

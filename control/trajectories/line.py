@@ -17,7 +17,7 @@ RAMP_MIN = 0.3
 
 
 class Line:
-    """From `start` to `end`, turning the short way; C4, at rest at both ends.
+    """A straight line from `start` to `end`, turning the short way; C4, at rest at both ends.
 
     Velocity, acceleration and jerk stay within their bounds, and each is reached unless another
     or RAMP_MIN stands before it. The time-optimal profile of seven constant jerks would be

@@ -38,7 +38,7 @@ def stop(start: Record, duration: float) -> tuple[Polynomial, tuple[float, float
 
 
 class Retarget:
-    """From the reference `start`, moving or not, to rest at `end`; turns the short way.
+    """A motion from the reference `start`, moving or not, to rest at `end`; turns the short way.
 
     Args:
         start: REFERENCE, shape (1,).

@@ -62,7 +62,7 @@ class AccelerometerCalibration:
 
 @dataclass(frozen=True)
 class Coverage:
-    """What the poses so far are good for.
+    """The coverage of the poses so far: what they are good for.
 
     Attributes:
         next_face: the face whose pose would help most; empty when enough is known.

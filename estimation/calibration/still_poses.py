@@ -26,7 +26,7 @@ class StillPose:
 
 @dataclass(frozen=True)
 class Stillness:
-    """How far the pose under way is.
+    """The progress of the pose under way.
 
     Attributes:
         share: of the window, 0…1; back to 0 whenever the sensor moves.

@@ -23,7 +23,7 @@ INTERRUPTED = 130
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the command line asked for."""
+    """The request of the command line."""
 
     name: str
     options: dict[str, Any]

@@ -15,7 +15,7 @@ BAR = 30
 
 
 class Screen:
-    """Of one command. On a terminal the newest state stands in its last lines."""
+    """The screen of one command. On a terminal the newest state is in its last lines."""
 
     def __init__(self) -> None:
         self.is_terminal = sys.stdin.isatty() and sys.stdout.isatty()

@@ -37,7 +37,7 @@ _BYTES = f"V{STATE.itemsize}"
 
 @dataclass
 class Replayed:
-    """What became of the run; a row of the lists a measurement."""
+    """The result of a replayed run; a row of the lists a measurement."""
 
     states: Record  # (N,) STATE, at the samples
     processor: float = 0.0  # s
@@ -81,7 +81,7 @@ def replay(recording: Recording, run: Run, arrivals: list[Arrival]) -> Replayed:
 
 
 class _Vehicle:
-    """What `vehicle.estimators.navigation` does with its active estimator.
+    """The part of a vehicle that `vehicle.estimators.navigation` does with its active estimator.
 
     Parameters changed in flight change here too, unless the run fixes them.
     """

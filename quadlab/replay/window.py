@@ -17,7 +17,7 @@ HEIGHT = 0.05
 
 @dataclass(frozen=True)
 class Window:
-    """From start to end, both included, ns; and how it was found."""
+    """A window from start to end, both included, ns; and how it was found."""
 
     start_ns: int
     end_ns: int

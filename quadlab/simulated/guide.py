@@ -45,7 +45,7 @@ class Flown(Protocol):
 
 
 class SimulatedGuide:
-    """What a person, a tracker and a force/torque sensor would do.
+    """A simulated person, tracker and force/torque sensor.
 
     Attributes:
         told: the newest progress.

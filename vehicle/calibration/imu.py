@@ -60,7 +60,9 @@ def _accelerometer_bias(axis: str) -> float:
 
 
 class ImuCalibration(Parameters):
-    """What turns the microcontroller's counts into specific force and angular velocity."""
+    """The calibration that turns the microcontroller's counts into specific force and angular
+    velocity.
+    """
 
     accelerometer_scale: float = parameter(
         0.0039,

@@ -17,7 +17,7 @@ GYROSCOPE = "gyroscope"
 
 @dataclass
 class StartValues:
-    """What the stored calibrations come to.
+    """The start values that result from the stored calibrations.
 
     Attributes:
         values: parameters to start with, those given by hand among them.

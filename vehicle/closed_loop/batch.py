@@ -81,7 +81,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """What became of each flight, in the order of the scenarios; all shapes begin with (N,).
+    """The outcome of each flight, in the order of the scenarios; all shapes begin with (N,).
 
     A crashed flight has its figures up to the crash.
 

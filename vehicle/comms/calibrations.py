@@ -33,7 +33,7 @@ Say = Callable[[int, str], None]
 
 
 class Calibrations:
-    """Behind the service; `answer` on its threads, `found` on that of comms.
+    """The calibrations behind the service; `answer` runs on its threads, `found` on that of comms.
 
     Args:
         now_ns: the vehicle's clock.

@@ -58,7 +58,7 @@ TICKS_KEPT = TICK_SLOTS // 2
 
 
 class Comms:
-    """Everything of this process, wired."""
+    """The comms process: everything of it, wired."""
 
     def __init__(self, config: CommsConfig, rings: Rings, node: Node) -> None:
         self._rings = rings

@@ -39,7 +39,7 @@ class Setter(Protocol):
 
 
 class Guarded(Protocol):
-    """What the guard needs of the flight stack."""
+    """The part of the flight stack that the guard needs."""
 
     mode: Mode
     ground: GroundContact

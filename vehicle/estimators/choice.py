@@ -41,7 +41,9 @@ class Choice:
 
 @dataclass(slots=True)
 class Seats:
-    """Who runs: `active` is flown on, `shadow` beside it, `reserve` on poses to fall back to."""
+    """The estimators that run: `active` is flown on, `shadow` in parallel, `reserve` on poses to
+    fall back to.
+    """
 
     active: Runner
     shadow: Runner | None = None

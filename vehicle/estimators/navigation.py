@@ -43,7 +43,7 @@ COMPLAIN_NS = 1_000_000_000
 
 
 class Navigation:
-    """What is estimated, by whom, from what.
+    """The navigation: what is estimated, by which estimator, from which measurements.
 
     Args:
         parameters: of the estimation, read again by each `configure`.

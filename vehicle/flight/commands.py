@@ -25,7 +25,7 @@ WITHOUT_A_POSE = ("near_hovering", "emergency_landing")
 
 
 class Commanded(Protocol):
-    """What commands need of the flight stack."""
+    """The part of the flight stack that commands need."""
 
     mode: Mode
     airborne: bool

@@ -22,7 +22,7 @@ BOUNDS_NS = np.array([50, 100, 200, 500, 1000, 2000, 5000], np.int64) * 1000
 
 @dataclass(frozen=True, slots=True)
 class LoopStatistics:
-    """Of the samples of one second; times in s."""
+    """The statistics of the samples of one second; times in s."""
 
     rate: float  # ticks a second
     lateness_p50: float
@@ -38,7 +38,7 @@ def new_histogram() -> npt.NDArray[np.uint32]:
 
 @dataclass(slots=True)
 class LoopCounts:
-    """Since the start of the loop."""
+    """The counts since the start of the loop."""
 
     lateness: npt.NDArray[np.uint32] = field(default_factory=new_histogram)  # ticks in each class
     overruns: int = 0  # ticks that took longer than a period

@@ -34,7 +34,7 @@ COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must no
 
 
 class Stack(Ordering, Protocol):
-    """What the loop needs of vehicle.flight.stack.FlightStack."""
+    """The part of vehicle.flight.stack.FlightStack that the loop needs."""
 
     record: Record
     store: ParameterStore
@@ -51,7 +51,7 @@ class Stack(Ordering, Protocol):
 
 
 class Mcu(Ordered, Protocol):
-    """What the loop needs of vehicle.microcontroller.microcontroller.Microcontroller."""
+    """The part of vehicle.microcontroller.microcontroller.Microcontroller that the loop needs."""
 
     failures: list[str]
     newest_ms: list[int]

@@ -9,7 +9,7 @@ from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
 class Ordering(Protocol):
-    """What is read of vehicle.flight.stack.FlightStack."""
+    """The part of vehicle.flight.stack.FlightStack that is read here."""
 
     motor_state_wanted: MotorState
     lost_ports: int
@@ -23,7 +23,7 @@ class Ordering(Protocol):
 
 
 class Ordered(Protocol):
-    """What is called of vehicle.microcontroller.microcontroller.Microcontroller."""
+    """The part of vehicle.microcontroller.microcontroller.Microcontroller that is called here."""
 
     lost_ports: int
 
@@ -37,7 +37,7 @@ class Ordered(Protocol):
 
 
 class Orders:
-    """Between one stack and one microcontroller."""
+    """The orders of one stack to one microcontroller."""
 
     def __init__(self, stack: Ordering, mcu: Ordered) -> None:
         self._stack, self._mcu = stack, mcu

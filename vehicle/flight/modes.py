@@ -8,7 +8,7 @@ from quadrotor.errors import RefusedError
 
 
 class Mode(IntEnum):
-    """What the vehicle as a whole is doing."""
+    """The mode of the vehicle as a whole."""
 
     STARTING = 0  # waiting for still gyroscope samples and a first pose
     READY = 1  # on the ground, motors off
@@ -43,7 +43,7 @@ def check_move(current: Mode, wanted: Mode) -> None:
 
 
 class ControlMode(IntEnum):
-    """Who turns what into motor references."""
+    """The control mode: which side turns what into motor references."""
 
     NEAR_HOVERING = 0  # the microcontroller, from angles, yaw rate and thrust it is sent
     DIRECT = 1  # this vehicle's own controller

@@ -16,7 +16,7 @@ AVERAGE = 0.5
 
 
 class NearHoveringParameters(Parameters):
-    """How climb rates are held in near-hovering mode."""
+    """The parameters of holding climb rates in near-hovering mode."""
 
     stick_thrust: float = parameter(
         12.83,

@@ -74,7 +74,7 @@ class Pacer(Protocol):
 
 
 class Ports(Protocol):
-    """What is read of vehicle.microcontroller.microcontroller.Microcontroller."""
+    """The part of vehicle.microcontroller.microcontroller.Microcontroller that is read here."""
 
     lost_ports: int
 
@@ -107,7 +107,7 @@ class PortPacer:
 
 
 class Robot(Protocol):
-    """What is stepped in memory: vehicle.simulator.in_process.InProcessRobot."""
+    """The robot stepped in memory: vehicle.simulator.in_process.InProcessRobot."""
 
     @property
     def stamp_ns(self) -> int:

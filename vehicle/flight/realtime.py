@@ -18,7 +18,7 @@ PR_SET_PDEATHSIG = 1
 
 @dataclass(frozen=True, slots=True)
 class RealTime:
-    """What was granted."""
+    """The real-time rights that were granted."""
 
     scheduled: bool  # SCHED_FIFO
     locked: bool  # no page of this process is ever swapped out

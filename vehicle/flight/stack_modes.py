@@ -19,7 +19,7 @@ _BRAKING = (BehaviorName.LAND, BehaviorName.BRAKE, BehaviorName.EMERGENCY_LANDIN
 
 
 class StackModes(StackParts):
-    """Between a cause and the mode it leads to."""
+    """The modes of the flight stack, and the moves from a cause to the mode it leads to."""
 
     @property
     def flight_control_mode(self) -> FlightControlMode:

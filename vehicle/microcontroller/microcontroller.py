@@ -61,7 +61,7 @@ class RawSample(msgspec.Struct, frozen=True, order=True):
 
 
 class Microcontroller:
-    """Both serial ports of one microcontroller.
+    """A microcontroller behind one or both of its serial ports.
 
     Args:
         ports: one or two; requests go to the first, references to all in turn.

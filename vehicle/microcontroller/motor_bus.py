@@ -26,7 +26,7 @@ PERIOD_S = 0.1
 
 
 class MotorBus:
-    """What the microcontroller says of its motors' controllers.
+    """The motors' controllers, as the microcontroller reports them.
 
     Attributes:
         missing: names of the motors whose controllers do not answer; none before they were asked.

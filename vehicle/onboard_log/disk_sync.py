@@ -16,7 +16,7 @@ PERIOD_S = 1.0
 
 
 class DiskSync:
-    """Of one file, from now until `end`.
+    """A thread that flushes one file to the disk, from now until `end`.
 
     Attributes:
         problem: why something did not reach the disk, in words.

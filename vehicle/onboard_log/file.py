@@ -30,7 +30,7 @@ Channels = dict[int, tuple[str, str]]
 
 
 class Message(NamedTuple):
-    """Of a topic other than those of every tick."""
+    """A message of a topic other than those of every tick."""
 
     topic: str  # without namespace
     type_name: str

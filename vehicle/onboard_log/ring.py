@@ -38,7 +38,7 @@ def is_clock_right() -> bool:
 
 
 class Fetched:
-    """When which log was last read; from any thread."""
+    """The times at which logs were last read; from any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock

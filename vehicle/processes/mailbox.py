@@ -94,7 +94,9 @@ class Joy(msgspec.Struct, frozen=True, tag="joy"):
 
 
 class ExternalReference(msgspec.Struct, frozen=True, tag="external_reference"):
-    """What another program wants flown at this time: REFERENCE's 18 numbers, all finite."""
+    """A reference that another program wants flown at this time: REFERENCE's 18 numbers, all
+    finite.
+    """
 
     stamp_ns: int
     numbers: tuple[float, ...]
@@ -150,7 +152,7 @@ class ParameterChange(msgspec.Struct, frozen=True, tag="parameter_change"):
 
 
 class GyroscopeFound(msgspec.Struct, frozen=True, tag="gyroscope_found"):
-    """How a calibration of the gyroscope ended; all angles in rad, body axes.
+    """The result of a calibration of the gyroscope; all angles in rad, body axes.
 
     Attributes:
         request_id: empty at the start of the vehicle, where `requester` is "start".

@@ -17,7 +17,9 @@ _DEGREE = 3.141592653589793 / 180.0
 
 
 class Reaction(IntEnum):
-    """In the order of severity: a worse one is obeyed during a lesser one, never the reverse."""
+    """The reactions in the order of severity: a worse one is obeyed during a lesser one, never the
+    reverse.
+    """
 
     NONE = 0
     BRAKE = 1  # stop and hover
@@ -35,7 +37,7 @@ class Verdict:
 
 @dataclass(slots=True)
 class Situation:
-    """What one tick knows; made once and filled anew."""
+    """The situation of one tick; made once and filled again."""
 
     airborne: bool = False
     by_microcontroller: bool = False  # it holds the angles: the estimate is not flown on

@@ -131,7 +131,8 @@ class Awaited:
 
 
 class LockstepPace:
-    """When to step, of one simulation in the page that this process follows (`clock.follow`).
+    """The pace of one simulation in the page that this process follows (`clock.follow`): when to
+    step.
 
     Args:
         vehicles: by name, as the page has them.

@@ -48,7 +48,7 @@ SECOND_NS = 1_000_000_000
 
 @dataclass(slots=True)
 class RunStatistics:
-    """What a run came to."""
+    """The statistics of a run."""
 
     periods: int = 0  # of the microcontroller
     lost_samples: int = 0  # the machine slept

@@ -8,7 +8,7 @@ _ALL = (1 << SIZE) - 1
 
 
 class ReplayWindow:
-    """Of one thread. Counters begin at 1."""
+    """A window that refuses replayed datagrams, used by one thread. Counters begin at 1."""
 
     def __init__(self) -> None:
         self.newest = 0

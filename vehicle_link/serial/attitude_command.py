@@ -30,7 +30,7 @@ THRUST_SHARE_MIN, THRUST_SHARE_MAX = THRUST_MIN / HOVER_THRUST, THRUST_MAX / HOV
 
 
 class AttitudeCommand(msgspec.Struct, frozen=True):
-    """What near-hovering mode is asked for."""
+    """The command of near-hovering mode."""
 
     roll: float  # rad, about x
     pitch: float  # rad, about y

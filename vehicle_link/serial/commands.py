@@ -27,7 +27,9 @@ _PADDED = {COMMAND: 6, SET: 9, REQUEST: 6, MIRROR: 15, VALUE: 6, DATA: 21, MIRRO
 
 
 class Instruction(msgspec.Struct, frozen=True):
-    """What a frame to the microcontroller says; `ids` only in `l`, `id` and `value` in s, u."""
+    """An instruction to the microcontroller in a frame; `ids` only in `l`, `id` and `value` in s,
+    u.
+    """
 
     kind: int
     references: tuple[int, int, int, int]

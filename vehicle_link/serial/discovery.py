@@ -37,7 +37,7 @@ _WHAT_TIME = encode_request(_STOPPED, Id.TIME)
 
 
 class Finding(Enum):
-    """What is behind a device, or why that is not known."""
+    """The kinds of finding behind a device, or why it is not known."""
 
     FOUND = "the microcontroller that was looked for"
     OTHER_ROBOT = "another robot's microcontroller"
@@ -82,7 +82,7 @@ class Clock(msgspec.Struct, frozen=True):
 
 
 class Device(msgspec.Struct, frozen=True):
-    """What was found behind one device."""
+    """The finding behind one device."""
 
     path: str
     finding: Finding

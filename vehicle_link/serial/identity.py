@@ -10,7 +10,7 @@ LARGEST = 32767
 
 
 class Identity(msgspec.Struct, frozen=True):
-    """What the microcontroller must answer to ROBOT_ID and FIRMWARE_REVISION."""
+    """The identity that the microcontroller must answer to ROBOT_ID and FIRMWARE_REVISION."""
 
     robot_id: int = 1
     firmware: int = 1

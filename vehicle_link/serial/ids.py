@@ -9,7 +9,7 @@ from enum import IntEnum
 
 
 class Id(IntEnum):
-    """Which value a set, a request or a mirror means; each value is an int16."""
+    """The id of a value in a set, a request or a mirror; each value is an int16."""
 
     ACCELEROMETER_X = 0  # counts of 10 bit
     ACCELEROMETER_Y = 1

@@ -23,7 +23,7 @@ _CHUNKS = 16  # read at once, at most: a device that floods must not keep the re
 
 
 class PortProblem(Enum):
-    """Why a serial device cannot be used."""
+    """The reasons why a serial device cannot be used."""
 
     MISSING = "no such device"
     BUSY = "busy"

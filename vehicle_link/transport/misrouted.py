@@ -18,7 +18,7 @@ KNOWN = 1000
 
 
 class Topics:
-    """Which publisher publishes what, learnt from what comes. Thread-safe.
+    """The topics of each publisher, learnt from what comes. Thread-safe.
 
     Attributes:
         refused: samples so far.

@@ -45,7 +45,7 @@ def is_hanging_up() -> bool:
 
 
 class Outage:
-    """Of everything that comes from a vehicle.
+    """An outage of everything that comes from a vehicle.
 
     QUIC waits twice as long before each question whether the other end is there (RFC 9002, section
     6.2): after an outage shorter than Zenoh's lease either end's may sleep on for as long again,

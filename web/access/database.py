@@ -25,7 +25,7 @@ READING = "quadlab_reading"
 
 
 class Base(DeclarativeBase):
-    """Of the tables here."""
+    """The base class of the tables here."""
 
 
 class AccountRow(Base):

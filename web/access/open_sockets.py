@@ -18,7 +18,7 @@ SIGNED_OUT = 4401
 
 
 class OpenSockets:
-    """Of one event loop."""
+    """The open websockets of one event loop."""
 
     def __init__(self, sessions: Sessions) -> None:
         self._sessions = sessions
@@ -58,7 +58,7 @@ class OpenSockets:
 
 
 class _Guard:
-    """Between one socket and its application; once over, nothing passes any more."""
+    """A guard between one socket and its application; once over, nothing passes any more."""
 
     def __init__(self, session: Session, receive: Receive, send: Send) -> None:
         self.session = session

@@ -25,7 +25,7 @@ SEEN_PERIOD = 30.0  # s, between writes of when each was last seen
 
 @dataclass(frozen=True)
 class People:
-    """Of one data folder and one page."""
+    """The people of one data folder and one page."""
 
     database: AccessDatabase
     accounts: Accounts

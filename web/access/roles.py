@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Role(StrEnum):
-    """What someone may do; each role may do all that those before it may."""
+    """The role of a person; each role may do all that those before it may."""
 
     VIEWER = "viewer"  # watch
     OPERATOR = "operator"  # command

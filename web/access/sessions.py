@@ -24,7 +24,7 @@ PER_LABEL = 50  # open sessions of one account; the oldest go
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """Someone with open sessions."""
+    """A person with open sessions."""
 
     label: str
     role: Role

@@ -25,7 +25,7 @@ _log = logging.getLogger("quadlab.web")
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why someone is not signed in, in one line; `wait`: s before another try makes sense."""
+    """A refusal to sign a person in, in one line; `wait`: s before another try makes sense."""
 
     status: int
     line: str
@@ -33,7 +33,7 @@ class Refusal:
 
 
 class SignIn:
-    """To be used from the event loop's thread.
+    """The signing in of people; to be used from the event loop's thread.
 
     Args:
         say: level and text of a line in everyone's event list.

@@ -37,7 +37,7 @@ class Drag(NamedTuple):
 
 
 class _DragMessage(msgspec.Struct, tag_field="type", tag=MESSAGE):
-    """What viser's client sends; the rest of it is not needed."""
+    """A drag message of viser's client; the rest of it is not needed."""
 
     phase: Phase
     name: str
@@ -66,7 +66,7 @@ def drag_of(frame: bytes, names: frozenset[str], eye: Point | None, who: str) ->
 
 @dataclass(slots=True)
 class _Wish:
-    """Where a beacon is wanted, and whether that was handed on."""
+    """A wish for a beacon's position, and whether that was sent on."""
 
     position: Point
     who: str

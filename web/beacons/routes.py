@@ -67,7 +67,7 @@ _BODY = {
 
 
 class ViewBody(BaseModel):
-    """What is left out stays as it is."""
+    """A change of the view; what is left out stays as it is."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 

@@ -30,7 +30,7 @@ UNLIT = 0.6  # s without a bearing after which a beacon is grey
 
 @dataclass(frozen=True)
 class BeaconView:
-    """What is shown. Raises OutOfBoundsError.
+    """The choice of what is shown. Raises OutOfBoundsError.
 
     Attributes:
         map_height: m, of the map's slice.

@@ -65,7 +65,7 @@ class Press:
 
 
 class EmergencyDesk:
-    """Of one event loop.
+    """The emergency commands of one event loop.
 
     Args:
         publish: takes the messages for all pages.

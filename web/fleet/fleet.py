@@ -28,7 +28,7 @@ Message = dict[str, Any]
 
 
 class Fleet:
-    """Of one event loop. Args: `sides` of the vehicles, the first one's page is at /."""
+    """The fleet of one event loop. Args: `sides` of the vehicles, the first one's page is at /."""
 
     def __init__(self, sides: Sequence[VehicleSide]) -> None:
         self._sides = tuple(sides)

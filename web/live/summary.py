@@ -20,7 +20,7 @@ SHARED = 0.05  # s
 
 
 class Summary:
-    """Of one event loop. Args: `clock`, s of a steady clock."""
+    """The summary for the page, of one event loop. Args: `clock`, s of a steady clock."""
 
     def __init__(self, parts: Parts, clock: Callable[[], float] = time.monotonic) -> None:
         self._parts = parts

@@ -74,7 +74,7 @@ def frame(identity: int, stamp: float, ages: Sequence[float], values: Sequence[f
 
 
 class _Page:
-    """What one page asked for, with its places in the snapshot."""
+    """The subscription of one page, with its places in the snapshot."""
 
     def __init__(self, wanted: Subscription) -> None:
         self.identity = wanted.id

@@ -39,14 +39,14 @@ Connect = Callable[[str, Live, EventHub], Station]
 
 
 class Runs(Protocol):
-    """What has a loop of its own."""
+    """A part that has a loop of its own."""
 
     async def run(self) -> None: ...
 
 
 @dataclass(frozen=True)
 class Shared:
-    """Of all vehicles."""
+    """The parts that all vehicles share."""
 
     base_url: str
     people: People

@@ -28,7 +28,7 @@ Applied = tuple[dict[str, ParameterValue], int]
 
 
 class ParameterTarget(Protocol):
-    """Who applies changes: the station, for the vehicle."""
+    """The target of changes: the station, for the vehicle."""
 
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str

@@ -19,7 +19,7 @@ REMEMBERED = 200
 
 @dataclass(slots=True)
 class Export(Work):
-    """How a recording stands; `path` when it is ready."""
+    """The state of a recording being made; `path` when it is ready."""
 
     path: Path | None = None
 

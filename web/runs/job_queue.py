@@ -23,7 +23,7 @@ WorkName = Literal["none", "waiting", "working", "ready", "failed"]
 
 @dataclass(slots=True)
 class Work:
-    """How something that was asked for stands."""
+    """The state of something that was asked for."""
 
     name: WorkName = "waiting"
     progress: float = 0.0  # 0 to 1

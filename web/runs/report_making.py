@@ -20,7 +20,7 @@ REMEMBERED = 200
 
 @dataclass(slots=True)
 class Making(Work):
-    """How a report that was asked for stands."""
+    """The state of a report that was asked for."""
 
     def as_json(self, log: Path) -> dict[str, Any]:
         """Return the fields with the names of the files there are."""

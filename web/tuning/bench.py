@@ -39,7 +39,9 @@ ENDS_WELL = ("hover",)
 
 
 class TuningBench:
-    """To be used from the event loop's thread. Publishes `{"type": "tuning", …}` to all pages."""
+    """The tuning bench, to be used from the event loop's thread. Publishes `{"type": "tuning", …}`
+    to all pages.
+    """
 
     def __init__(
         self,

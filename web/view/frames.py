@@ -33,7 +33,7 @@ def share_frames() -> None:
 
 
 class _Newest(threading.local):
-    """What was packed last; each viser server has a thread of its own."""
+    """The newest packed frame; each viser server has a thread of its own."""
 
     window: Window = ()
     frame: bytes = b""

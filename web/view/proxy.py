@@ -64,7 +64,7 @@ _decode = msgspec.msgpack.Decoder(_Upward).decode
 
 
 class HostileError(Exception):
-    """What viser's client does not send to this scene; the message says what."""
+    """A message that viser's client does not send to this scene; the text says which."""
 
 
 def _read(frame: bytes | None) -> _Upward:
@@ -79,7 +79,7 @@ def _read(frame: bytes | None) -> _Upward:
 
 
 class Upstream:
-    """What one browser sends: decides what reaches viser, and finds drags in the rest.
+    """The messages of one browser: decides what reaches viser, and finds drags in the rest.
 
     Args: `clock`, s of a steady clock.
     """
