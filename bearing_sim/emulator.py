@@ -73,7 +73,7 @@ class BearingEmulator:
         return self._present_layout().beacons
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """The pose at `stamp_ns`: (3,) m, (4,) unit quaternion body to world.
+        """Observe the pose at `stamp_ns`: (3,) m, (4,) unit quaternion body to world.
 
         A pose that is not newer than the newest is passed over; one more than 0.1 s older begins
         anew.

@@ -74,7 +74,9 @@ class SimulatedTracker:
         self._line: DelayLine[PoseMeasurement] = DelayLine()
 
     def observe(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """The true pose at `stamp_ns`: (3,) m, (4,) unit. Any rate from the tracker's upwards."""
+        """Observe the true pose at `stamp_ns`: (3,) m, (4,) unit. Any rate from the tracker's
+        upwards.
+        """
         p = self.parameters
         if not self._grid.takes(stamp_ns, p.rate):
             return

@@ -279,7 +279,7 @@ class BaseStation:
         self._witness.close()
 
     def warn(self, line: str) -> None:
-        """An event of this vehicle."""
+        """Publish a warning event of this vehicle."""
         self._outbox.say(WARN, line)
 
     # ------------------------------------------------------------------ what comes
@@ -366,8 +366,9 @@ class BaseStation:
 
     # ------------------------------------------------------------------ threads
     def _beat(self) -> None:
-        """20 Hz, of many vehicles 10: heartbeat, end of runs; every fourth time, and at once when
-        the link's state is another, the status topics."""
+        """Send at 20 Hz, of many vehicles 10: heartbeat, end of runs; every fourth time, and at
+        once when the link's state changes, the status topics.
+        """
         due, count = time.monotonic(), 0
         while not self._closing.is_set():
             count += 1
@@ -395,7 +396,9 @@ class BaseStation:
             self._guard(self._house.look)
 
     def _guard(self, act: Callable[..., None], *arguments: Any) -> None:
-        """A defect in one beat must not stop the heartbeat of a flight; it is an alarm."""
+        """Survive a defect in one beat, which must not stop the heartbeat of a flight; it is an
+        alarm.
+        """
         try:
             act(*arguments)
         except Exception as error:

@@ -90,7 +90,7 @@ class BeaconLayout:
         self._reason = ""
 
     def before_change(self, values: Mapping[str, ParameterValue], requester: str) -> None:
-        """The vehicle's word on a new layout of the station. Raises ParameterError."""
+        """Ask the vehicle about a new layout of the station. Raises ParameterError."""
         text = str(values.get(OURS, self._ours()))
         if text == self._ours() or not self._connected():
             return  # told when it connects

@@ -82,7 +82,7 @@ class Calibrations:
             return time.monotonic() >= self._due
 
     def lost(self) -> None:
-        """The vehicle is not heard: another one may come."""
+        """Forget everything when the vehicle is lost: another one may come."""
         with self._lock:
             self._records, self._problem, self._due = None, LOST, 0.0
 

@@ -59,7 +59,7 @@ class TrackerFeed:
         self._thread.start()
 
     def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """One true pose: (3,) m, (4,) unit quaternion (w, x, y, z) body to world."""
+        """Take one true pose: (3,) m, (4,) unit quaternion (w, x, y, z) body to world."""
         with self._changed:
             now = self._clock()
             self._heard = now

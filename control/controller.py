@@ -122,7 +122,7 @@ def step_one(
     dt: float,
     actuators: Item,
 ) -> None:
-    """One vehicle: records, not arrays. See `step`."""
+    """Compute one vehicle: records, not arrays. See `step`."""
     mass = model.mass
     weight = mass * GRAVITY
     axes = axes_of(quaternion(state.quaternion_wb))
@@ -187,7 +187,9 @@ def step_one(
 
 @compiled(inner=True)
 def command(thrusts: Four, scaling: float, model: Item, actuators: Item) -> None:
-    """Thrusts (N), the wrench they make and their motor references into one ACTUATORS record."""
+    """Write thrusts (N), the wrench they make and their motor references into one ACTUATORS
+    record.
+    """
     wrench = wrench_of_thrusts(thrusts, model.arm, model.torque_ratio)
     for i in range(4):
         actuators.thrusts[i] = thrusts[i]
@@ -313,11 +315,11 @@ class GeometricController:
     def step(
         self, state: Record, reference: Record, airborne: bool, dt: float, actuators: Record
     ) -> None:
-        """One tick into `actuators`. Raises RuntimeError when not configured."""
+        """Compute one tick into `actuators`. Raises RuntimeError when not configured."""
         if self._model is None:
             raise RuntimeError(f"{type(self).__name__}.step before configure")
         self._law(self.memory, state, reference, self._gains, self._model, airborne, dt, actuators)
 
     def idle(self, actuators: Record) -> None:
-        """All motors at their smallest reference: armed, on the ground."""
+        """Set all motors to their smallest reference: armed, on the ground."""
         actuators[...] = self._idle

@@ -100,7 +100,7 @@ def observe_one(
     dt: float,
     out: Item,
 ) -> None:
-    """One step of one vehicle, from records: what the law is to take off.
+    """Make one step of one vehicle, from records: what the law is to take off.
 
     Args:
         actuators: what was commanded over the last dt (s).
@@ -214,7 +214,8 @@ def _modelled(m: Item, state: Item, target: Four, model: Item, dt: float) -> tup
 
 @compiled(inner=True)
 def _take(m: Item, settings: Item, model: Item, dt: float, out: Item) -> None:
-    """Within the bounds, as far as it is faded in; a force at its bound has no rate.
+    """Take the disturbance within the bounds, as far as it is faded in; a force at its bound has no
+    rate.
 
     Fading in by d from a share s leaves the integral (1 - s - d) / (1 - s) of what it was: it has
     held against the same disturbance. Fading out gives back what is no longer taken off.
@@ -263,7 +264,7 @@ def observe(
     dt: float,
     out: Record,
 ) -> None:
-    """`observe_one` for Python: records of shape (1,)."""
+    """Run `observe_one` for Python: records of shape (1,)."""
     observe_one(
         memory[0], state[0], actuators[0], settings[0], model[0], flying, carried, dt, out[0]
     )
@@ -309,5 +310,7 @@ class DisturbanceObserver:
         dt: float,
         out: Record,
     ) -> None:
-        """One tick into the DISTURBANCE `out`; see `observe_one`. All records of shape (1,)."""
+        """Compute one tick into the DISTURBANCE `out`; see `observe_one`. All records of shape
+        (1,).
+        """
         observe(self.memory, state, actuators, self._settings, model, flying, carried, dt, out)

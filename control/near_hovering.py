@@ -77,7 +77,9 @@ def hover_one(
     dt: float,
     actuators: Item,
 ) -> None:
-    """One vehicle, as control.controller.step_one; position, velocity and yaw of the reference."""
+    """Compute one vehicle, as control.controller.step_one; position, velocity and yaw of the
+    reference.
+    """
     weight = model.mass * GRAVITY
     x_b, y_b, z_b = axes_of(quaternion(state.quaternion_wb))
     omega_b = vector(state.angular_velocity_b)

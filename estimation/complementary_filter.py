@@ -71,7 +71,7 @@ def predict_one(m: Any, sample: Any, g: Any, dt: float, out: Any) -> None:
 
 @compiled
 def predict(memory: Record, imu: Record, gains: Record, dt: float, state: Record) -> None:
-    """`predict_one` for each of (N,) ESTIMATOR_MEMORY, IMU_SAMPLE, STATE; gains is (1,)."""
+    """Run `predict_one` for each of (N,) ESTIMATOR_MEMORY, IMU_SAMPLE, STATE; gains is (1,)."""
     for k in range(memory.shape[0]):
         predict_one(memory[k], imu[k], gains[0], dt, state[k])
 
@@ -143,7 +143,7 @@ def _apply(m: Any, z: Any, g: Any, out: Any) -> int:
 def correct(
     memory: Record, pose: Record, gains: Record, estimate: Record, outcome: npt.NDArray[np.int64]
 ) -> None:
-    """`correct_one` for each of (N,) ESTIMATOR_MEMORY, POSE_SAMPLE, ESTIMATE; gains is (1,).
+    """Run `correct_one` for each of (N,) ESTIMATOR_MEMORY, POSE_SAMPLE, ESTIMATE; gains is (1,).
 
     outcome: (N,) of Outcome, written.
     """

@@ -139,7 +139,7 @@ class BlockReader:
                 self._entries = None
 
     def _close_chunk(self, *, is_indexed: bool) -> None:
-        """The chunk read last joins the block, or the messages behind it that are in none.
+        """Add the chunk read last to the block, or the messages behind it that are in none.
 
         Args:
             is_indexed: all of the chunk's indexes were read.
@@ -153,7 +153,7 @@ class BlockReader:
             self._add(b"".join(loose), None)
 
     def _add(self, data: bytes, entries: dict[int, bytes] | None) -> None:
-        """`entries`: pairs of log time and place, by channel; None when not known."""
+        """Add a chunk; `entries`: pairs of log time and place, by channel; None when not known."""
         base = self._filled
         if entries is None or not (self._begin or entries.keys() <= self.channels.keys()):
             found = self._walk(data)

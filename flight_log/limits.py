@@ -25,7 +25,7 @@ FRAME = 64
 
 
 def check_record(name: str, size: int, place: int) -> None:
-    """Args: `place` in the file, bytes. Raises LogFormatError when it is not read."""
+    """Check a record; `place` in the file, bytes. Raises LogFormatError when it is not read."""
     if size > MOST_BYTES:
         raise LogFormatError(
             f"{name} has a record of {size / 1e6:.0f} MB at byte {place}; "
@@ -69,7 +69,9 @@ class Kept:
         return 2 * (self._total + size) <= MOST_KEPT
 
     def add(self, what: object, size: int) -> None:
-        """`what`: the same one again takes the place of the one before. Raises LogFormatError."""
+        """Count what is kept; the same `what` again takes the place of the one before. Raises
+        LogFormatError.
+        """
         self._total += size - self._sizes.get(what, 0)
         self._sizes[what] = size
         if self._total > MOST_KEPT:

@@ -205,7 +205,8 @@ class McapWriter:
         self._close_full()
 
     def add_batches(self, batches: Sequence[MessageBatch], sequence: int) -> None:
-        """All messages of `batches` in the order of their log time, numbered from `sequence` on.
+        """Add all messages of `batches` in the order of their log time, numbered from `sequence`
+        on.
 
         Those of one time stay in the order of their batches; none may be empty. A chunk is
         closed behind the last message only, so it may become larger by all of them.

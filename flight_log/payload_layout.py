@@ -210,5 +210,5 @@ class _Walk:
         return value
 
     def _align(self, size: int) -> None:
-        """Counted from behind the header."""
+        """Align the offset, counted from behind the header."""
         self._at += -(self._at - 4) % size

@@ -197,7 +197,7 @@ class _TopicReader:
     def _read_size(
         self, rows: Bytes, chosen: Places, out: Columns, texts: dict[str, npt.NDArray[Any]]
     ) -> None:
-        """Payloads (N, size) that stand at the places `chosen` of the columns."""
+        """Read payloads (N, size) that are at the places `chosen` of the columns."""
         known = self._known.setdefault(rows.shape[1], [])
         left = np.ones(len(rows), bool)
         for k in range(MOST_LAYOUTS):

@@ -102,7 +102,7 @@ class LogWriter:
     def write(
         self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int
     ) -> None:
-        """One message: `payload` in CDR, reception and source stamp in ns.
+        """Write one message: `payload` in CDR, reception and source stamp in ns.
 
         A source's stamp before the epoch, which no log can hold, is written as 0.
         """
@@ -120,7 +120,7 @@ class LogWriter:
             raise
 
     def write_many(self, messages: Sequence[Message]) -> None:
-        """Many messages in this order; a chunk may become larger by all of them."""
+        """Write many messages in this order; a chunk may become larger by all of them."""
         with self._guarded():
             if not messages:
                 return
@@ -139,7 +139,7 @@ class LogWriter:
             self._close_old_chunk(rows[-1].log_ns)
 
     def write_batches(self, batches: Sequence[Batch]) -> None:
-        """Many messages in the order of their log time; at one time, in that of `batches`.
+        """Write many messages in the order of their log time; at one time, in that of `batches`.
 
         No batch may be empty. Writes whole batches: a chunk may become larger by all of them.
         """
@@ -171,7 +171,7 @@ class LogWriter:
         self._file.sync()
 
     def attach(self, name: str, data: bytes) -> None:
-        """One more attachment, at the present place of the file."""
+        """Write one more attachment, at the present place of the file."""
         kind = MEDIA_TYPES.get(Path(name).suffix, "")
         record = Attachment(create_time=0, log_time=0, name=name, media_type=kind, data=data)
         with self._guarded():

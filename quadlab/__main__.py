@@ -67,7 +67,7 @@ def program() -> NoReturn:
 
 
 def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
-    """The command with its options. Raises UsageError, or SystemExit(0) after --help."""
+    """Return the command with its options. Raises UsageError, or SystemExit(0) after --help."""
     import tyro
 
     complaint = io.StringIO()

@@ -184,7 +184,7 @@ def motion_of(x: Array) -> Motion:
 
 @compiled(inner=True)
 def store_motion(motion: Motion, x: Array) -> None:
-    """The tuples into x (13,)."""
+    """Store the tuples in x (13,)."""
     p, v, q, w = motion
     x[0], x[1], x[2] = p
     x[3], x[4], x[5] = v
@@ -200,7 +200,7 @@ def motor_share(time_constant: float, dt: float) -> float:
 
 @compiled
 def motor_step(speeds: Array, references: Array, time_constant: float, dt: float) -> None:
-    """Rotor speeds (counts) towards their references, exact for a held reference."""
+    """Move rotor speeds (counts) towards their references, exact for a held reference."""
     share = motor_share(time_constant, dt)
     for i in range(4):
         speeds[i] += share * (references[i] - speeds[i])

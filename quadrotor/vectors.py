@@ -34,7 +34,7 @@ def quaternion(a: Array) -> Quaternion:
 
 @compiled(inner=True)
 def store(v: Vector, out: Array) -> None:
-    """v into the first three numbers of an array."""
+    """Store v in the first three numbers of an array."""
     out[0], out[1], out[2] = v
 
 

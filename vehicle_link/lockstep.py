@@ -83,19 +83,21 @@ class Part:
         self._words[at] = os.getpid()
 
     def answered(self, line: int, milliseconds: int) -> None:
-        """Flight has ticked on the sample of this time of the microcontroller, from this line."""
+        """Note that flight has ticked on the sample of this time of the microcontroller, from this
+        line.
+        """
         self._words[ANSWERED + line] = milliseconds
 
     def truth(self, stamp_ns: int) -> None:
-        """The station has handed on what follows from the truth of this stamp (epoch)."""
+        """Note that the station has sent what follows from the truth of this stamp (epoch)."""
         self._words[TRUTH] = stamp_ns - self._epoch_ns
 
     def station_heard(self, stamp_ns: int) -> None:
-        """Comms has handed on what the station sent until then (epoch)."""
+        """Note that comms has passed on what the station sent until then (epoch)."""
         self._words[STATION] = stamp_ns - self._epoch_ns
 
     def vehicle_heard(self, stamp_ns: int) -> None:
-        """The station has heard of the vehicle's sample of then (epoch)."""
+        """Note that the station has received the vehicle's sample of then (epoch)."""
         self._words[VEHICLE] = stamp_ns - self._epoch_ns
 
 

@@ -156,7 +156,7 @@ class ClockWatch:
         self.largest = 0.0
 
     def look(self) -> None:
-        """Some times a minute: what lies between two looks is slewing, not a jump."""
+        """Look some times a minute: what lies between two looks is slewing, not a jump."""
         ahead = self._wall() - self._steady()
         jump, self._ahead = ahead - self._ahead, ahead
         if abs(jump) >= self.SMALLEST:

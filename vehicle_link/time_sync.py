@@ -79,7 +79,7 @@ class ClockOffset:
         return max(trips) - min(trips) if trips else 0
 
     def add(self, exchange: Exchange) -> None:
-        """A server whose clock was set anew (it restarted) empties the window."""
+        """Add an exchange; a server whose clock was set again (it restarted) empties the window."""
         kept = self._exchanges if self._exchanges and self._agrees(exchange) else ()
         self._exchanges = (*kept, exchange)[-self._window :]
         self._offset_ns = min(self._exchanges, key=lambda e: e.round_trip_ns).offset_ns

@@ -242,7 +242,7 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
 
 
 def _add_error_handlers(app: FastAPI) -> None:
-    """Every error of the API is JSON with one line: {"error": …}."""
+    """Answer every error of the API with JSON of one line: {"error": …}."""
 
     def line(status: int, text: str, headers: Any = None) -> Response:
         return JSONResponse({"error": " ".join(text.split())}, status, headers=headers)

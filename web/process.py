@@ -132,7 +132,8 @@ def server(app: ASGIApp, tls: Tls | None = None) -> uvicorn.Server:
 
 
 def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> None:
-    """The sign-in link when every vehicle is heard and the station's start-up checks are said.
+    """Print the sign-in link when every vehicle is connected and the station's start-up checks are
+    published.
 
     Until then a line in WAITING_PERIOD says what is waited for, for `longest` s at most.
     """
@@ -152,7 +153,7 @@ def print_settled(url: str, lives: Sequence[Live], longest: float = LONGEST) -> 
 
 
 def print_link(url: str, signed_in: str | None = None) -> None:
-    """The sign-in link, as Jupyter prints it; `signed_in` says who used the one before."""
+    """Print the sign-in link, as Jupyter prints it; `signed_in` says who used the one before."""
     if signed_in is None:
         print(f"quadlab is at  {url}", flush=True)
     else:

@@ -263,7 +263,7 @@ def run(quick: bool = False) -> Report:
 
 
 def _origins(report: Report, seen: Frames) -> None:
-    """The world's origin at several distances from the beacons' plane."""
+    """Compare the world's origin at several distances from the beacons' plane."""
     solved = []
     for distance in (0.0, 0.1, 1.0, 5.0):
         shift = np.array([0.0, 0.0, distance - 0.1])
@@ -276,7 +276,7 @@ def _origins(report: Report, seen: Frames) -> None:
 
 
 def _more_beacons(report: Report, count: int) -> None:
-    """8, 16 and 32 beacons: on a circle, and at random but apart in the plane."""
+    """Compare 8, 16 and 32 beacons: on a circle, and at random but apart in the plane."""
     for size in (8, 16, 32):
         angle = 2.0 * np.pi * np.arange(size) / size
         circle = np.column_stack([np.cos(angle), np.sin(angle), np.full(size, 0.1)])
@@ -330,7 +330,7 @@ def _apart(rng: np.random.Generator, count: int, least: float) -> Array:
 
 
 def _near_the_plane(report: Report, count: int) -> None:
-    """z 0.09 to 0.11 m, from a prediction 5 cm and 3 deg off in any direction."""
+    """Solve at z 0.09 to 0.11 m, from a prediction 5 cm and 3 deg off in any direction."""
     far, refused, largest = 0, 0, 0.0
     solver = PlanarPoseSolver(SQUARE)
     for seed in SEEDS:

@@ -181,7 +181,7 @@ def watch_failure(
 
 
 def break_it(flight: FailingFlight, failure: str) -> None:
-    """The failure itself."""
+    """Cause the failure itself."""
     if failure in ("station", "comms"):
         flight.heard = False
     elif failure == SILENT:

@@ -217,7 +217,7 @@ def _fail(ground: Ground, processes: Processes, folder: Path, outcome: Outcome) 
 
 
 def break_it(ground: Ground, processes: Processes, failure: str) -> None:
-    """The failure itself."""
+    """Cause the failure itself."""
     if failure == "frozen":
         processes.signal("flight", signal.SIGSTOP)
     elif failure == CORRUPTED:

@@ -174,7 +174,7 @@ def _battery(report: Report, quick: bool) -> dict[str, Any]:
 
 # ---------------------------------------------------------------- silenced
 def _descents(report: Report, seeds: range) -> None:
-    """Touch-down speeds from several heights."""
+    """Measure touch-down speeds from several heights."""
     for height in HEIGHTS:
         hardest, upright = [], []
         for seed in seeds:
@@ -285,7 +285,7 @@ def in_a_copy(call: Callable[[], Any]) -> Any:
 def _compare(
     report: Report, what: str, found: list[float], reference: float, *, meant: bool = False
 ) -> None:
-    """A row with the ratio; a target both ways, unless a difference is `meant`."""
+    """Add a row with the ratio; a target both ways, unless a difference is `meant`."""
     values = np.array(found)
     median = float(np.median(values))
     farthest = float(values[np.abs(values - median).argmax()])

@@ -48,7 +48,7 @@ class Pilot:
         return self._newest[topic]()
 
     def rise(self) -> None:
-        """Armed and sent up: again while refused, as one that has just started is."""
+        """Arm and take off: again while refused, as one that has just started is."""
         until(lambda: self._is_done("arm", "start_behavior", name="take_off"), *self._why("rise"))
 
     def land(self) -> None:

@@ -227,7 +227,7 @@ def _judge_accelerometer(
     errors: np.ndarray,
     bias_max: float,  # type: ignore[type-arg]
 ) -> None:
-    """Args: `errors` (N, 2), of b (m/s²) and T (share), the worst of which counts."""
+    """Judge `errors` (N, 2), of b (m/s²) and T (share), the worst of which counts."""
     bias, matrix = errors.max(axis=0).tolist()
     report.rows.append(
         Row(what, {"found": f"b off by {bias:.2g}", "unit": "m/s²", "off, %": 100.0 * matrix})

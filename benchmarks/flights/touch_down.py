@@ -60,7 +60,7 @@ class TouchDown:
     def note(
         self, now: float, position_w: Sequence[float], climb: float, quaternion_wb: Sequence[float]
     ) -> None:
-        """One state of the truth, in the order of time."""
+        """Note one state of the truth, in the order of time."""
         outcome = self._outcome
         tilt = tilt_of(quaternion_wb)
         outcome.end_tilt = tilt

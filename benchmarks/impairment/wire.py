@@ -69,7 +69,7 @@ class Wire:
         self._interrupted_until = now + duration
 
     def offer(self, packet: bytes, now: float) -> None:
-        """A packet comes in."""
+        """Offer a packet that comes in."""
         c = self._conditions
         self.sent += 1
         if now < self._interrupted_until or self._loses(now):

@@ -38,7 +38,7 @@ class Board:
             self._memory = mmap.mmap(file.fileno(), _FIELDS.size)
 
     def note(self, count: int, last_ns: int) -> None:
-        """Messages put, and the log time of the last one."""
+        """Note the messages put, and the log time of the last one."""
         _FIELDS.pack_into(self._memory, 0, count, last_ns)
 
     def read(self) -> tuple[int, int]:

@@ -109,7 +109,7 @@ class FlightUnderTest:
             self.fly(STEP_S)
 
     def take_off(self) -> None:
-        """Up to the figure 8, flown from then on."""
+        """Take off and start the figure 8, flown from then on."""
         self.until(Mode.READY, 120.0)
         self.fly(1.0)
         self.ask(lambda id: mailbox.Arm(id, "benchmark"))

@@ -129,7 +129,7 @@ def run(quick: bool = False) -> Report:
 def _judge(
     report: Report, eight: dict[int, float], density: dict[int, float], true_state: dict[int, float]
 ) -> None:
-    """The expectation: flat from 250 Hz on, 120 Hz within 30 %, 60 Hz flies."""
+    """Judge the expectation: flat from 250 Hz on, 120 Hz within 30 %, 60 Hz flies."""
     flat = [eight.get(rate, math.inf) for rate in RATES if rate >= FLAT_FROM]
     at_500 = eight.get(500, math.inf)
     report.targets += [

@@ -169,7 +169,7 @@ class Composed:
 
 
 def _tick(report: Report, seconds: float) -> None:
-    """The vehicle's own tick, median and 99.9th percentile.
+    """Measure the vehicle's own tick, median and 99.9th percentile.
 
     The target is for processor time: another process that takes the core is not the tick's work,
     and on the vehicle real-time priority keeps it away.

@@ -154,7 +154,7 @@ async def one_page(base: str, cookie: str, name: str, seconds: float) -> list[fl
 
 
 async def pages(base: str, cookie: str, count: int, seconds: float) -> None:
-    """The process of the pages: prints the gaps (ms) after the first two seconds."""
+    """Run the process of the pages: print the gaps (ms) after the first two seconds."""
     each = await asyncio.gather(
         *(one_page(base, cookie, f"page{i}", seconds) for i in range(count))
     )
@@ -238,7 +238,7 @@ def full_room(room: Room, count: int, seconds: float) -> None:
 
 
 def soak(room: Room, minutes: float) -> None:
-    """One page in Chromium: what it and the web process hold, ten times on the way."""
+    """Measure one page in Chromium: what it and the web process hold, ten times on the way."""
     from playwright.sync_api import sync_playwright
 
     room.fly()

@@ -41,7 +41,7 @@ class CppTwin:
         self._library.fly_true_state.restype = ctypes.c_double
 
     def step(self, onboard: Record, settings: Record, imu: Record, t: float, dt: float) -> None:
-        """One onboard step in flight, as `vehicle.closed_loop.onboard.onboard_step`."""
+        """Make one onboard step in flight, as `vehicle.closed_loop.onboard.onboard_step` does."""
         self._library.onboard_step(
             _of(onboard), _of(settings), _of(imu), ctypes.c_double(t), 1, ctypes.c_double(dt)
         )

@@ -36,7 +36,7 @@ class RotorPy:
         self._environment = Environment(vehicle, SE3Control(quad_params), trajectory, sim_rate=1000)
 
     def update(self) -> None:
-        """One SE3Control.update."""
+        """Make one SE3Control.update."""
         self._controller.update(0.0, self._state, self._flat)
 
     def fly(self, seconds: float) -> tuple[int, float]:

@@ -95,7 +95,7 @@ class Catalogue:
         self._engine.dispose()
 
     def add(self, entry: RunEntry) -> None:
-        """A new run, or new facts about one; notes already written are kept."""
+        """Add a new run, or new facts about one; notes already written are kept."""
         with self.session() as session:
             row = session.get(RunRow, entry.id)
             values = {name: getattr(entry, name) for name in RunEntry.__slots__}

@@ -32,7 +32,7 @@ class Mark:
 
 
 def keep_mark(catalogue: Catalogue, mark: Mark) -> None:
-    """A new one, or a new text of a known one."""
+    """Keep a new mark, or a new text of a known one."""
     with catalogue.session() as session:
         session.merge(MarkRow(**asdict(mark)))
 

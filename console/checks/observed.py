@@ -36,7 +36,7 @@ class Observed:
 
     # ------------------------------------------------------------------ fed
     def status(self, status: Any) -> None:
-        """quadlab_msgs/VehicleStatus."""
+        """Take over a quadlab_msgs/VehicleStatus."""
         self._status = (self._clock(), status)
 
     def message(self, name: str, payload: bytes) -> None:
@@ -45,7 +45,7 @@ class Observed:
             self._payloads[name] = (self._clock(), payload)
 
     def telemetry(self, state: Record) -> None:
-        """The newest STATE of a packet."""
+        """Take over the newest STATE of a packet."""
         names = ("position_w", "velocity_w", "quaternion_wb", "angular_velocity_b")
         with self._lock:
             self._samples.append((self._clock(), *(state[name] for name in names)))

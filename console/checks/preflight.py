@@ -82,7 +82,7 @@ class Preflight:
             self._asked = (time.monotonic(), checks)
 
     def tick(self) -> None:
-        """One look; tells when something has changed, or when it is time."""
+        """Look once; publish when something has changed, or when it is time."""
         facts = self._gather()
         checks = judged(facts, self._limits)
         with self._lock:

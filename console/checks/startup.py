@@ -166,7 +166,7 @@ class StartupChecks:
                 log.exception("start-up checks")
 
     def _tell(self) -> None:
-        """One line when there is something to look at."""
+        """Print one line when there is something to look at."""
         bad = [f"{one.name} ({one.place})" for one in self.found if one.state in ("warn", "fail")]
         if bad:
             failing = any(one.state == "fail" for one in self.found)

@@ -61,7 +61,7 @@ class ControlLease:
         self._seen = self._acted = now
 
     def present(self, who: str, now: float) -> None:
-        """This person has a page open."""
+        """Note that this person has a page open."""
         if who == self._holder:
             self._seen = now
         self.expire(now)
@@ -79,7 +79,7 @@ class ControlLease:
             self._asking, self._asked = who, now
 
     def answer(self, who: str, yes: bool, now: float) -> None:
-        """The holder's word to who asks. Raises RefusedError."""
+        """Answer the person who asks, as the holder. Raises RefusedError."""
         self._of_holder(who)
         if not self._asking:
             raise RefusedError("nobody asks for control (any more)")
@@ -90,7 +90,7 @@ class ControlLease:
             self._asking = ""
 
     def release(self, who: str, now: float) -> None:
-        """The holder gives it up; who asks for it gets it. Raises RefusedError."""
+        """Release the lease as its holder; who asks for it gets it. Raises RefusedError."""
         self._of_holder(who)
         self._free(now)
 

@@ -48,7 +48,7 @@ class ControlDesk:
         node.subscribe(presence.name, presence.type_name, self._on_presence, qos=presence.qos)
 
     def permit(self, command: str, requester: str) -> None:
-        """A command of this requester. Raises RefusedError when another has control.
+        """Permit a command of this requester. Raises RefusedError when another has control.
 
         Emergencies are everybody's, and nobody gets control by one.
         """
@@ -75,7 +75,7 @@ class ControlDesk:
         return True
 
     def tick(self, count: int) -> None:
-        """Every 50 ms."""
+        """Advance the lease every 50 ms."""
         with self._lock:
             self._lease.expire(self._clock())
         self._tell(count % EVERY == 0)

@@ -79,7 +79,9 @@ class StickDesk:
         )
 
     def received(self, message: Received) -> None:
-        """One message of `stick`. Raises LinkError or MeasurementError when it makes no sense."""
+        """Handle one message of `stick`. Raises LinkError or MeasurementError when it makes no
+        sense.
+        """
         timeout = self._timeout()
         if message.received_ns - message.source_ns > timeout * 1e9:
             return  # of a process that stood still; the watchdog has noticed

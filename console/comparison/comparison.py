@@ -65,7 +65,9 @@ class EstimatorComparison:
 
     # ------------------------------------------------------------------ the set
     def choose(self, words: Sequence[str]) -> None:
-        """Results in this order, behind the vehicle's; those that stay are not touched."""
+        """Choose the results in this order, behind the vehicle's; those that stay are not
+        touched.
+        """
         self._words = tuple(words)
         for gone in self._shadows.keys() - set(words):
             del self._shadows[gone]
@@ -74,13 +76,13 @@ class EstimatorComparison:
         }
 
     def start(self, word: str, estimator: Estimator) -> None:
-        """The estimator of a chosen word, once it is compiled."""
+        """Start the estimator of a chosen word, once it is compiled."""
         if word in self._words:
             self._shadows[word] = Shadow(estimator, self._timer)
 
     # ------------------------------------------------------------------ what comes
     def ticks(self, ticks: Record) -> None:
-        """TICK (N,) of one packet of telemetry."""
+        """Take the TICK (N,) of one packet of telemetry."""
         stretch = self._samples.packet(np.ascontiguousarray(ticks["imu"]))
         if stretch.event is Event.NOTHING_NEW:
             return
@@ -102,22 +104,24 @@ class EstimatorComparison:
             self._compare()
 
     def truth(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """A true pose: (3,) m, (4,) unit quaternion body to world."""
+        """Take a true pose: (3,) m, (4,) unit quaternion body to world."""
         self._pose("truth", stamp_ns, position_w, quaternion_wb)
 
     def tracker(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """A pose of the tracker, the truth where there is no better."""
+        """Take a pose of the tracker, the truth where there is no better one."""
         self._pose("tracker", stamp_ns, position_w, quaternion_wb)
 
     def bearings(self, measurement: BearingMeasurement, beacons: Beacons) -> None:
-        """A frame, early or late, with the beacons as they stood when it was taken."""
+        """Take a frame, early or late, with the beacons as they were when it was taken."""
         frame = Frame.of(measurement, beacons)
         self._frames.append(frame)
         if frame.beacon_ids:
             self._samples.frame(frame.stamp_ns, frame.record())
 
     def status(self, armed: bool, starting: bool) -> None:
-        """Arming begins a session; a vehicle that has calibrated its gyroscope anew begins all."""
+        """Begin a session at arming; a vehicle that has calibrated its gyroscope again begins
+        all.
+        """
         if armed and not self._armed:
             self._flown = True
             for one in self._statistics.values():
@@ -221,7 +225,9 @@ class EstimatorComparison:
             shadow.reset()
 
     def _forget(self) -> None:
-        """The vehicle was started again: its clock, its place, its biases are others."""
+        """Forget everything, as the vehicle was started again: its clock, its place, its biases are
+        others.
+        """
         self._reset()
         queue = self._samples  # it has noticed by itself and holds what comes next
         self._begin_anew()

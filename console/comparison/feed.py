@@ -70,7 +70,7 @@ class ComparisonFeed:
         self._thread.start()
 
     def telemetry(self, payload: bytes) -> None:
-        """One packet."""
+        """Queue one packet."""
         self._queue.append(("telemetry", payload))
         self._flies = True
 

@@ -47,7 +47,7 @@ class Worker:
         self._batches = 0
 
     def take(self, batch: Batch) -> None:
-        """A defect in what is only shown ends nothing; it is said once."""
+        """Take a batch; a defect in what is only shown ends nothing and is reported once."""
         text, items = batch
         self._batches += 1
         for act in (

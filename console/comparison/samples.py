@@ -53,7 +53,7 @@ class SampleQueue:
         self._waiting: list[tuple[int, Record]] = []
 
     def frame(self, stamp_ns: int, record: Record) -> None:
-        """A BEARINGS_SAMPLE; of those of one stamp the first comes first."""
+        """Queue a BEARINGS_SAMPLE; of those of one stamp the first comes first."""
         insort(self._waiting, (stamp_ns, record), key=itemgetter(0))
         del self._waiting[:-WAITING]
 

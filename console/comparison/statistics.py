@@ -52,14 +52,16 @@ class ErrorStatistics:
         self.begin()
 
     def begin(self) -> None:
-        """A session begins with the next error; the last 10 s are kept."""
+        """Begin a session with the next error; the last 10 s are kept."""
         self._count = 0
         self._squares = [0.0, 0.0]
         self._largest = [0.0, 0.0]
         self._first_ns = self._last_ns = 0
 
     def add(self, stamp_ns: int, position: float, attitude: float, counts: bool = True) -> None:
-        """One error: m, rad. With `counts` False it is not of the session; NaN is passed over."""
+        """Add one error: m, rad. With `counts` False it is not of the session; NaN is passed
+        over.
+        """
         if not (math.isfinite(position) and math.isfinite(attitude)):
             return
         k, self._place = self._place, (self._place + 1) % KEPT

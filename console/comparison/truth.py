@@ -47,11 +47,13 @@ class TruthMerge:
         return self._source or ""
 
     def row(self, row: Row) -> None:
-        """One that is newer than all before."""
+        """Add a row that is newer than all before."""
         self._rows.append(row)
 
     def pose(self, source: Source, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> None:
-        """(3,) m and (4,) unit quaternion. The tracker's are ignored while the truth comes."""
+        """Add a pose, (3,) m and (4,) unit quaternion. The tracker's are ignored while the truth
+        comes.
+        """
         if source == "truth":
             self._truth_ns = stamp_ns
         elif abs(stamp_ns - self._truth_ns) < FORGOTTEN_NS:

@@ -232,7 +232,7 @@ def _rows(
 
 
 def _unflip(odometry: Floats) -> None:
-    """Quaternions of one sign, to interpolate between."""
+    """Give the quaternions one sign, to interpolate between them."""
     quaternion = odometry[:, 3:7]
     flips = np.einsum("nk,nk->n", quaternion[1:], quaternion[:-1]) < 0.0
     if flips.any():

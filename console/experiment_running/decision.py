@@ -35,7 +35,9 @@ class Decisions:
         self._unanswered = ""  # the proposal that was sent without an answer
 
     def accept(self, requester: str) -> None:
-        """The vehicle checks and keeps it. Raises RefusedError; then it is still open."""
+        """Send the record to the vehicle, which checks and keeps it. Raises RefusedError; then it
+        is still open.
+        """
         with self._deciding:
             text, record = self._open()
             sent = record.model_copy(

@@ -171,7 +171,7 @@ def _pickled(job: Job) -> bytes:
 
 
 def begin_report(log: Path) -> None:
-    """The page of the whole run beside the result, in its own time: nobody waits for it."""
+    """Begin the page of the whole run next to the result, in its own time: no one waits for it."""
     subprocess.Popen(
         [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
         stdin=subprocess.DEVNULL,

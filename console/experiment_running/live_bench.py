@@ -58,7 +58,7 @@ class LiveBench:
         return self._wanted is not None
 
     def set(self, motor: int, reference: int) -> None:
-        """Motor 1 to 4 at a reference (counts), 0 ends it. Raises RefusedError or LinkError."""
+        """Set motor 1 to 4 to a reference (counts), 0 ends it. Raises RefusedError or LinkError."""
         with self._asking:
             if self._over.is_set():
                 raise RefusedError("the experiment is over; no motor is turned any more")
@@ -84,7 +84,7 @@ class LiveBench:
         self._over.set()
 
     def close(self) -> None:
-        """The motor is stopped, or the vehicle was asked to and does it by itself."""
+        """Stop the motor, or ask the vehicle to, which also does it by itself."""
         self._over.set()
         if self._thread is not None:
             self._thread.join(3.0)
@@ -116,7 +116,9 @@ class LiveBench:
             self._stop()
 
     def _check(self) -> None:
-        """Asked late, the vehicle would start a motor that it has stopped. Raises RefusedError."""
+        """Raise RefusedError when it is too late to ask: the vehicle would start a motor that it
+        has stopped.
+        """
         now = monotonic()
         if now - self._heard > self._limit:
             raise RefusedError(

@@ -86,7 +86,7 @@ class LiveCommands:
         self._feed.wake()
 
     def end(self, why: QuadlabError, *, taken_over: bool = False, patience: float = 0.0) -> None:
-        """No more commands from now on; waits raise. The first reason stays.
+        """End all commands from now on; waits raise. The first reason stays.
 
         Args:
             taken_over: by a person; then not even `hold` sends anything.
@@ -105,7 +105,7 @@ class LiveCommands:
         return self._taken_over.is_set()
 
     def tick(self) -> None:
-        """Some times a second: sticks that the experiment stopped moving are dropped."""
+        """Drop sticks that the experiment stopped moving; called some times a second."""
         with self._watchdog_lock:
             order = self._watchdog.tick(monotonic(), self._ground.stick_timeout())
         if order is not None and self._ended is None and not self.pilot:

@@ -48,7 +48,7 @@ class ReadingsFeed:
         self._pose: tuple[float, PoseMeasurement] | None = None
 
     def begin(self) -> None:
-        """An experiment begins: what came before is not for it."""
+        """Begin an experiment: what came before is not for it."""
         with self._lock:
             self._ticks.clear()
             self._bench.clear()
@@ -68,7 +68,7 @@ class ReadingsFeed:
 
     # ------------------------------------------------------------------ fed
     def telemetry(self, sequence: int, ticks: Record) -> None:
-        """One packet: TICK records (N,). One that comes behind a newer one is a gap."""
+        """Take one packet: TICK records (N,). One that comes behind a newer one is a gap."""
         if not self._on:
             return
         imu, actuators = ticks["imu"], ticks["actuators"]
@@ -91,11 +91,11 @@ class ReadingsFeed:
                 self._lost += 1
 
     def pose(self, pose: PoseMeasurement) -> None:
-        """One of the tracker."""
+        """Take a pose of the tracker."""
         self._pose = (self._clock(), pose)
 
     def bench(self, payload: bytes) -> None:
-        """quadlab_msgs/BenchReading as received. Raises LinkError for what is none."""
+        """Take a quadlab_msgs/BenchReading as received. Raises LinkError for what is none."""
         if not self._on:
             return
         reading: Any = decode(payload, TOPICS["bench_reading"].type_name)

@@ -165,7 +165,9 @@ class ExperimentRunner:
             client.end(ExperimentEndedError(f"stopped by {requester}"))
 
     def confirm(self, question: str, requester: str) -> None:
-        """Yes to what it asks; empty for whatever it asks now. Raises RefusedError."""
+        """Confirm the question; an empty one confirms whatever is asked now. Raises
+        RefusedError.
+        """
         with self._lock:
             asked, client = self._state.question, self._client
             if not asked or client is None:

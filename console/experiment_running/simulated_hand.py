@@ -40,7 +40,8 @@ class SimulatedHand:
         self._held = FREE
 
     def begin(self, requester: str) -> None:
-        """An experiment begins: is there a simulator? One left holding the vehicle lets it go.
+        """Begin an experiment: find whether there is a simulator. One left holding the vehicle lets
+        it go.
 
         Raises RefusedError.
         """

@@ -44,7 +44,7 @@ class ExperimentBoard:
         self._outbox.say(level, line)
 
     def set(self, **fields: Any) -> None:
-        """New values of the state's fields, sent when they are other ones."""
+        """Set fields of the state, and send it when they have changed."""
         with self.lock:
             changed = any(getattr(self.state, name) != value for name, value in fields.items())
             for name, value in fields.items():
@@ -53,7 +53,7 @@ class ExperimentBoard:
             self.send()
 
     def tell(self, progress: Progress) -> None:
-        """A new instruction is sent at once, its figures with the next status.
+        """Publish progress: a new instruction is sent at once, its figures with the next status.
 
         Raises TypeError or ValueError for what no message can carry.
         """

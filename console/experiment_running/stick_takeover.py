@@ -31,13 +31,13 @@ class StickTakeover:
         self._blind_until = _Until.NOTHING
 
     def begin(self) -> None:
-        """An experiment begins: sticks deflected now are not meant for it."""
+        """Begin an experiment: sticks deflected now are not meant for it."""
         old = self._clock() - self._seen > SILENT
         is_deflected = self._deflected and not old
         self._blind_until = _Until.CENTRED if is_deflected else _Until.NOTHING
 
     def by_hand(self) -> None:
-        """A person flies: what is still in hand at the end takes nothing over."""
+        """Let a person fly: sticks still deflected at the end take nothing over."""
         self._blind_until = _Until.RELEASED
 
     def seen(self, order: StickOrder) -> bool:

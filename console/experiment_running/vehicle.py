@@ -44,13 +44,13 @@ class VehicleFeed:
 
     # ------------------------------------------------------------------ fed
     def telemetry(self, stamp_ns: int, position_w: Any) -> None:
-        """The newest sample of a packet."""
+        """Take the newest sample of a packet."""
         with self._news:
             self._stamp_ns, self._position_w = stamp_ns, position_w
             self._tell()
 
     def status(self, status: Any) -> None:
-        """quadlab_msgs/VehicleStatus."""
+        """Take a quadlab_msgs/VehicleStatus."""
         with self._news:
             self._status, self._status_at = status, monotonic()
             behind = int(status.parameter_revision) > self._revision
@@ -61,11 +61,11 @@ class VehicleFeed:
             self._tell()
 
     def estimate(self, payload: bytes) -> None:
-        """quadlab_msgs/EstimatorStatus as received; made sense of when somebody looks."""
+        """Take a quadlab_msgs/EstimatorStatus as received; decoded when it is looked at."""
         self._estimate = payload
 
     def parameter_changed(self, change: Any) -> None:
-        """quadlab_msgs/ParameterChange; the station's own come on the same topic."""
+        """Take a quadlab_msgs/ParameterChange; the station's own come on the same topic."""
         if not change.name.startswith(PREFIX):
             with self._news, suppress(ValueError, SyntaxError):
                 self._values[change.name] = ast.literal_eval(change.new_value)
@@ -73,7 +73,7 @@ class VehicleFeed:
                 self._tell()
 
     def applied(self, values: dict[str, ParameterValue], revision: int) -> None:
-        """The vehicle's answer to a change."""
+        """Take over the vehicle's answer to a change."""
         with self._news:
             self._values.update(values)
             self._revision = max(self._revision, revision)
@@ -125,7 +125,7 @@ class VehicleFeed:
         return self._mass
 
     def fetch(self) -> None:
-        """All parameters, as before a flight. Raises LinkError."""
+        """Fetch all parameters, as before a flight. Raises LinkError."""
         values, revision, problem = self._parameters.snapshot()
         if problem or values is None:
             raise LinkError(f"the vehicle's parameters are not known: {problem or 'not read yet'}")

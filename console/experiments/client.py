@@ -67,7 +67,7 @@ class Client(Protocol):
         ...
 
     def sticks(self, axes: Sequence[float]) -> None:
-        """Forward, left, up, yaw in -1..1, dead-man held; to be sent again within 0.2 s."""
+        """Send forward, left, up, yaw in -1..1, dead-man held; to be sent again within 0.2 s."""
         ...
 
     def wait_until(

@@ -104,7 +104,9 @@ class FigureEight:
         client.wait(0.5)
 
     def _start(self, client: Client) -> None:
-        """The vehicle looks at its limits when a trajectory starts, so they are wide only then."""
+        """Start the trajectory; the vehicle looks at its limits then, so they are wide only
+        then.
+        """
         yaw = self.parameters.yaw_amplitude
         if self.parameters.laps == STEADY:
             client.start(

@@ -89,7 +89,7 @@ class LaneIn:
         node.subscribe(name, row.type_name, partial(self._by_zenoh, name), qos=row.qos)
 
     def _stands(self, stands: bool) -> None:
-        """The lane does, or no longer."""
+        """Note whether the lane is connected."""
         if stands and self._over_zenoh is not None:
             self._over_zenoh.close()
             self._over_zenoh = None

@@ -49,7 +49,7 @@ class LinkMonitor:
         self._outages = Outages(self._started_ns)
 
     def carried(self) -> None:
-        """Something came from the vehicle over its Zenoh session."""
+        """Note that something came from the vehicle over its Zenoh session."""
         self._carried = monotonic()
 
     def silent(self) -> float:
@@ -57,7 +57,7 @@ class LinkMonitor:
         return math.inf if self._carried is None else monotonic() - self._carried
 
     def came_beside(self) -> None:
-        """Something came from the vehicle beside its Zenoh session."""
+        """Note that something came from the vehicle by the lane."""
         self._by_lane = monotonic()
 
     def beside(self) -> float:
@@ -65,18 +65,18 @@ class LinkMonitor:
         return math.inf if self._by_lane is None else monotonic() - self._by_lane
 
     def beat(self, payload: bytes) -> None:
-        """The vehicle's heartbeat came, by whichever way. Raises LinkError."""
+        """Take the vehicle's heartbeat, by whichever way it came. Raises LinkError."""
         self.standing.heartbeat(decode_heartbeat(payload), monotonic_ns())
         self.alive()
 
     def alive(self) -> None:
-        """The vehicle was heard just now."""
+        """Note that the vehicle was received just now."""
         now_ns = self._steady_ns()
         self._heartbeats.heard(now_ns)
         self._outages.heard(now_ns)
 
     def exchanged(self, exchange: Exchange) -> None:
-        """A time synchronisation was answered."""
+        """Take an answered time synchronisation."""
         self._clock.add(exchange)
 
     def telemetry(

@@ -36,7 +36,7 @@ class Outages:
         self._ended = OutageFigures()
 
     def heard(self, now_ns: int) -> None:
-        """The vehicle was."""
+        """Note that the vehicle was received."""
         length_ns = self._silence_ns(now_ns)
         if self._heard_ns is None or length_ns >= _SHORTEST_NS:
             self._good_since_ns = now_ns

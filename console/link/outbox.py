@@ -103,7 +103,7 @@ class Outbox:
         return self._publishers[name].is_heard
 
     def message(self, name: str, message: Any, stamp_ns: int) -> None:
-        """One that is not worth an encoder of its own."""
+        """Publish a message that is not worth an encoder of its own."""
         self.put(name, encode(message), stamp_ns)
 
     def pose(self, pose: PoseMeasurement) -> None:
@@ -134,7 +134,9 @@ class Outbox:
         )
 
     def say(self, level: int, line: str) -> None:
-        """An event: one line for the terminal, the page and the log; rcl_interfaces/Log levels."""
+        """Publish an event: one line for the terminal, the page and the log; rcl_interfaces/Log
+        levels.
+        """
         print(f"{self._speaker}: {line}", flush=True)
         stamp_ns = self._vehicle_ns()
         self.put("events", topics.encode_event(stamp_ns, level, line, "station"), stamp_ns)

@@ -41,7 +41,7 @@ class Standing:
         """Why there has been no link for a while; likewise."""
 
     def heartbeat(self, beat: Heartbeat, now_ns: int) -> None:
-        """One of the vehicle's, at this time of any steady clock."""
+        """Take a heartbeat of the vehicle, at this time of any steady clock."""
         recent = {k: at for k, at in self._heard_ns.items() if now_ns - at < TWINS_NS}
         recent[beat.instance] = now_ns
         self._heard_ns = recent
@@ -50,13 +50,15 @@ class Standing:
         self._holder, self._newest = beat.holder, beat.instance
 
     def introduced(self, whoami: Any) -> None:
-        """The vehicle's answer to `whoami`."""
+        """Take the vehicle's answer to `whoami`."""
         self.access = str(whoami.access)
         self.stranger = disagreement(str(whoami.protocol), str(whoami.version))
 
     def gone(self) -> None:
-        """The link is down: who comes back may be another. What was said of a stranger stays until
-        more is known, for a link that brings nothing is opened anew again and again."""
+        """Forget the vehicle, as the link is down: another one may come back. What is known of a
+        stranger stays until more is known, for a link that brings nothing is opened again and
+        again.
+        """
         self.access = ""
 
     @property

@@ -80,11 +80,11 @@ class Subscriptions:
             )
 
     def close(self) -> None:
-        """The lane; the rest closes with its node."""
+        """Close the lane; the rest closes with its node."""
         self._lane.close()
 
     def _received(self, name: str, act: Act | None, received: Received) -> None:
-        """A message that makes no sense is an alarm until the next good one."""
+        """Handle a message; one that makes no sense is an alarm until the next good one."""
         if act is not None:
             try:
                 act(received)

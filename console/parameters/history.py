@@ -181,7 +181,7 @@ class ParameterHistory:
                 self._know(session, {change.name: change.new})
 
     def learn(self, values: Mapping[str, ParameterValue]) -> None:
-        """Values that are known without a change."""
+        """Learn values that are known without a change."""
         with self._session() as session:
             self._know(session, values)
 

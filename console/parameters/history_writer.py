@@ -73,7 +73,7 @@ class ParameterWitness:
         self._thread.start()
 
     def changed(self, change: Any, received_ns: int) -> None:
-        """A quadlab_msgs/ParameterChange. Raises MeasurementError for one without values."""
+        """Take a quadlab_msgs/ParameterChange. Raises MeasurementError for one without values."""
         stamp = change.header.stamp
         try:
             old, new = ast.literal_eval(change.old_value), ast.literal_eval(change.new_value)
@@ -114,7 +114,7 @@ class ParameterWitness:
                 self._put(_Begin(self._flight, time_ns()))
 
     def look(self, values: Mapping[str, ParameterValue], revision: int) -> None:
-        """The vehicle's values as read at `revision`; to be told once a second.
+        """Compare with the vehicle's values as read at `revision`; to be called once a second.
 
         Another revision than that of the last change heard, twice in a row, was not heard of.
         """
@@ -132,7 +132,7 @@ class ParameterWitness:
                 self._adopt(values, revision, why)
 
     def begin(self, values: Mapping[str, ParameterValue]) -> None:
-        """The station's own values at its start."""
+        """Take the station's own values at its start."""
         with self._lock:
             heard = self._heard
             self._adopt(values, 0, AT_START)
@@ -182,7 +182,7 @@ class ParameterWitness:
                     self._idle.set()
 
     def _write_one(self, item: _Item) -> None:
-        """Tried until it works: a full disk or a busy database leaves no hole."""
+        """Write an item, trying until it works: a full disk or a busy database leaves no hole."""
         while True:
             try:
                 if isinstance(item, ParameterChange):

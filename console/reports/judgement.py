@@ -230,7 +230,7 @@ def _source(by: str, verdict: str, reason: str) -> str:
 
 
 def _proposed(log: RunLog, out: Judgement, experiment: object) -> None:
-    """The calibration that the run proposed: as it was told, else found again."""
+    """Find the calibration that the run proposed: as it was published, else computed again."""
     told = log.experiment_text("proposal")
     out.decision = out.decision or log.experiment_text("decision")
     try:

@@ -53,7 +53,9 @@ class Bench:
 
 
 def motor_calibration(figure: Any, bench: Bench) -> None:
-    """Fig. 2: (a) input and output signals, (b) the fitted model, force the independent one."""
+    """Draw Fig. 2: (a) input and output signals, (b) the fitted model, force the independent
+    one.
+    """
     left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1.0))
     axes = grid(left, 3)[:, 0]
     line(axes[0], bench.time, bench.reference, color=GOOD, label="reference")
@@ -98,7 +100,7 @@ def mass_estimation(
     true_mass: float | None,
     flown: Spans,
 ) -> None:
-    """Fig. 3: (a) estimated mass, (b) position, (c) velocity.
+    """Draw Fig. 3: (a) estimated mass, (b) position, (c) velocity.
 
     Args:
         mass: time, kg, and its standard deviation. position, velocity: time and (N, 3).
@@ -148,7 +150,7 @@ def trajectory_tracking(
     yaw_error: Array,
     judged: Spans,
 ) -> None:
-    """Fig. 4: (a) position, (b) yaw, (c) position error, (d) yaw error."""
+    """Draw Fig. 4: (a) position, (b) yaw, (c) position error, (d) yaw error."""
     axes = grid(figure, 2, 2)
     triple(axes[0, 0], time, position)
     band(axes[0, 0], time, wanted, "reference")
@@ -173,7 +175,7 @@ def state_estimation(
     judged: Spans,
     truth: str = "truth",
 ) -> None:
-    """Fig. 6: (a) position, (b) roll, pitch, yaw, (c) position error, (d) orientation error.
+    """Draw Fig. 6: (a) position, (b) roll, pitch, yaw, (c) position error, (d) orientation error.
 
     Args:
         position, angles: true and estimated, (N, 3) each.

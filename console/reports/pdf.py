@@ -50,7 +50,7 @@ class Pages:
         self._at += after
 
     def heading(self, text: str, following: float) -> None:
-        """`following`: in, of what must stand on the same page."""
+        """Add a heading; `following`: in, of what must be on the same page."""
         self._room(0.6 + following)
         self._at += 0.15
         self._rule("#cccccc")

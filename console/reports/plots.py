@@ -95,7 +95,7 @@ def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Ar
 
 
 def line(axis: Any, time: Array, values: npt.NDArray[np.floating], **style: Any) -> None:
-    """Thinned; where a source was silent for long the line is broken."""
+    """Draw a thinned line; where a source was silent for long the line is broken."""
     axis.plot(*thinned(*broken(time, np.asarray(values, np.float64))), **style)
 
 
@@ -115,20 +115,20 @@ def broken(time: Array, values: Array) -> tuple[Array, Array]:
 def triple(
     axis: Any, time: Array, values: Array, names: Sequence[str] = AXES, **style: Any
 ) -> None:
-    """Columns of (N, 3) as lines of three colours."""
+    """Draw the columns of (N, 3) as lines of three colours."""
     for k, name in enumerate(names):
         line(axis, time, values[:, k], color=COLORS[k], label=name, **style)
 
 
 def dashed(axis: Any, time: Array, values: Array, label: str) -> None:
-    """The columns of what is compared with, dark and dashed, one entry in the legend."""
+    """Draw the columns of what is compared with, dark and dashed, one entry in the legend."""
     for k in range(values.shape[1]):
         line(axis, time, values[:, k], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)))
     axis.plot([], [], color=REFERENCE, linewidth=0.8, linestyle=(0, (4, 2)), label=label)
 
 
 def band(axis: Any, time: Array, values: Array, label: str) -> None:
-    """The columns of what is aimed at as broad pale lines behind the others."""
+    """Draw the columns of what is aimed at as broad pale lines behind the others."""
     style: Any = {"color": "#bdbdbd", "linewidth": 3.2, "solid_capstyle": "butt", "zorder": 1.5}
     for k in range(values.shape[1]):
         line(axis, time, values[:, k], **style)
@@ -136,7 +136,9 @@ def band(axis: Any, time: Array, values: Array, label: str) -> None:
 
 
 def finish(axis: Any, title: str, unit: str, *, legend: bool = True, narrow: bool = False) -> None:
-    """Title at the left, legend beside it at the right; of narrow axes in a line below it."""
+    """Place the title at the left, the legend next to it at the right; of narrow axes in a line
+    below it.
+    """
     axis.set_title(title, pad=17.0 if narrow else None)
     axis.set_ylabel(unit)
     if legend and axis.get_legend_handles_labels()[0]:

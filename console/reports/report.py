@@ -190,7 +190,7 @@ def _check_ours(path: Path) -> None:
 
 
 def _replace(path: Path, write: Callable[[Path], None]) -> None:
-    """The whole file, or the one before."""
+    """Replace the whole file, or keep the one before."""
     aside = path.with_name(f"{path.name}.new")
     try:
         write(aside)

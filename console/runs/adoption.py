@@ -99,7 +99,7 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
 
 
 def enter_again(catalogue: Catalogue, path: Path) -> None:
-    """A run whose file was filled: its new size and count; what else is known of it stays.
+    """Enter a run whose file was filled: its new size and count; what else is known of it stays.
 
     Raises LogFormatError or StorageError.
     """

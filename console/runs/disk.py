@@ -25,7 +25,7 @@ def free_bytes(folder: Path) -> int:
 
 
 def make_again(folder: Path) -> None:
-    """A missing folder, where the one it belongs into is there: else its disk may be away."""
+    """Make a missing folder, where the one it belongs into exists: else its disk may be away."""
     with suppress(OSError):  # told by whoever asks for it next
         folder.mkdir()
 

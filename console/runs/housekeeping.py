@@ -59,7 +59,7 @@ class Housekeeping:
             self._alarm("catalogue", str(error))
 
     def look(self) -> None:
-        """Every PERIOD."""
+        """Look after disk and trash, every PERIOD."""
         try:
             self._alarm("disk", self._warning())
             due = time.monotonic() - self._purged >= (RETRY if self._stuck else PURGE_PERIOD)

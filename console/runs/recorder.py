@@ -128,7 +128,7 @@ class Recorder:
         self._wake.set()
 
     def put(self, topic: str, type_name: str, payload: bytes, log_ns: int, publish_ns: int) -> None:
-        """One message; forgotten when nothing is recorded. Never waits."""
+        """Put one message; forgotten when nothing is recorded. Never waits."""
         self.put_all(((topic, type_name, payload, log_ns, publish_ns),))
 
     def put_all(self, messages: Sequence[Message]) -> None:
@@ -246,7 +246,7 @@ class Recorder:
         self._open = None
 
     def _tell(self, told: Callable[[Any], None], what: Run | RunEnd) -> None:
-        """The catalogue; the file matters more than its line there."""
+        """Report to the catalogue; the file matters more than its line there."""
         try:
             told(what)
             self._alarms.pop("catalogue", None)
@@ -254,7 +254,9 @@ class Recorder:
             self._alarms["catalogue"] = _words(error)
 
     def _fail(self, run: Run, error: Exception) -> None:
-        """The run cannot go on: say so and close what there is; what waits for it is skipped."""
+        """End a run that cannot go on: report it and close what there is; what waits for it is
+        skipped.
+        """
         words = _words(error)
         with self._lock:
             self._alarms["run"] = f"recording stopped: {words}"

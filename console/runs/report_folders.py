@@ -49,7 +49,7 @@ def report_file(log: Path, name: str) -> Path:
 
 
 def write_result(log: Path, content: dict[str, Any]) -> None:
-    """All of it or nothing; the folder exists. Raises OSError."""
+    """Write all of it or nothing; the folder exists. Raises OSError."""
     path = report_folder(log) / RESULT
     aside = path.with_name(f"{RESULT}.new")
     aside.write_text(json.dumps(content, indent=1))

@@ -83,7 +83,7 @@ class RunKeeper:
                 self.start(requester if named else self._operator)
 
     def tick(self) -> None:
-        """Some times a second."""
+        """Apply the recording rules, some times a second."""
         after = self._store.parameters.recorder.after_disarm
         with self._lock:
             decision = self._policy.tick(monotonic(), after)
@@ -105,7 +105,9 @@ class RunKeeper:
         return run_id
 
     def release(self) -> None:
-        """The experiment is over: its run ends, or after the motors stopped as any other."""
+        """Release the run of an experiment that is over: it ends, or after the motors stopped as
+        any other.
+        """
         with self._lock:
             held, self._held = self._held, ""
             if held and self.recorder.run_id == held and not self._policy.goes_on:
@@ -151,7 +153,7 @@ class RunKeeper:
         self.recorder.close()
 
     def _again(self) -> None:
-        """The disk ended a run: what is left of the flight is recorded as soon as it can be."""
+        """Record what is left of a flight, as soon as it can be, when the disk ended its run."""
         with self._lock:
             armed = self._policy.armed
         if armed and not self.recorder.run_id:

@@ -78,7 +78,7 @@ def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
 
 
 def restore_run(catalogue: Catalogue, run_id: str) -> None:
-    """Out of the trash, with notes, tags and marks. Raises StorageError."""
+    """Restore a run out of the trash, with notes, tags and marks. Raises StorageError."""
     log = _file_of(catalogue, run_id)
     if not is_deleted(catalogue, run_id):
         raise StorageError(f"run {run_id!r} is not in the trash")
@@ -195,7 +195,8 @@ def _belongings(log: Path) -> Iterator[Path]:
 
 
 def _move(log: Path, folder: Path) -> None:
-    """A run's log and then the rest of it, within one disk: all or nothing. Raises StorageError.
+    """Move a run's log and then the rest of it, within one disk: all or nothing. Raises
+    StorageError.
 
     What has gone meanwhile was moved by whoever does the same.
     """

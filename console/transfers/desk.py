@@ -96,7 +96,7 @@ class TransferDesk:
 
     # ------------------------------------------------------------------ any thread
     def run_closed(self, run_id: str) -> None:
-        """A run came to its end."""
+        """Ask for back-fill of a run that came to its end."""
         if self._parameters.backfill:
             self.ask("backfill", run_id)
 

@@ -80,7 +80,7 @@ class PartFile:
                     yield offset, min(PIECE, last - offset)
 
     def put(self, offset: int, data: bytes) -> None:
-        """A piece that came. Raises StorageError, NoRoomError when the disk is full."""
+        """Put a piece that came. Raises StorageError, NoRoomError when the disk is full."""
         try:
             _write(self._data, data, offset)
             self._append(f"{offset} {len(data)} {zlib.crc32(data):08x}\n")
@@ -151,7 +151,7 @@ class PartFile:
 
 
 def want(folder: Path, name: str) -> None:
-    """Remembered from now on, before anything of it is known. Raises StorageError."""
+    """Remember a wanted file from now on, before anything of it is known. Raises StorageError."""
     journal = folder / f"{name}.part.journal"
     if journal.exists():
         return
@@ -169,7 +169,7 @@ def unwant(folder: Path, name: str) -> None:
 
 
 def remove_old(folder: Path, age: float) -> None:
-    """Parts of what is not wanted as a whole, that nobody has added to for `age` s."""
+    """Remove parts of what is not wanted as a whole, to which nothing was added for `age` s."""
     wanted = wanted_downloads(folder)
     for journal in folder.glob("*.part.journal"):
         name = journal.name.removesuffix(".part.journal")

@@ -45,7 +45,7 @@ class Window:
         """None while it is being found."""
 
     def answered(self, size: int, seconds: float) -> None:
-        """One that was asked while this was the size took so long."""
+        """Note how long a question took that was asked while this was the size."""
         with self._lock:
             if size != self.size:
                 return
@@ -69,8 +69,7 @@ class Window:
         self._settled, self._settled_until = trip, self._clock() + HOLD
 
     def _watch(self, trip: float) -> None:
-        """Slower than when it was settled is a link that got narrower, if anything is to be given
-        back."""
+        """Watch for a link that got narrower: answers slower than when the window was settled."""
         assert self._settled_until is not None
         is_slow = self.size > 1 and trip > SLOW * self._settled
         if is_slow or self._clock() >= self._settled_until:

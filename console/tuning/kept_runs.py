@@ -146,7 +146,9 @@ class KeptRuns:
             return None
 
     def _known(self, name: str, folder: Path) -> None:
-        """A name from outside is looked up, never made a path. Raises StorageError."""
+        """Raise StorageError for a name from outside that is not known; it is looked up, never made
+        a path.
+        """
         if name not in self._names(folder):
             raise StorageError(f"there is no step test {name!r:.80}; the Tune tab lists all")
 

@@ -47,7 +47,7 @@ class Outside:
         self._floats = self.reference.view("f8")
 
     def take(self, stamp_ns: int, numbers: Sequence[float]) -> None:
-        """`numbers` (18,), in the order of REFERENCE's fields."""
+        """Take `numbers` (18,), in the order of REFERENCE's fields."""
         self.stamp_ns = stamp_ns
         self._floats[:] = numbers
 

@@ -216,7 +216,7 @@ def _check_rest(context: Context) -> None:
 
 
 def _follow(state: Record, reference: Record) -> None:
-    """The reference onto the vehicle, in its motion: brake takes over from there."""
+    """Move the reference onto the vehicle, in its motion: brake takes over from there."""
     reference.view("f8")[:] = 0.0
     position, velocity = state["position_w"][0], state["velocity_w"][0]
     if math.isfinite(float(position.sum() + velocity.sum())):

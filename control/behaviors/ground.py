@@ -13,7 +13,7 @@ from quadrotor.rotations import yaw_of
 
 @compiled
 def stand(state: Record, reference: Record) -> None:
-    """reference[0] at rest at the position and yaw of state[0]; both shape (1,)."""
+    """Set reference[0] at rest at the position and yaw of state[0]; both shape (1,)."""
     r = reference[0]
     for i in range(3):
         r.position_w[i] = state[0].position_w[i]

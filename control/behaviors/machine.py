@@ -162,7 +162,7 @@ class BehaviorMachine:
         thrust: float,
         reference: Record,
     ) -> None:
-        """One tick: move the reference on and write it into `reference`, shape (1,).
+        """Make one tick: move the reference on and write it into `reference`, shape (1,).
 
         Args:
             stamp_ns: the vehicle's clock, as the stamps of `joy`.

@@ -88,7 +88,8 @@ def survey(
     first: Indices,
     stop: bool,
 ) -> None:
-    """The largest of each demand, at which sample, and the first sample above its limit, else -1.
+    """Find the largest of each demand, at which sample, and the first sample above its limit, else
+    -1.
 
     Demands, in the order of limits.QUANTITIES: -x, x, -y, y, -z, z, speed, acceleration,
     |yaw rate|, |yaw acceleration|, tilt, -(least motor thrust), largest motor thrust, |body rate|,

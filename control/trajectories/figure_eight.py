@@ -50,7 +50,7 @@ def circling(s: float, c: float, a: float, b: float, d: float, e: float) -> Deri
 
 @compiled(inner=True)
 def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
-    """The reference at t (s) on one FIGURE_EIGHT record, into one REFERENCE record.
+    """Write the reference at t (s) on one FIGURE_EIGHT record into one REFERENCE record.
 
     One sine and one cosine: those of twice the phase follow from them.
     """
@@ -75,7 +75,9 @@ def figure_eight_at(eight: Any, t: float, reference: Any) -> None:
 
 @compiled
 def sample_figure_eight(eights: Record, t: float, references: Record, step: float = 0.0) -> None:
-    """references[k] at t + k step (s) on eights[k], or on the last of them; shapes (M,), (N,)."""
+    """Write references[k] at t + k step (s) on eights[k], or on the last of them; shapes (M,),
+    (N,).
+    """
     for k in range(references.shape[0]):
         figure_eight_at(eights[min(k, eights.shape[0] - 1)], t + k * step, references[k])
 

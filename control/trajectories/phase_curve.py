@@ -32,7 +32,7 @@ PHASE_CURVE = np.dtype(
 
 @compiled(inner=True)
 def phase_curve_at(curve: Any, t: float, reference: Any) -> None:
-    """The reference at t (s) on one PHASE_CURVE record, into one REFERENCE record."""
+    """Write the reference at t (s) on one PHASE_CURVE record into one REFERENCE record."""
     phase = ramped_phase(t, curve.rate, curve.ramp, curve.total)
     q, a, b, d, e = phase
     s = math.sin(q)
@@ -56,6 +56,8 @@ def phase_curve_at(curve: Any, t: float, reference: Any) -> None:
 
 @compiled
 def sample_phase_curve(curves: Record, t: float, references: Record, step: float = 0.0) -> None:
-    """references[k] at t + k step (s) on curves[k], or on the last of them; shapes (M,), (N,)."""
+    """Write references[k] at t + k step (s) on curves[k], or on the last of them; shapes (M,),
+    (N,).
+    """
     for k in range(references.shape[0]):
         phase_curve_at(curves[min(k, curves.shape[0] - 1)], t + k * step, references[k])

@@ -34,7 +34,7 @@ _LOW = np.array([[_falling(n, k) if n >= k else 0.0 for n in range(5)] for k in 
 def sample_polynomial(
     times: Array, coefficients: Array, t: float, references: Record, step: float = 0.0
 ) -> None:
-    """References at t + n step (s) into references[n], shape (N,).
+    """Write references at t + n step (s) into references[n], shape (N,).
 
     Args:
         times: (S + 1,) s, ends of the segments, from 0, growing.

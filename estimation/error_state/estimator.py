@@ -267,7 +267,7 @@ class ErrorStateEstimator:
             raise failed
 
     def _apply_waiting(self, now_ns: int) -> None:
-        """Measurements that were ahead of the IMU and no longer are."""
+        """Apply measurements that were ahead of the IMU and no longer are."""
         ready = [one for due_ns, one in self._waiting if due_ns <= now_ns]
         self._waiting = [item for item in self._waiting if item[0] > now_ns]
         self._due_ns = min((due_ns for due_ns, _ in self._waiting), default=1 << 62)

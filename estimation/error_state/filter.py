@@ -92,13 +92,14 @@ def take_bearings(m: Any, z: Any) -> bool:
 
 @compiled
 def take_nothing(m: Any) -> None:
-    """An event at the newest sample: due before the samples since the last one are gone."""
+    """Make an event at the newest sample: due before the samples since the last one are gone."""
     m.new_ns, m.new_kind, m.new_count = m.stamp_ns, NOTHING, 0
 
 
 @compiled
 def report(memory: Record, estimate: Record) -> None:
-    """Biases, what the newest measurement said, and variances after the newest event in time.
+    """Write biases, what the newest measurement showed, and variances after the newest event in
+    time.
 
     Args:
         memory: (N,) ERROR_STATE_MEMORY. estimate: (N,) ESTIMATE, written.
@@ -133,27 +134,27 @@ def report(memory: Record, estimate: Record) -> None:
 
 @compiled
 def predict(memory: Record, imu: Record, noise: Record, dt: float, state: Record) -> None:
-    """`predict_one` for each of (N,) ERROR_STATE_MEMORY, IMU_SAMPLE, STATE; noise is (1,)."""
+    """Run `predict_one` for each of (N,) ERROR_STATE_MEMORY, IMU_SAMPLE, STATE; noise is (1,)."""
     for k in range(memory.shape[0]):
         predict_one(memory[k], imu[k], noise[0], dt, state[k])
 
 
 @compiled(inner=True)
 def take_poses(memory: Record, pose: Record, valid: npt.NDArray[np.bool_]) -> None:
-    """`take_pose` for each of (N,) ERROR_STATE_MEMORY and POSE_SAMPLE; valid (N,) written."""
+    """Run `take_pose` for each of (N,) ERROR_STATE_MEMORY and POSE_SAMPLE; valid (N,) written."""
     for k in range(memory.shape[0]):
         valid[k] = take_pose(memory[k], pose[k])
 
 
 @compiled(inner=True)
 def take_frames(memory: Record, bearings: Record, valid: npt.NDArray[np.bool_]) -> None:
-    """`take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
+    """Run `take_bearings` for each of (N,) ERROR_STATE_MEMORY and BEARINGS_SAMPLE."""
     for k in range(memory.shape[0]):
         valid[k] = take_bearings(memory[k], bearings[k])
 
 
 @compiled(inner=True)
 def apply(memory: Record, noise: Record, outcome: npt.NDArray[np.int64]) -> None:
-    """`apply_one` for each of (N,) ERROR_STATE_MEMORY; outcome (N,) of Outcome, written."""
+    """Run `apply_one` for each of (N,) ERROR_STATE_MEMORY; outcome (N,) of Outcome, written."""
     for k in range(memory.shape[0]):
         outcome[k] = apply_one(memory[k], noise[0])

@@ -59,7 +59,8 @@ def move(x: Array, start_b: Vector, end_b: Vector, rate_b: Vector, dt: float) ->
 
 @compiled(inner=True)
 def spread(P: Array, x: Array, force_b: Vector, g: Any, dt: float) -> None:
-    """Covariance P (15, 15) -> F P F^T + Q over dt (s) about the nominal state x (16,).
+    """Propagate the covariance P (15, 15) -> F P F^T + Q over dt (s) about the nominal state x
+    (16,).
 
     What a gyroscope bias does to the velocity within dt is left out: of second order in dt.
     """

@@ -61,7 +61,7 @@ def along(row: Array, error: Array) -> float:
 
 @compiled(inner=True)
 def displace(x: Array, error: Array, out: Array) -> None:
-    """out (16,) = nominal state x (16,) corrected by an error (15,)."""
+    """Write out (16,) = nominal state x (16,) corrected by an error (15,)."""
     phi = turned((1.0, 0.0, 0.0, 0.0), (error[3], error[4], error[5]))
     q = normalized(multiply(phi, (x[6], x[7], x[8], x[9])))
     for i in range(3):
@@ -112,7 +112,8 @@ def absorb(m: Any, pairs: int) -> float:
 
 @compiled(inner=True)
 def reset(P: Array, phi: Array) -> None:
-    """Covariance (15, 15) of the error left after the attitude was moved by phi (3,).
+    """Reset the covariance (15, 15) to that of the error left after the attitude was moved by phi
+    (3,).
 
     exp(phi_true) exp(-phi) is exp(J (phi_true - phi)) with J = I + [phi] / 2 to first order.
     """

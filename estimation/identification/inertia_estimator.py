@@ -142,7 +142,7 @@ def new_inertia_memory(inertia_b: Array, parameters: InertiaParameters) -> Recor
 def step(
     memory: Record, gains: Record, state: Record, actuators: Record, airborne: bool, dt: float
 ) -> None:
-    """One step of one estimator; all records have the shape (1,).
+    """Make one step of one estimator; all records have the shape (1,).
 
     Args:
         state: STATE with the angular velocity now. actuators: ACTUATORS whose thrusts were

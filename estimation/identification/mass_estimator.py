@@ -115,7 +115,7 @@ def step(
     dt: float,
     estimate: Record,
 ) -> None:
-    """One step of (N,) estimators; writes mass (kg) and mass_variance (kg^2) of (N,) ESTIMATE.
+    """Make one step of (N,) estimators; writes mass (kg) and mass_variance (kg^2) of (N,) ESTIMATE.
 
     Args:
         memory: (N,) MASS_MEMORY. gains: (1,) MASS_GAINS. state: (N,) STATE.

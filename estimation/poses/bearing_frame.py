@@ -34,5 +34,5 @@ def right(row: Array) -> Vector:
 
 @compiled(inner=True)
 def store_right(v: Vector, row: Array) -> None:
-    """v into columns 3 to 5 of a row."""
+    """Store v in columns 3 to 5 of a row."""
     row[3], row[4], row[5] = v

@@ -191,7 +191,7 @@ def inverse(
 
 @compiled(inner=True)
 def store_inverse(S: Rows, E: Rows, D: Rows, out: Array) -> None:
-    """[S, -S E; -E^T S, D + E^T S E] into the first rows of out, with what `inverse` gives."""
+    """Store [S, -S E; -E^T S, D + E^T S E] in the first rows of out, with what `inverse` gives."""
     X = (transposed(E, S[0]), transposed(E, S[1]), transposed(E, S[2]))
     for i in range(3):
         store(S[i], out[i])

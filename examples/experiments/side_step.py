@@ -46,7 +46,7 @@ class SideStep:
         self._start = 0.0  # m
 
     def check(self) -> None:
-        """Options that do not go together raise UsageError here; these always do."""
+        """Raise UsageError for options that do not go together; these always do."""
 
     def preconditions(self, view: VehicleView) -> str:
         """Return why it may not begin, empty when it may; asked once the vehicle is ready."""

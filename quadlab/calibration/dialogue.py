@@ -128,7 +128,7 @@ class Dialogue:
         return self._status
 
     def _answer(self, question: str) -> None:
-        """Yes, or the end of it."""
+        """Ask for yes, or end the experiment."""
         if self._wanted.yes:
             self._screen.say(f"{question} yes")
         elif not self._screen.is_terminal:
@@ -163,7 +163,7 @@ class Dialogue:
         return bool(self._status.question == question)
 
     def _stop(self) -> None:
-        """And wait until it has ended."""
+        """Stop, and wait until it has ended."""
         self._runs = False
         try:
             self._client.ask("experiment", action="stop")

@@ -27,7 +27,7 @@ class Screen:
         print(line, flush=True)
 
     def progress(self, status: Any) -> None:
-        """An ExperimentStatus of an experiment that runs."""
+        """Show an ExperimentStatus of an experiment that runs."""
         instruction = str(status.instruction or status.step)
         count = int(status.step_count)
         if count:

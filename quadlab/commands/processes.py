@@ -32,7 +32,9 @@ OPEN_BROWSER = "QUADLAB_OPEN_BROWSER"
 
 
 def check_name(name: str) -> None:
-    """A vehicle's name is a topic namespace and part of file names. Raises UsageError."""
+    """Check that a vehicle's name can be a topic namespace and part of file names. Raises
+    UsageError.
+    """
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,31}", name):
         raise UsageError(
             f"--name {name!r} is not one; allowed are up to 32 small letters, digits and _, "

@@ -260,7 +260,7 @@ def _child_name(fleet: SimulatedFleet, name: str) -> str:
 
 
 def _stop(group: Sequence[Child]) -> None:
-    """Together: each may take its time."""
+    """Stop the children together: each may take its time."""
     threads = [threading.Thread(target=child.stop) for child in group]
     for thread in threads:
         thread.start()

@@ -32,7 +32,9 @@ def check_plot(path: Path) -> None:
 
 
 def draw(path: Path, recording: Recording, window: Window, rows: list[Row]) -> None:
-    """Errors as lines, three standard deviations of the estimator's own dashed. StorageError."""
+    """Draw errors as lines, three standard deviations of the estimator's own dashed. Raises
+    StorageError.
+    """
     import matplotlib
 
     matplotlib.use("Agg")

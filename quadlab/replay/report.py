@@ -83,7 +83,7 @@ def run_row(
 
 
 def print_table(rows: list[Row]) -> None:
-    """Aligned; lengths in mm, angles in degrees."""
+    """Print the rows aligned; lengths in mm, angles in degrees."""
     head = (
         "run",
         "on",
@@ -131,7 +131,7 @@ def as_json(recording: Recording, truth: str, window: Window, rows: list[Row]) -
 
 
 def write_csv(path: Path, rows: list[Row]) -> None:
-    """The table with its full digits. Raises StorageError."""
+    """Write the table with its full digits. Raises StorageError."""
     try:
         with path.open("w", newline="") as file:
             writer = csv.writer(file)

@@ -150,7 +150,7 @@ class SimulatedFlight(SimulatedGuide):
 
     # ------------------------------------------------------------------ one IMU period
     def advance(self) -> None:
-        """One IMU period of everything, in the order of the real processes."""
+        """Advance everything by one IMU period, in the order of the real processes."""
         stack, mcu, log = self.stack, self._mcu, self._log
         lap = self.clock.begin()
         self._simulated.step()

@@ -73,7 +73,7 @@ class FlightLog:
         return self._now_ns
 
     def tick(self, record: Record) -> None:
-        """One TICK record, shape (1,)."""
+        """Log one TICK record, shape (1,)."""
         self._ticks.append(record.tobytes())
         if len(self._ticks) == BATCH:
             self._flush()
@@ -81,7 +81,7 @@ class FlightLog:
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
-        """Any other message; `topic` without namespace."""
+        """Log any other message; `topic` without namespace."""
         key = topic, len(payload)
         self._others.setdefault(key, []).append((payload, log_ns, source_ns))
 
@@ -96,24 +96,24 @@ class FlightLog:
         self._publisher.parameter_change(change)
 
     def truth(self, stamp_ns: int, state: Record) -> None:
-        """The simulator's STATE, shape (1,)."""
+        """Log the simulator's STATE, shape (1,)."""
         self._truth_stamps.append(stamp_ns)
         self._truths.append(state.tobytes())
 
     def pose(self, stamp_ns: int, position_w: Array, quaternion_wb: Array, log_ns: int) -> None:
-        """A tracker pose that arrived at `log_ns`."""
+        """Log a tracker pose that arrived at `log_ns`."""
         self._poses.append((stamp_ns, position_w, quaternion_wb))
         self._pose_arrivals.append(log_ns)
 
     def bearings(self, frame: BearingMeasurement, log_ns: int) -> None:
-        """A frame of emulated bearings that arrived at `log_ns`."""
+        """Log a frame of emulated bearings that arrived at `log_ns`."""
         payload = topics.encode_bearings(
             frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma, self._vehicle
         )
         self._put("bearings", payload, frame.stamp_ns, log_ns)
 
     def bearing_pose(self, stamp_ns: int, payload: bytes, log_ns: int) -> None:
-        """The one-frame pose solved from a frame of bearings, encoded."""
+        """Log the one-frame pose solved from a frame of bearings, encoded."""
         self._put("bearing_pose", payload, stamp_ns, log_ns)
 
     def measurement(self, topic: str, payload: bytes, stamp_ns: int) -> None:

@@ -76,11 +76,11 @@ class SimulatedGuide:
         self.on_tell(progress)
 
     def confirm(self, question: str) -> None:
-        """Yes, at once; the log has a line of it."""
+        """Confirm at once; the log has a line of it."""
         self.stack.say(f"confirmed: {question}")
 
     def turn(self, quaternion_wb: Sequence[float] | None) -> None:
-        """None has it set down level, and waits until it stands."""
+        """Turn the vehicle; None has it set down level, and waits until it is at rest."""
         if quaternion_wb is None:
             self._simulate({"simulator.held": "free"})
             end = self.stack.stamp_ns + round(PATIENCE * 1e9)
@@ -150,7 +150,7 @@ class SimulatedGuide:
 
     # ------------------------------------------------------------------ while it flies
     def _after_step(self) -> None:
-        """The sensor's reading, and the bench asked for again."""
+        """Take the sensor's reading, and ask for the bench again."""
         reading = self._simulated.bench_reading()
         if reading is not None:
             self._readings.append(reading)

@@ -36,4 +36,4 @@ class StageClock:
 
 
 def _ignore(stage: str) -> None:
-    """The lap of a tick that is not timed."""
+    """Ignore the stages of a tick that is not timed."""

@@ -94,7 +94,7 @@ class Child:
         return f"{self.name} {how}; started again"
 
     def stop(self, patience: float = 5.0) -> None:
-        """SIGTERM, then SIGKILL after `patience` seconds."""
+        """Send SIGTERM, then SIGKILL after `patience` seconds."""
         process = self._process
         if process is None:
             return

@@ -176,7 +176,7 @@ class ImuCalibrator:
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 
     def set_gyroscope_bias(self, bias_b: npt.NDArray[np.float64]) -> None:
-        """The mean (3,) of still samples, rad/s, body axes."""
+        """Set the mean (3,) of still samples, rad/s, body axes."""
         self._gyroscope_bias_b = np.array(bias_b, dtype=np.float64)
         self._calibration["gyroscope_bias_b"] = self._gyroscope_bias_b
 

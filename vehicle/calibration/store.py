@@ -174,7 +174,7 @@ def _sorted_out(lines: list[bytes]) -> tuple[list[CalibrationRecord], list[bytes
 
 
 def _append(path: Path, line: bytes) -> None:
-    """Whole and on the disk, or not at all. Raises OSError."""
+    """Append a line whole and on the disk, or not at all. Raises OSError."""
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:
         size = os.fstat(descriptor).st_size
@@ -192,7 +192,7 @@ def _append(path: Path, line: bytes) -> None:
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """The old content or the new one, whatever happens. Raises OSError."""
+    """Replace the content: the old or the new one stays, whatever happens. Raises OSError."""
     part = path.with_suffix(".part")
     try:
         descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)

@@ -73,7 +73,7 @@ HISTORY = np.dtype(
 
 @compiled(inner=True)
 def copy_state(x: Any, state: Item) -> None:
-    """x (13,) into a STATE record."""
+    """Copy x (13,) into a STATE record."""
     for i in range(3):
         state.position_w[i] = x[i]
         state.velocity_w[i] = x[3 + i]
@@ -84,7 +84,9 @@ def copy_state(x: Any, state: Item) -> None:
 
 @compiled(inner=True)
 def _begin(c: Item, p: Item, v: Item) -> None:
-    """The gyroscope's mean at rest taken as its bias (Sec. 5.1), the filter at the true pose."""
+    """Take the gyroscope's mean at rest as its bias (Sec. 5.1), and start the filter at the true
+    pose.
+    """
     bias, rate, n = c.gyroscope_bias_b, v.imu.angular_velocity_b, c.calibration_samples
     for _ in range(n):
         read_imu(p, c.sensors, v.estimator.gyroscope_bias_b, c.random, c.drawn, v.imu)
@@ -128,7 +130,7 @@ def _judge(x: Any, v: Item, r: Item, weight: int) -> bool:
 
 @compiled(inner=True)
 def _finish(r: Item, ticks: int, saturated: int) -> None:
-    """Sums into means; NaN where nothing was judged."""
+    """Turn sums into means; NaN where nothing was judged."""
     r.position_rms = math.sqrt(r.position_rms / r.moments)
     r.yaw_rms = math.sqrt(r.yaw_rms / r.moments)
     r.estimate_rms = math.sqrt(r.estimate_rms / r.moments)
@@ -139,7 +141,7 @@ def _finish(r: Item, ticks: int, saturated: int) -> None:
 
 @compiled(inner=True)
 def _keep(t: float, x: Any, v: Item, h: Item) -> None:
-    """One HISTORY record."""
+    """Keep one HISTORY record."""
     h.time = t
     for i in range(13):
         h.truth[i] = x[i]
@@ -167,7 +169,7 @@ def fly(
     judge_every: int,
     keep_every: int,
 ) -> None:
-    """One flight of `ticks` control periods; records of shape (1,), all but settings written.
+    """Fly `ticks` control periods; records of shape (1,), all but settings written.
 
     One period: sample the sensors, step the laws, hold their motor references over `substeps`
     Runge-Kutta steps of the plant. The trajectory and the OUTCOME begin after `hover_ticks`.

@@ -81,7 +81,7 @@ def new_onboard() -> Record:
 
 @compiled(inner=True)
 def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
-    """Actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
+    """Compute the actuators of the ONBOARD record v for its state, t (s) into the trajectory."""
     if s.observer.force == 1 or s.observer.torque == 1:
         found, carried = v.controller.disturbance, False
         observe_one(
@@ -93,7 +93,9 @@ def steer(v: Item, s: Item, t: float, airborne: bool, dt: float) -> None:
 
 @compiled(inner=True)
 def onboard_one(v: Item, s: Item, imu: Item, t: float, airborne: bool, dt: float) -> None:
-    """One step of the ONBOARD record v by SETTINGS s, from an IMU_SAMPLE dt (s) after the last."""
+    """Make one step of the ONBOARD record v by SETTINGS s, from an IMU_SAMPLE dt (s) after the
+    last.
+    """
     predict_one(v.estimator, imu, s.estimation, dt, v.state)
     steer(v, s, t, airborne, dt)
 
@@ -102,7 +104,7 @@ def onboard_one(v: Item, s: Item, imu: Item, t: float, airborne: bool, dt: float
 def onboard_step(
     onboard: Record, settings: Record, imu: Record, t: float, airborne: bool, dt: float
 ) -> None:
-    """`onboard_one` for Python: records of shape (1,)."""
+    """Run `onboard_one` for Python: records of shape (1,)."""
     onboard_one(onboard[0], settings[0], imu[0], t, airborne, dt)
 
 
@@ -110,7 +112,7 @@ def onboard_step(
 def onboard_steps(
     onboard: Record, settings: Record, imu: Record, thrusts: Array, airborne: bool, dt: float
 ) -> None:
-    """The samples `imu` (N,) one after the other; the thrusts (N, 4) in N of each step."""
+    """Step through the samples `imu` (N,); writes the thrusts (N, 4) in N of each step."""
     v, s = onboard[0], settings[0]
     for k in range(imu.shape[0]):
         onboard_one(v, s, imu[k], k * dt, airborne, dt)

@@ -65,7 +65,8 @@ def new_tracker(parameters: TrackerParameters) -> Record:
 
 @compiled(inner=True)
 def read_imu(p: Item, s: Item, bias_b: Any, random: Any, drawn: Any, imu: Item) -> None:
-    """An IMU_SAMPLE of a PLANT record by SENSORS s, without the known gyroscope bias (3,) rad/s.
+    """Write an IMU_SAMPLE of a PLANT record by SENSORS s, without the known gyroscope bias (3,)
+    rad/s.
 
     `drawn` (6,) is room for the random numbers: drawn one after the other, by one copy of their
     code.

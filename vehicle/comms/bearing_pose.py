@@ -27,7 +27,7 @@ class BearingPose:
         self._solver = PlanarPoseSolver(PAPER_BEACONS.positions_w)
 
     def place(self, beacons: Beacons) -> None:
-        """The beacons stand elsewhere from the next frame on."""
+        """Place the beacons elsewhere from the next frame on."""
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w, strict=True))
         self._ids: list[int] | None = None
         self._known: list[int] = []

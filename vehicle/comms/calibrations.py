@@ -79,7 +79,7 @@ class Calibrations:
         return new(f"{TYPE}_Response", accepted=True, records=texts)
 
     def found(self, found: mailbox.GyroscopeFound) -> None:
-        """Flight's outcome of a calibration of the gyroscope."""
+        """Take flight's outcome of a calibration of the gyroscope."""
         if found.request_id:
             with self._is_found:
                 self._found[found.request_id] = found
@@ -125,7 +125,7 @@ class Calibrations:
         return record
 
     def _check_drift(self, proposed: CalibrationRecord) -> None:
-        """A drift is found, not set: only the one in use can be accepted. Raises RefusedError."""
+        """Raise RefusedError unless the drift is the one in use: a drift is found, not set."""
         used = {one.name: one for one in self._in_force()}.get(GYROSCOPE)
         if used is None or drift_of(used) != drift_of(proposed):
             raise RefusedError(

@@ -142,6 +142,6 @@ class ParameterMirror:
             self._fetched.set()
 
     def changed(self, change: mailbox.ParameterChange) -> None:
-        """The flight process applied this."""
+        """Take over a change that the flight process applied."""
         self._values[change.name] = change.new
         self.revision = change.revision

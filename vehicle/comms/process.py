@@ -209,7 +209,9 @@ class Comms:
         return lambda received: self._inbound.take(topic, received.payload, received.gid)
 
     def _came_by_lane(self, topic: str, received: Received) -> None:
-        """A heartbeat of the station that has the vehicle: its poses of before are with flight."""
+        """Note a heartbeat of the station that has the vehicle: its poses of before are with
+        flight.
+        """
         if topic == "station_heartbeat":
             beat = topics.decode_heartbeat(received.payload)
             if beat.instance == self._inbound.holder:
@@ -220,7 +222,7 @@ class Comms:
         self._log.message(topic, type_name, payload, stamp_ns, self._clock.now_ns())
 
     def _say(self, level: int, text: str) -> None:
-        """An event of this process, from any of its threads."""
+        """Publish an event of this process, from any of its threads."""
         self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
         if level > mailbox.INFO:
             say(text)

@@ -85,7 +85,7 @@ class Publisher:
         """The one flown on, as `FLOWN_ON` says; followed from its changes."""
 
     def ticks(self, ticks: Record) -> None:
-        """The ticks read just now, shape (N,), N ≥ 1, oldest first."""
+        """Publish the ticks read just now, shape (N,), N ≥ 1, oldest first."""
         stamps = ticks["imu"]["stamp_ns"]
         newest = int(stamps[-1])
         if self._radio is not None:

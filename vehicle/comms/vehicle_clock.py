@@ -26,7 +26,7 @@ class VehicleClock:
         self.started = False
 
     def observe(self, stamp_ns: int, read_ns: int) -> None:
-        """The newest tick's stamp, read at this monotonic time."""
+        """Observe the newest tick's stamp, read at this monotonic time."""
         readings, offset = self._readings, stamp_ns - read_ns
         while readings and readings[-1][1] <= offset:
             readings.pop()

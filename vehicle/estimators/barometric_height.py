@@ -37,7 +37,9 @@ class BarometricHeight:
         self.height = self.climb = self._bias = 0.0
 
     def step(self, pressure: float, lift: float, dt: float) -> None:
-        """One sample: pressure (Pa) and specific force along z_B (m/s²), dt (s) after the last."""
+        """Take one sample: pressure (Pa) and specific force along z_B (m/s²), dt (s) after the
+        last.
+        """
         if self._ground is None:
             self._ground = pressure
         up = lift - GRAVITY - self._bias

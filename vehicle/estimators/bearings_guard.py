@@ -118,7 +118,7 @@ class BearingsGuard:
 
     # ------------------------------------------------------------------ walls
     def configure(self) -> None:
-        """Parameters changed, perhaps what is flown on: walls and flags follow."""
+        """Follow changed parameters, perhaps another source in use: walls and flags are set."""
         stack = self._stack
         source = stack.navigation.source
         alone, before = source == BEARINGS, self._alone
@@ -151,7 +151,7 @@ class BearingsGuard:
 
     # ------------------------------------------------------------------ the way back
     def step(self) -> None:
-        """One tick while bearings are used."""
+        """Make one tick while bearings are used."""
         stack = self._stack
         navigation = stack.navigation
         verdict = navigation.watch.verdict

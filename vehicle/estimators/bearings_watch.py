@@ -64,7 +64,9 @@ class BearingsWatch:
         self._apart = 0
 
     def remember(self, stamp_ns: int, state: Record, tracked: Record | None = None) -> None:
-        """The estimate of one tick, a STATE of shape (1,), and that of the tracker's poses."""
+        """Remember the estimate of one tick, a STATE of shape (1,), and that of the tracker's
+        poses.
+        """
         for past, one in ((self._past, state), (self._tracked, tracked)):
             if one is not None:
                 pose = one["position_w"][0].copy(), one["quaternion_wb"][0].copy()

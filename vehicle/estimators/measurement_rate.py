@@ -43,6 +43,8 @@ class MeasurementRate:
         return new
 
     def forget_warnings(self) -> None:
-        """Gains changed: what holds of the new ones is told anew."""
+        """Forget the warnings after a change of gains: those that hold of the new ones are reported
+        again.
+        """
         self._said.clear()
         self._told = 0.0

@@ -201,7 +201,7 @@ class Navigation:
 
     # ------------------------------------------------------------------ parts
     def _seat(self, choice: Choice) -> None:
-        """Everyone takes the seat that the choice gives; who has none ends."""
+        """Give every estimator the seat that the choice gives; one without a seat ends."""
         seats = self._seats
         there, old = list(seats.beside()), seats.active
         active = old
@@ -335,7 +335,7 @@ class Navigation:
             self._drop(runner, error)
 
     def _drop(self, runner: Runner, error: Exception) -> None:
-        """A defect in what is not flown on must not end the flight."""
+        """Drop an estimator that is not flown on: a defect in it must not end the flight."""
         seats = self._seats
         what = "shadow" if runner is seats.shadow else "reserve"
         setattr(seats, what, None)

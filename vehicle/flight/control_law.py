@@ -36,7 +36,7 @@ class Weighed(Protocol):
     """A law whose mass can be moved on in each tick; others are configured anew."""
 
     def weigh(self, mass: float) -> None:
-        """Args: `mass` in kg."""
+        """Weigh the vehicle: `mass` in kg."""
         ...
 
 

@@ -78,6 +78,8 @@ class FlownMass(MassEstimator):
             self.reset(start)
 
     def begin_flight(self) -> None:
-        """Armed: what the last flight's end made of the estimate is not flown on."""
+        """Begin a flight at arming: what the last flight's end made of the estimate is not flown
+        on.
+        """
         if self.used:
             self.reset(self._start)

@@ -64,7 +64,7 @@ class Bench:
         self.motor, self.reference, self._asked_ns = motor, reference, stamp_ns
 
     def end(self) -> None:
-        """No motor is on it."""
+        """End the bench: no motor is on it."""
         self.motor = self.reference = self._asked_ns = 0
         self.started = False
         self._turn_b[:] = 0.0

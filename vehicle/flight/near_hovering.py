@@ -63,7 +63,7 @@ class NearHovering:
         self._hover = 1.0  # share that held the vehicle when the mode began
 
     def observe(self, thrust: float, dt: float) -> None:
-        """The thrust (N) of a tick that was flown by another mode."""
+        """Observe the thrust (N) of a tick that was flown by another mode."""
         share = thrust / self.parameters.stick_thrust
         self._share += min(1.0, dt / AVERAGE) * (share - self._share)
         self._lift = None

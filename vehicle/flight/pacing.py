@@ -40,7 +40,7 @@ class Deadlines:
         self._told = 0  # deadlines passed since the last sample
 
     def met(self, stamp_ns: int, now_ns: int) -> None:
-        """The tick on the sample of `stamp_ns` (vehicle's clock) began at `now_ns`."""
+        """Note that the tick on the sample of `stamp_ns` (vehicle's clock) began at `now_ns`."""
         period_ns, delay_ns = self.period_ns, now_ns - stamp_ns
         if self.overdue_ns is None:
             self._delay_ns = delay_ns

@@ -17,7 +17,7 @@ ROUNDING = 1e-9
 
 
 def check_steps(store: ParameterStore, values: Mapping[str, ParameterValue]) -> None:
-    """Args: `values` as `store.check` gave them.
+    """Check the steps of a change in flight; `values` as `store.check` gave them.
 
     Raises RefusedError that names the first that moves too far, and how far it may.
     """

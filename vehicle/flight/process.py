@@ -114,7 +114,7 @@ def _connect(
 
 
 def load_trajectories(stack: FlightStack, folder: Path) -> None:
-    """The user's trajectory files, by now or not at all: never in flight."""
+    """Load the user's trajectory files, by now or not at all: never in flight."""
     from control.trajectories.library import load_folder
 
     if not folder.is_dir():

@@ -60,7 +60,7 @@ def locked_kilobytes(status: Path = Path("/proc/self/status")) -> int:
 
 
 def freeze_garbage() -> None:
-    """No garbage collection from here on: one of 300 k objects stops the loop for 66 ms."""
+    """Freeze and stop garbage collection: one of 300 k objects stops the loop for 66 ms."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -194,13 +194,13 @@ class FlightStack(StackOnGround):
         return airborne and not (self.ground.carried and self.behaviors.name in LANDING)
 
     def _observe(self, airborne: bool, dt: float) -> None:
-        """Disturbances, by what the law itself commanded; the ground's reaction is none."""
+        """Observe disturbances, by what the law itself commanded; the ground's reaction is none."""
         flying = airborne and self.control_mode is ControlMode.DIRECT and self.mode in FLYING
         carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
         self.steering.observe(self.state, self.actuators, flying, carried, dt)
 
     def _fly_on(self, mass: float) -> None:
-        """One mass (kg) for law, feed-forward and touch-down."""
+        """Set one mass (kg) for law, feed-forward and touch-down."""
         self.steering.weigh(mass)
         self.behaviors.hover_thrust = mass * GRAVITY
 
@@ -259,7 +259,7 @@ class FlightStack(StackOnGround):
             self.say("touched down")
 
     def _idle(self) -> None:
-        """Armed on the ground: motors turn slowly, the reference follows the state."""
+        """Idle armed on the ground: motors turn slowly, the reference follows the state."""
         stand(self.state, self.reference)
         self.controller.idle(self.actuators)
         if self.ground.rested(self._stamp_ns) >= self.parameters.safety.disarm_after_landing:

@@ -28,7 +28,9 @@ class StackOnGround(StackModes):
         self._asked, self._gyro = command, None
 
     def _calibrate_gyroscope(self, sample: RawSample) -> None:
-        """One sample of STARTING: at the start tried until it is found, when asked for once."""
+        """Take one sample of STARTING: at the start tried until the drift is found, on request
+        once.
+        """
         safety, motors_on = self.parameters.safety, sample.motor_state in TURNING
         if motors_on and self._asked is None:  # started anew while the microcontroller lands
             if not self._told_motors:
@@ -50,7 +52,7 @@ class StackOnGround(StackModes):
             self._gyroscope_found(found, self._gyro.deviation_max, sample.battery_voltage)
 
     def _check_drift(self, found: GyroscopeCalibration) -> None:
-        """A steady turn has no deviation. Raises MeasurementError."""
+        """Raise MeasurementError for a drift too large: a steady turn has no deviation."""
         safety = self.parameters.safety
         most, of = safety.gyro_drift_max, "drift"
         if self._asked is not None:

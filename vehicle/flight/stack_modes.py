@@ -96,7 +96,7 @@ class StackModes(StackParts):
         self._override("land")
 
     def descend_now(self, why: str) -> None:
-        """Level and down by the barometer; the microcontroller holds the angles."""
+        """Descend level by the barometer; the microcontroller holds the angles."""
         if self.control_mode is ControlMode.EMERGENCY:
             return
         self._enter_emergency(f"{why}; down by the barometer, not held in place")

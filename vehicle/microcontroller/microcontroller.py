@@ -262,7 +262,9 @@ class Microcontroller:
         )
 
     def _correct_clock(self, newest_ns: int) -> None:
-        """Samples of the time it was ahead by are dropped: time does not go back."""
+        """Correct the clock; samples of the time it was ahead by are dropped, as time does not go
+        back.
+        """
         ahead = self._clock.correct(newest_ns - self._clock.stamp_ns(0))
         if ahead:
             self.failures.append(f"the vehicle's clock was {ahead * 1e3:.0f} ms ahead; set back")

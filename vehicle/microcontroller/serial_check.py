@@ -120,7 +120,7 @@ class _Line:
     battery: int | None = None
 
     def ask(self, now_s: float) -> None:
-        """One question at a time, the next when it is answered or lost."""
+        """Ask one question at a time, the next when it is answered or lost."""
         lost = self.asked_s is not None and now_s - self.asked_s > ANSWER_LIMIT_S
         if now_s >= self.due_s and (self.asked_s is None or lost):
             self.asked_s, self.due_s = now_s, now_s + QUESTION_PERIOD_S

@@ -33,7 +33,7 @@ class DiskSync:
         self._thread.start()
 
     def end(self) -> None:
-        """Soon; who closes the file sends the rest."""
+        """End soon; who closes the file sends the rest."""
         self._ended.set()
 
     def _run(self) -> None:

@@ -69,7 +69,9 @@ class Written:
         self._stamps = array("q", [start_ns - 1])
 
     def mark(self, stamp_ns: int, place: int) -> None:
-        """Ticks up to `stamp_ns` stand before `place`, where a chunk begins, later ones do not."""
+        """Mark that ticks up to `stamp_ns` are before `place`, where a chunk begins, and later ones
+        are not.
+        """
         self._places.append(place)  # first: whoever finds the stamp finds the place
         self._stamps.append(stamp_ns)
 
@@ -213,7 +215,7 @@ class OnboardFile:
         self._mark()
 
     def _mark(self) -> None:
-        """Wherever a chunk was closed: it holds all ticks so far."""
+        """Mark the place wherever a chunk was closed: it holds all ticks so far."""
         if self._writer.size != self._size:
             self._size = self._writer.size
             self.written.mark(self._newest_ns, self._size)

@@ -83,7 +83,7 @@ class Mending:
         self._said: set[str] = set()
 
     def tear(self) -> None:
-        """A file could not be closed."""
+        """Note that a file could not be closed."""
         self._due_s, self._tries, self.how = self._clock(), 0, SOON
 
     def look(self, on_ground: bool) -> list[Path]:

@@ -95,7 +95,7 @@ class OnboardLog:
             self._thread.start()
 
     def ticks(self, ticks: Record, log_ns: int) -> None:
-        """All ticks, in order, shape (N,), as read at this time of the vehicle's clock."""
+        """Log all ticks, in order, shape (N,), as read at this time of the vehicle's clock."""
         if not self._append(Batch(ticks, log_ns), ticks.nbytes, len(ticks)):
             with self._lock:
                 self._lost_ticks += len(ticks)
@@ -103,7 +103,7 @@ class OnboardLog:
     def message(
         self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
     ) -> None:
-        """Any other topic, from any thread; kept while a file is open."""
+        """Log any other topic, from any thread; kept while a file is open."""
         self._append(Message(topic, type_name, payload, source_ns, log_ns), len(payload), 1)
 
     @property
@@ -163,7 +163,7 @@ class OnboardLog:
         self._mending.close()
 
     def _look_after(self, on_ground: bool) -> None:
-        """The files that are closed, and those that could not be."""
+        """Look after the files that are closed, and those that could not be."""
         if on_ground and self._untidy:
             self._tidy()
         for path in self._mending.look(on_ground):

@@ -63,7 +63,7 @@ class _Children:
         self.comms = self._start("vehicle.comms.process", self._comms_config)
 
     def stop(self) -> None:
-        """SIGTERM, patience, SIGKILL: nothing stays."""
+        """Stop the children by SIGTERM, patience, SIGKILL: nothing stays."""
         both = (self.flight, self.comms)
         for process in both:
             if process.poll() is None:

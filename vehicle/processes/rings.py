@@ -178,15 +178,16 @@ class RecordRing(_Ring):
         return self._copy(self._words[TAIL], max(self._words[READ], self._words[TAIL]))
 
     def free(self, count: int) -> None:
-        """The oldest `count` records read are safe; from any thread."""
+        """Free the oldest `count` records read, which are safe; from any thread."""
         with self._freeing:
             early = min(count, self._ahead)
             self._ahead -= early
             self._words[TAIL] += count - early
 
     def free_ahead(self, count: int) -> None:
-        """Room for the producer before the oldest records read are safe; `free` them all the
-        same."""
+        """Make room for the producer before the oldest records read are safe; `free` them all the
+        same.
+        """
         with self._freeing:
             self._ahead += count
             self._words[TAIL] += count

@@ -14,7 +14,7 @@ class _Terminal:
         self._speaker = f"vehicle {name}"
 
     def say(self, line: str) -> None:
-        """One line to the terminal, in one piece: other processes write there, too."""
+        """Print one line to the terminal, in one piece: other processes write there, too."""
         sys.stderr.write(f"{self._speaker}: {line}\n")
         sys.stderr.flush()
 

@@ -28,7 +28,7 @@ class GroundContact:
         self._lift_per_newton = 0.0
 
     def arm(self, z: float) -> None:
-        """The vehicle stands at this height."""
+        """Set the ground at this height of the vehicle."""
         self.ground_z = z
         self.carried = self._flown = self._lift_per_newton = 0.0
 
@@ -41,7 +41,7 @@ class GroundContact:
         self.airborne = z - self.ground_z > TAKEN_OFF
 
     def feel(self, lift: float, thrust: float, share: float, dt: float) -> None:
-        """One sample in the air.
+        """Take one sample in the air.
 
         Args:
             lift: m/s², specific force along z_B. thrust: N, commanded.

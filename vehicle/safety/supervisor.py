@@ -66,11 +66,11 @@ class Supervisor:
         self.battery_spent = False  # for long enough to react, flying or not
 
     def heard(self, stamp_ns: int) -> None:
-        """The station's heartbeat arrived at this time of the vehicle's clock."""
+        """Note that the station's heartbeat arrived at this time of the vehicle's clock."""
         self._heard_ns = max(self._heard_ns, stamp_ns)
 
     def begin_flight(self) -> None:
-        """Called at arming: every cause may react again."""
+        """Begin a flight at arming: every cause may react again."""
         self._said.clear()
         self._braked_ns = None
 

@@ -63,7 +63,7 @@ class Line:
         words[self._at] = NEVER
 
     def delivered(self, data: bytes) -> None:
-        """These bytes can be read by flight, as damaged as they are."""
+        """Note that these bytes can be read by flight, as damaged as they are."""
         for frame in self._decoder.feed(data):
             values = decode_data(frame)
             if values is not None:
@@ -184,7 +184,7 @@ class LockstepPace:
         return now_ns
 
     def reach(self, due_ns: int) -> None:
-        """All up to this time is done: the clock may go there."""
+        """Let the clock go up to this time: all until then is done."""
         self._page[clock.LIMIT] = due_ns
 
     def wait(self, due_ns: int, shortest: float, is_over: Callable[[], bool]) -> None:
@@ -234,14 +234,14 @@ class LockstepPace:
             process.close()
 
     def _lose(self, due_ns: int) -> None:
-        """A lateness that is too long to be made up for; the clock stands still meanwhile."""
+        """Give up a lateness that is too long to be made up for; the clock stops meanwhile."""
         late_ns = self._wall_ns() + self._page[clock.OFFSET] - due_ns
         if late_ns > MADE_UP_NS:
             self._page[clock.OFFSET] -= late_ns
             fence()
 
     def _tell(self, now_ns: int) -> None:
-        """The real-time factor."""
+        """Publish the real-time factor."""
         wall_ns, told = self._wall_ns(), self._told
         if told and wall_ns - told[-1][0] < TOLD_EVERY_NS:
             return

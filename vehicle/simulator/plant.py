@@ -193,7 +193,7 @@ def advance(plant: Record, references: tuple[int, int, int, int], duration: floa
 
 @compiled(inner=True)
 def follow_battery(p: Item) -> None:
-    """Thrust goes with the square of speed, which goes with the voltage."""
+    """Follow the battery: thrust goes with the square of speed, which goes with the voltage."""
     if p.battery_exponent > 0.0:
         voltage = min(1.5, max(0.5, p.voltage / p.battery_nominal))
         p.battery_share = voltage ** (2.0 * p.battery_exponent)
@@ -201,7 +201,8 @@ def follow_battery(p: Item) -> None:
 
 @compiled(inner=True)
 def move(p: Item, target: Four, steps: int, dt: float, share: float) -> None:
-    """Rotors and body of one PLANT record over `steps` of dt (s), and what is felt at the end.
+    """Move rotors and body of one PLANT record over `steps` of dt (s), and write what is felt at
+    the end.
 
     Rotors, drag and body are one system to the Runge-Kutta step: the speeds are known exactly at
     its middle and end, for their references are held, and the drag is that of each stage. What

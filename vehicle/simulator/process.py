@@ -187,7 +187,7 @@ class _Robot:
         return self._start_ns + self._simulated.due_ns(self._pace.periods)
 
     def begin(self, epoch_ns: int, start_ns: int) -> None:
-        """Args: what is now by the epoch's clock and by the steady one."""
+        """Begin at what is now by the epoch's clock and by the steady one."""
         self._epoch_ns, self._start_ns = epoch_ns, start_ns
 
     def lose(self, behind_ns: int) -> int:
@@ -263,7 +263,7 @@ def _loop_in_lockstep(
 
 
 def _step(robots: Sequence[_Robot], due_ns: int, statistics: RunStatistics) -> None:
-    """All that are due: one wake-up for them together."""
+    """Step all that are due: one wake-up for them together."""
     for robot in robots:
         if robot.due_ns <= due_ns + TOGETHER_NS:
             robot.step()

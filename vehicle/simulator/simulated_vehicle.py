@@ -45,7 +45,7 @@ def _run(
     periods: int,
     dt: float,
 ) -> None:
-    """`periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
+    """Run `periods` of the microcontroller, `dt` (s) each, the plant moving between them."""
     p, h = program[0], holder[0]
     for k in range(periods):
         r = p.references
@@ -69,7 +69,7 @@ def _begin(
     command: tuple[int, int, int, int],
     dt: float,
 ) -> None:
-    """The very first period: nothing has moved yet."""
+    """Run the very first period: nothing has moved yet."""
     sample(plant, sensors, noise, row, registers)
     period(program[0], registers, command, dt)
 

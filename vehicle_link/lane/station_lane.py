@@ -83,7 +83,7 @@ class StationLane:
         return heard is not None and clock.monotonic() - heard < SILENT_AFTER
 
     def vehicle_is(self, instance: int) -> None:
-        """The vehicle was heard over the link, where it can be asked; which process of it."""
+        """Note the instance of the vehicle, received over the link, where it can be asked."""
         self._vehicle, self._vehicle_heard = instance, clock.monotonic()
 
     def put(self, topic: str, message: Received, *, greets: bool = False) -> bool:

@@ -149,7 +149,7 @@ class VehicleLane:
             self._deliver(topic, received)
 
     def _forget_others(self, lane: _Lane) -> None:
-        """The station uses its new keys."""
+        """Forget the other keys, as the station uses its new ones."""
         with self._changing:
             self._lanes = {
                 key_id: one

@@ -165,7 +165,7 @@ class ParameterClient:
         return values
 
     def set(self, values: Mapping[str, ParameterValue]) -> None:
-        """All or nothing.
+        """Set values, all or nothing.
 
         Raises:
             ParameterError: refused; the text is the authority's.

@@ -106,7 +106,7 @@ def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
 
 
 def write_secret(path: Path, data: bytes) -> None:
-    """Whole or not at all, and never readable by others, not even for a moment."""
+    """Write whole or not at all, and never readable by others, not even for a moment."""
     part = path.with_name(f".{path.name}.part")
     part.unlink(missing_ok=True)
     descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)

@@ -25,7 +25,7 @@ def sample_period_us(rate: int) -> int:
 
 
 def check_rate(rate: int, ports: int | None) -> None:
-    """Args: `rate` in Hz; `ports` to carry the samples, None when they stay in memory.
+    """Check `rate` in Hz; `ports` to carry the samples, None when they stay in memory.
 
     Raises UsageError that says what is allowed.
     """

@@ -108,7 +108,9 @@ class Exchange:
         return None
 
     def _report(self, in_vain: Sequence[Request]) -> None:
-        """A line for each request whose last try was in vain; one for all that heard nothing."""
+        """Report a line for each request whose last try was in vain; one for all that received
+        nothing.
+        """
         unheard = [request for request in in_vain if request.answer == "nothing"]
         heard = [[request] for request in in_vain if request.answer != "nothing"]
         for group in ([unheard] if unheard else []) + heard:

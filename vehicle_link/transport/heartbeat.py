@@ -33,7 +33,7 @@ class HeartbeatMonitor:
         self._heard_ns: int | None = None
 
     def heard(self, now_ns: int) -> None:
-        """A sign of life came at this time of any steady clock."""
+        """Note that a sign of life came at this time of any steady clock."""
         if self._heard_ns is None or now_ns > self._heard_ns:
             self._heard_ns = now_ns
 

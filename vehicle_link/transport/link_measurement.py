@@ -173,7 +173,7 @@ class _Test:
         self._found.disagreement = disagreement(str(answer.protocol), str(answer.version))
 
     def run(self, quiet: float, busy: float) -> None:
-        """First the link by itself, then what goes over it beside telemetry."""
+        """Measure first the link by itself, then what goes over it next to telemetry."""
         done = threading.Event()
         beats = threading.Thread(target=self._beat_on, args=(done,), daemon=True)
         beats.start()
@@ -204,7 +204,7 @@ class _Test:
             self._found.clock_offset = clock.offset_ns * 1e-9
 
     def _read(self, seconds: float) -> None:
-        """Background questions whose answers are long, some at once."""
+        """Ask background questions whose answers are long, some at once."""
         for attempt in range(TRIES):
             try:
                 listed = self._list.call(new(f"{LIST}_Request"), PATIENCE)

@@ -25,7 +25,7 @@ class SharedSession:
             return self._session
 
     def close(self) -> None:
-        """May take as long as closing a session does, for the last user."""
+        """Close; may take as long as closing a session does, for the last user."""
         with self._lock:
             self._users -= 1
             if self._users:

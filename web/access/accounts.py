@@ -127,7 +127,7 @@ class Accounts:
             return _account(row)
 
     def end_sessions(self, name: str) -> None:
-        """Signs the account out everywhere."""
+        """Sign the account out everywhere."""
         with self._database.session() as session:
             _renew(session, _existing(session, name))
 
@@ -145,7 +145,7 @@ class Accounts:
         return _account(row)
 
     def _rehash(self, row: AccountRow, password: str) -> None:
-        """The same password under today's costs; no change of generation."""
+        """Hash the same password under today's costs; no change of generation."""
         encoded = self._passwords.hash(password)
         with self._database.session() as session:
             session.execute(

@@ -135,7 +135,7 @@ class Door:
         return state
 
     def _save(self) -> None:
-        """Written aside and moved into place: a crash leaves the old file, never half a one."""
+        """Write aside and move into place: a crash leaves the old file, never half a one."""
         aside = self._path.with_suffix(".new")
         try:
             descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)

@@ -32,7 +32,7 @@ class OpenSockets:
     async def serve(
         self, app: ASGIApp, session: Session, scope: Scope, receive: Receive, send: Send
     ) -> None:
-        """Runs `app` for one websocket until either side or the session ends."""
+        """Run `app` for one websocket until either side or the session ends."""
         guard = _Guard(session, receive, send)
         self._guards.add(guard)
         try:
@@ -84,7 +84,9 @@ class _Guard:
         await self._send(message)
 
     def end(self) -> None:
-        """The close frame wakes the application; one that does not notice is cancelled."""
+        """End the socket: the close frame wakes the application; one that does not notice is
+        cancelled.
+        """
         self.is_over = True
         loop = asyncio.get_running_loop()
         self._closing = loop.create_task(self._close_frame())

@@ -27,7 +27,9 @@ def is_loopback(host: str) -> bool:
 
 
 def check_reach(host: str, *, has_tls: bool, accounts: int) -> None:
-    """The page moves a machine: others reach it only by password, over TLS. Raises UsageError."""
+    """Raise UsageError unless others reach the page only by password, over TLS: it moves a
+    machine.
+    """
     if is_loopback(host):
         return
     lacking = []

@@ -89,7 +89,7 @@ class Sessions:
         return is_known and self._clock() < session.issued + SESSION_AGE
 
     def end(self, session: Session) -> None:
-        """Signs one browser out."""
+        """Sign one browser out."""
         with self._database.session() as transaction:
             transaction.execute(delete(SessionRow).where(SessionRow.id == session.id))
 

@@ -113,7 +113,7 @@ class SignIn:
         )
 
     def tell(self, level: str, text: str) -> None:
-        """A line in everyone's event list and in the log."""
+        """Publish a line in everyone's event list and in the log."""
         self._say(level, text)
         _log.log(logging.WARNING if level == "warn" else logging.INFO, "%s", text)
 

@@ -25,7 +25,7 @@ _encode = msgspec.json.Encoder().encode
 
 
 async def serve(socket: WebSocket, live: Live) -> None:
-    """One page's socket until it closes."""
+    """Serve one page's socket until it closes."""
     await socket.accept()
     leaving = asyncio.create_task(_wait_for_end(socket))
     sent: Any = None

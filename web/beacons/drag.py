@@ -85,7 +85,7 @@ class BeaconDrags:
         self._sent: dict[int, float] = {}
 
     def take(self, drag: Drag, id: int, place: Point, normal: Point, now: float) -> None:
-        """One step of beacon `id`, which stands at `place` in the plane with this normal."""
+        """Take one step of beacon `id`, which is at `place` in the plane with this normal."""
         met = on_plane(drag.eye, drag.pointer, place, normal)
         if drag.phase == "start":
             self._offsets.pop(id, None)
@@ -129,7 +129,7 @@ class BeaconDrags:
         }
 
     def forget(self) -> None:
-        """A refusal: what was asked for is not wanted any more; a drag under way goes on."""
+        """Forget refused wishes; a drag under way goes on."""
         self._wishes.clear()
 
     def stop(self) -> None:

@@ -66,7 +66,7 @@ class EstimateGhost:
         self._drawn = np.full((3, 3), np.nan)
 
     def show(self, estimate: Estimate | None) -> None:
-        """None hides it."""
+        """Show an estimate; None hides it."""
         if estimate is None or not estimate.is_sound:
             self._frame.visible = False
             return

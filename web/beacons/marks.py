@@ -75,7 +75,7 @@ class _Slot:
         self._handle.visible = shown
 
     def want(self, position: Point | None) -> None:
-        """A pale ball where the beacon was dragged to and has not been confirmed."""
+        """Show a pale ball where the beacon was dragged to and has not been confirmed."""
         if self._wanted is None:
             if position is None:
                 return

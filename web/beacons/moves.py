@@ -45,7 +45,7 @@ class BeaconMoves:
         return bool(self._tasks)
 
     def moved(self, id: int, position_w: Position, who: str) -> None:
-        """Beacon `id` is to stand at `position_w` (m); to be called on the event loop."""
+        """Move beacon `id` to `position_w` (m); to be called on the event loop."""
         text = self._wanted or self._mirror.value(LAYOUT)
         try:
             if not isinstance(text, str):

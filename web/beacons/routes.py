@@ -92,7 +92,7 @@ _decode = msgspec.json.Decoder(list[_Row] | _Preset).decode
 
 
 def add_beacons(app: FastAPI, parts: Parts) -> None:
-    """The routes below /api/beacons, and /ws/comparison; takes drags to the gain path."""
+    """Add the routes below /api/beacons, and /ws/comparison; takes drags to the gain path."""
     shown = parts.scene.beacons
     moves = BeaconMoves(parts.gains, parts.mirror, parts.hub, shown.put_back)
     shown.on_moved = moves.moved

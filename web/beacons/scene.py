@@ -101,7 +101,7 @@ class BeaconScene:
         sensor: SensorSight | None = None,
         rate: float = 30.0,
     ) -> None:
-        """The confirmed layout, and what of the sensor the view shows.
+        """Set the confirmed layout, and what of the sensor the view shows.
 
         Args:
             sigma_rad: on each of two tangent axes. sensor: what it sees; everything when None.
@@ -114,7 +114,7 @@ class BeaconScene:
         self._drawn = None
 
     def set_volume(self, box: Box) -> None:
-        """The flight volume, over which the map is drawn."""
+        """Set the flight volume, over which the map is drawn."""
         self._volume = box
 
     def show(self, options: BeaconView) -> None:
@@ -126,7 +126,7 @@ class BeaconScene:
         self._due, self._drawn = -math.inf, None
 
     def put_back(self) -> None:
-        """A move was refused: the confirmed layout is what is shown."""
+        """Show the confirmed layout after a move was refused."""
         self._drags.forget()
 
     def legend(self) -> dict[str, object] | None:
@@ -136,7 +136,7 @@ class BeaconScene:
         return self._map.legend()
 
     def update(self, now: float) -> None:
-        """One frame from the newest messages; `now` in s, monotonic."""
+        """Draw one frame from the newest messages; `now` in s, monotonic."""
         self._now = now
         self._remember()
         self._drags.hand_on(now)

@@ -51,7 +51,7 @@ class PoseHistory:
         self._poses: deque[tuple[int, Point, Quaternion]] = deque()
 
     def add(self, source: str, message: Any) -> None:
-        """An odometry; another source or a stamp that went back begins anew."""
+        """Add an odometry; another source or a stamp that went back begins again."""
         stamp_ns = stamp_of(message)
         if source != self._source or (self._poses and stamp_ns < self._poses[-1][0]):
             self._poses.clear()
@@ -132,7 +132,7 @@ class Sight:
         rays: bool,
         cones: bool,
     ) -> None:
-        """One BearingArray, measured at this pose (position and R_wb)."""
+        """Show one BearingArray, measured at this pose (position and R_wb)."""
         position, R_wb = pose
         given = dict(zip(map(int, frame.beacon_ids), frame.bearings, strict=False))
         ids = [id for id in given if id in places]
@@ -147,7 +147,7 @@ class Sight:
         self._cones.visible = sound and cones
 
     def _draw_rays(self, apex: Array, directions: Array, beacons: Array, count: int) -> None:
-        """`count` segments whatever is seen: a node that keeps its size is cheap to change."""
+        """Draw `count` segments whatever is seen: a node that keeps its size is cheap to change."""
         distances = np.linalg.norm(beacons - apex, axis=1)
         segments = np.empty((count, 2, 3), np.float32)
         segments[:] = apex

@@ -70,7 +70,7 @@ class ControlBody(CommandBody):
 
 
 def add_control(app: FastAPI, parts: Parts) -> None:
-    """POST /api/control. The station refuses what this person may not, with the reason."""
+    """Add POST /api/control. The station refuses what this person may not, with the reason."""
 
     @app.post("/api/control")
     async def control(body: ControlBody, session: Operator) -> dict[str, bool]:

@@ -170,7 +170,7 @@ async def serve(
     may: Callable[[str], bool],
     say: Callable[[str, str], None],
 ) -> None:
-    """One page's sticks until it leaves.
+    """Serve one page's sticks until it leaves.
 
     Args:
         may: whether this requester has control, or may take it now; asked with each frame.

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def add_calibration(app: FastAPI, parts: Parts) -> None:
-    """The route /api/calibrations."""
+    """Add the route /api/calibrations."""
     station = parts.station
 
     @app.get("/api/calibrations")

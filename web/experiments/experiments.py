@@ -46,7 +46,7 @@ class ConfirmBody(ExperimentBody):
 
 
 def add_experiments(app: FastAPI, parts: Parts) -> None:
-    """The routes below /api/experiments."""
+    """Add the routes below /api/experiments."""
     station = parts.station
 
     async def ask(

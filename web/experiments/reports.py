@@ -32,7 +32,7 @@ no origin, so that nothing in it has the rights of whoever opens it."""
 
 
 def add_reports(app: FastAPI, parts: Parts) -> None:
-    """The routes below /api/runs/{run_id}/report, and the page /report/{run_id}."""
+    """Add the routes below /api/runs/{run_id}/report, and the page /report/{run_id}."""
     catalogue, reports = parts.catalogue, parts.reports
 
     @app.get("/api/runs/{run_id}/report")

@@ -79,7 +79,7 @@ class EventHub:
             self._loop.call_soon_threadsafe(self.publish, message)
 
     def say(self, level: str, text: str) -> None:
-        """A line of our own in everyone's event list."""
+        """Publish a line of our own in everyone's event list."""
         self.publish(event(level, text, "web", wall_time()))
 
     @contextlib.contextmanager
@@ -104,7 +104,9 @@ async def serve(
     hello: Callable[[], Message],
     summary: Callable[[], Message],
 ) -> None:
-    """One page's socket until it closes; parts of the summary that did not change are left out."""
+    """Serve one page's socket until it closes; parts of the summary that did not change are left
+    out.
+    """
     await socket.accept()
     with hub.subscribe() as queue:
         await _send(socket, {"type": "hello", "session": session_fields(session), **hello()})

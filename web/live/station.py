@@ -127,7 +127,9 @@ class Station:
     async def start_behavior(
         self, requester: str, name: str, arguments: Mapping[str, ParameterValue], **fields: Any
     ) -> None:
-        """The vehicle checks the arguments. Raises RefusedError with its reason, LinkError."""
+        """Start a behavior; the vehicle checks the arguments. Raises RefusedError with its reason,
+        LinkError.
+        """
         sent = to_parameters(arguments)
         await self._call("start_behavior", requester, name=name, arguments=sent, **fields)
 
@@ -253,7 +255,7 @@ class Station:
             self._node = node
 
     def _renew_view(self, session: Any) -> None:
-        """A node of its own, which can go as a whole."""
+        """Renew the view's node, one of its own, which can go as a whole."""
         from vehicle_link.transport.node import Node
 
         view, self._view = self._view, None
@@ -275,7 +277,7 @@ class Station:
         return put
 
     def _on_link(self, received: Received) -> None:
-        """Pages see a link that breaks at once, not with the next summary."""
+        """Show pages a link that breaks at once, not with the next summary."""
         self._live.put("link_status", received.payload)
         state = decode(received.payload, TOPICS["link_status"].type_name).state
         if state != self._link_said:

@@ -48,7 +48,7 @@ class ParameterFollower:
         self._loop = loop
 
     def changed_from_thread(self, name: str, text: str, requester: str, revision: int) -> None:
-        """A `parameter_changes` message; `text` is the new value as Python writes it."""
+        """Take a `parameter_changes` message; `text` is the new value as Python writes it."""
         if self._loop is None or self._loop.is_closed():
             return
         with contextlib.suppress(ValueError, SyntaxError):  # not ours: the next read tells
@@ -115,7 +115,7 @@ class ParameterFollower:
         return self._surprises > (1 if is_known else 0)
 
     async def _read(self, revision: int) -> None:
-        """Vehicle, station and simulator, of which a real vehicle has none.
+        """Read vehicle, station and simulator, of which a real vehicle has none.
 
         A vehicle that does not answer is asked again in the next period.
         """

@@ -46,7 +46,7 @@ class PresetBody(BaseModel):
 
 
 def add_parameters(app: FastAPI, parts: Parts) -> None:
-    """All of them."""
+    """Add all routes of parameters."""
     _add_values(app, parts)
     _add_history(app, parts)
     _add_files(app, parts)

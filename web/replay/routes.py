@@ -29,7 +29,7 @@ Seconds = Annotated[float, Query(ge=-1e7, le=1e7, allow_inf_nan=False)]
 
 
 def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
-    """The routes. An unknown run is a StorageError, answered with 404."""
+    """Add the routes. An unknown run is a StorageError, answered with 404."""
 
     data = catalogue.folder.parent
 

@@ -183,7 +183,7 @@ class ReplayStore:
         new.rename(self._folder / name)
 
     def _tidy(self, name: str) -> None:
-        """Caches whose log is gone, what a crash has left, and the oldest above LARGEST, go.
+        """Remove caches whose log is gone, what a crash has left, and the oldest above LARGEST.
 
         Args:
             name: of the cache that stays.

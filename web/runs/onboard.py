@@ -21,7 +21,7 @@ FIELDS = ("kind", "name", "phase", "bytes", "total_bytes", "rate", "problem")
 
 
 def add_onboard(app: FastAPI, parts: Parts) -> None:
-    """The routes below /api/onboard, and /api/runs/{run_id}/backfill."""
+    """Add the routes below /api/onboard, and /api/runs/{run_id}/backfill."""
     folder = parts.catalogue.folder.parent / ONBOARD
 
     @app.get("/api/onboard")

@@ -34,8 +34,9 @@ Nanoseconds = Annotated[int, Query(ge=0, lt=2**63)]
 
 
 def add_runs(app: FastAPI, parts: Parts) -> None:
-    """/runs and the routes below /api/runs, /api/tags, /api/marks, /api/trash, /api/storage,
-    /api/onboard."""
+    """Add /runs and the routes below /api/runs, /api/tags, /api/marks, /api/trash, /api/storage,
+    /api/onboard.
+    """
     _add_list(app, parts)
     _add_notes(app, parts)
     _add_tags_and_marks(app, parts)

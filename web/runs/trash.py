@@ -27,7 +27,7 @@ RECORDER = "station.recorder."
 
 
 def add_trash(app: FastAPI, parts: Parts) -> None:
-    """The routes below /api/trash, and /api/storage."""
+    """Add the routes below /api/trash, and /api/storage."""
     catalogue = parts.catalogue
 
     @app.get("/api/storage")

@@ -101,7 +101,7 @@ class _Flight:
         return recording.serialize()
 
     def _change(self, change: Any) -> None:
-        """A parameter the 3D view follows."""
+        """Change a parameter the 3D view follows."""
         if change.name == f"{BEARINGS}layout":
             self._values[change.name] = change.new_value.strip("'\"")
             self._scene_of_parameters()

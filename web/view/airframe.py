@@ -76,12 +76,12 @@ class Airframe:
             )
 
     def pose(self, position: Any, quaternion: Any) -> None:
-        """position (m) and (w, x, y, z), body to world."""
+        """Set position (m) and (w, x, y, z), body to world."""
         self.frame.position = position
         self.frame.wxyz = quaternion
 
     def spin(self, turns: list[float]) -> None:
-        """Turns each propeller on by a share of a revolution, front to right."""
+        """Turn each propeller on by a share of a revolution, front to right."""
         for index, (node, turn) in enumerate(zip(self._propellers, turns, strict=True)):
             if turn == 0.0:
                 continue
@@ -93,7 +93,7 @@ class Airframe:
 def _add_body(
     scene: Any, name: str, arm: float, color: tuple[int, int, int], opacity: float | None
 ) -> None:
-    """`opacity` of a ghost."""
+    """Add the body; `opacity` of a ghost."""
     ghost = opacity is not None
     look: dict[str, Any] = {"cast_shadow": not ghost, "receive_shadow": False}
     if ghost:

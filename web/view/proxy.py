@@ -110,7 +110,7 @@ class Upstream:
         return False
 
     def _count(self) -> None:
-        """A bucket that RATE fills and each message takes from."""
+        """Count a message in a bucket that RATE fills and each message takes from."""
         now = self._clock()
         self._left = min(BURST, self._left + RATE * (now - self._counted)) - 1.0
         self._counted = now

@@ -69,7 +69,7 @@ class Scene:
             self._following.discard(view)
 
     def set_volume(self, box: Box) -> None:
-        """The flight volume, ((x low, high), (y low, high), (z low, high)) in m."""
+        """Set the flight volume, ((x low, high), (y low, high), (z low, high)) in m."""
         if box == self._volume_box:
             return
         self._volume_box = box
@@ -89,7 +89,7 @@ class Scene:
                 self.update(time.monotonic())
 
     def update(self, now: float) -> None:
-        """One frame from the newest messages; `now` in s, monotonic."""
+        """Draw one frame from the newest messages; `now` in s, monotonic."""
         state, reference = self._live.current("state"), self._live.current("reference")
         if state is not None:
             self._show_vehicle(state, now)

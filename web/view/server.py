@@ -81,7 +81,7 @@ class ViewServer:
 
 
 def refuse_sharing(server: viser.ViserServer) -> None:
-    """No tunnel to a public host, whoever asks: a client may ask by message."""
+    """Refuse any tunnel to a public host: a client may ask for one by message."""
 
     def refuse(*_: Any, **__: Any) -> None:
         return None

@@ -49,7 +49,9 @@ DRIFT_TIME = 0.5
 
 @compiled(inner=True)
 def estimate_attitude(p: Item, omega_b: Vector, force_b: Vector, dt: float) -> None:
-    """One period of a PROGRAM: raw angular velocity (rad/s), specific force (m/s^2)."""
+    """Estimate for one period of a PROGRAM: raw angular velocity (rad/s), specific force
+    (m/s^2).
+    """
     bias = vector(p.gyroscope_bias)
     if not p.turning:
         rest = subtract(omega_b, bias)

@@ -64,7 +64,7 @@ def watch_thrust(p: Item, dt: float) -> None:
 
 @compiled(inner=True)
 def descend(p: Item, registers: Registers, dt: float) -> None:
-    """One period of the descent of a PROGRAM; sets `landed` when it is over."""
+    """Descend for one period of a PROGRAM; sets `landed` when it is over."""
     m = p.model
     weight = m.mass * GRAVITY
     _, _, cosine = angles(p)
@@ -98,7 +98,7 @@ def begin_descent(p: Item) -> None:
 
 @compiled(inner=True)
 def stop(p: Item) -> None:
-    """Motors off."""
+    """Switch the motors off."""
     p.landed, p.landing = 1, 0
     for i in range(4):
         p.references[i] = 0

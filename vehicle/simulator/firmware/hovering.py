@@ -47,7 +47,7 @@ DEFAULT_GAINS = {
 def hold_angles(
     p: Item, registers: Registers, wanted: tuple[float, float, float], thrust: float, dt: float
 ) -> None:
-    """References of a PROGRAM for roll, pitch (rad), yaw rate (rad/s) and thrust (N)."""
+    """Set the references of a PROGRAM for roll, pitch (rad), yaw rate (rad/s) and thrust (N)."""
     roll, pitch, _ = angles(p)
     x, y, z = p.angular_velocity_b[0], p.angular_velocity_b[1], p.angular_velocity_b[2]
     error_roll, error_pitch, error_yaw = wanted[0] - roll, wanted[1] - pitch, wanted[2] - z

@@ -83,7 +83,7 @@ def period(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
 
 @compiled(inner=True)
 def _obey(p: Item, registers: Registers, command: Bytes, dt: float) -> None:
-    """A near-hovering command: pitch, roll (deg × 4), yaw rate (deg/s), thrust."""
+    """Obey a near-hovering command: pitch, roll (deg × 4), yaw rate (deg/s), thrust."""
     wanted = (
         _signed(command[1]) / (4.0 * _DEGREES),
         _signed(command[0]) / (4.0 * _DEGREES),

@@ -22,13 +22,13 @@ class Statistics:
         self._command_gap = self._packet_gap = self._longest_step = 0
 
     def command(self, ms: int) -> None:
-        """A frame that carried a command arrived."""
+        """Count a frame that carried a command."""
         self._commands += 1
         self._command_gap = max(self._command_gap, ms - self._command_ms)
         self._command_ms = ms
 
     def packet(self, port: int, ms: int) -> None:
-        """A `D` frame was sent on this port."""
+        """Count a `D` frame that was sent on this port."""
         self._packets += 1
         self._second_packets += port == 1
         self._packet_gap = max(self._packet_gap, ms - self._packet_ms)

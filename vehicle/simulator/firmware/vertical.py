@@ -23,7 +23,7 @@ POLE_RESTING = 4.0
 
 @compiled(inner=True)
 def estimate_climb(p: Item, barometer: float, dt: float) -> None:
-    """One period of a PROGRAM, after its attitude; `barometer` is a height (m)."""
+    """Estimate for one period of a PROGRAM, after its attitude; `barometer` is a height (m)."""
     if not p.awake:
         p.height, p.climb, p.climb_bias = barometer, 0.0, 0.0
     axes = axes_of(quaternion(p.quaternion_wb))
