@@ -76,7 +76,7 @@ class BearingEmulator:
         """Observe the pose at `stamp_ns`: (3,) m, (4,) unit quaternion body to world.
 
         A pose that is not newer than the newest is passed over; one more than 0.1 s older begins
-        anew.
+        again.
         """
         if self._track.went_back(stamp_ns):
             self._track, self._line = PoseTrack(), DelayLine()

@@ -34,7 +34,7 @@ class PoseTrack:
         self._curvature: Triple | None = None  # second divided difference of position, m/ns²
 
     def went_back(self, stamp_ns: int) -> bool:
-        """Return True when the source has begun anew: simulator restarted, log rewound."""
+        """Return True when the source has begun again: simulator restarted, log rewound."""
         return self._newest is not None and stamp_ns < self._newest.stamp_ns - GAP_NS
 
     def add(self, stamp_ns: int, position_w: Array, quaternion_wb: Array) -> int | None:

@@ -152,7 +152,7 @@ def draw(plot: dict[str, Any], path: Path) -> bool:
         return True
     figure, axes = pyplot.subplots(figsize=(9.0, 4.5), layout="constrained")
     if plot["kind"] == "scatter":
-        # Numbers at the points and names beside the axes: names at the points lie on each other.
+        # Numbers at the points and names next to the axes: names at the points lie on each other.
         points = sorted(zip(plot["y"], plot["x"], plot["labels"], strict=True), reverse=True)
         for number, (y, x, label) in enumerate(points, start=1):
             axes.plot(x, y, "o", color="#1f6f8b", label=f"{number}  {label}")

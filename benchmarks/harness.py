@@ -1,7 +1,7 @@
 """What every benchmark shares: fair timing, rows, targets, and the tables they become.
 
 Methods are timed in turns, round by round, so that whatever else the machine does meets all of
-them; a ratio is the median of the rounds' ratios. Accuracy stands beside time in each row.
+them; a ratio is the median of the rounds' ratios. Accuracy stands next to time in each row.
 """
 
 from __future__ import annotations

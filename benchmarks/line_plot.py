@@ -1,4 +1,4 @@
-"""Curves beside each other in one picture, two panels a row."""
+"""Curves next to each other in one picture, two panels a row."""
 
 from __future__ import annotations
 

@@ -67,12 +67,12 @@ class BaseStation:
     Args:
         session: of vehicle_link.transport.session.hub_session.
         vehicle: name, the namespace of the topics.
-        operator: written into runs nobody asked for by name.
+        operator: written into runs no one asked for by name.
         settings: `station.*` parameters to start with.
         keeps_house: of the runs' folder, which several vehicles' stations share.
-        vehicles: of this process. For a single one estimators are compared without anybody
+        vehicles: of this process. For a single one estimators are compared without anyone
             looking, so that each run has it, and lines for the terminal need no name.
-        host: of the vehicle, for datagrams beside the link; empty for none.
+        host: of the vehicle, for datagrams next to the link; empty for none.
         instance: of this process, a number of its own (vehicle_link.process_instance).
     """
 

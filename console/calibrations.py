@@ -1,6 +1,6 @@
 """The calibrations that the vehicle keeps, as the station read them last.
 
-Read when the vehicle connects, starts anew, or has taken one over; each run's file carries those
+Read when the vehicle connects, starts again, or has taken one over; each run's file carries those
 in force. Serves `/<vehicle>/station/calibrate` with the actions `history` and `in_force`.
 """
 
@@ -51,7 +51,7 @@ class Calibrations:
         may wait for its answer.
 
         Args:
-            revision: of the vehicle's parameters; a lower one is a vehicle that started anew.
+            revision: of the vehicle's parameters; a lower one is a vehicle that started again.
         """
         with self._lock:
             if revision < self._revision:

@@ -40,12 +40,12 @@ def run_station(
         data: data folder: `runs/`, the catalogue, `certificates/`.
         vehicles: name → `host:port` of its radio link, the main one first; none need be there yet.
         loopback_port: TCP port for web, simulator and ROS 2 nodes on this machine.
-        operator: written into runs nobody asked for by name.
+        operator: written into runs no one asked for by name.
         settings: `station.*` parameters to start with, of every vehicle.
 
     Raises LinkError (port in use, certificate), StorageError, ParameterError or UsageError.
     """
-    # Recovering an old log computes for seconds beside the link's threads, which need the
+    # Recovering an old log computes for seconds next to the link's threads, which need the
     # interpreter for some 10 µs at a time and must not wait 5 ms for each turn. Every thread that
     # waits wakes that often; with the threads of eight vehicles that alone would take a processor.
     sys.setswitchinterval(SWITCH_INTERVAL * len(vehicles))

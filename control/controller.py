@@ -70,7 +70,7 @@ def _remember(memory: Item, axes: Axes) -> None:
 def fed_forward(
     disturbance: Item, reference: Item, model: Item
 ) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return what the motors are to do beside the feedback, and the torque (N m) to take off.
+    """Return what the motors are to do next to the feedback, and the torque (N m) to take off.
 
     The acceleration (m/s^2) that force over mass has to give, with its two derivatives: that of
     the reference, the drag of its velocity, less the disturbing force that was found.

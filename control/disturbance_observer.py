@@ -1,4 +1,4 @@
-"""A disturbance observer: the force and torque on the vehicle beside its motors'.
+"""A disturbance observer: the force and torque on the vehicle next to its motors'.
 
 Motion as the model has it, driven by the thrusts commanded (through the rotors' lag) and by the
 disturbance found, is held against the motion measured: with w' = u_1 z_B / m - g z_W + d and

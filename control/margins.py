@@ -13,7 +13,7 @@ broken at the desired tilt; the same closed loop broken at the motors is what a 
 delay there meets. Height and yaw are one loop each.
 
 A disturbance observer (control.disturbance_observer) of low pass Q = a / (s + a) has the model's
-motors G = 1 / (tau s + 1) beside the true ones. Broken there, L becomes (L + Q G) / (1 - Q G): the
+motors G = 1 / (tau s + 1) next to the true ones. Broken there, L becomes (L + Q G) / (1 - Q G): the
 torque's at the motors and in yaw, the force's in height. Sideways it holds the measured motion
 against the measured tilt, neither of which is behind the desired tilt or the motors: those two
 cuts do not see it. The loop `estimate` does, broken at the measured motion: with T the position

@@ -122,7 +122,7 @@ class ComplementaryEstimator:
         self._initialized = False
 
     def initialize(self, pose: Record) -> None:
-        """Start anew at a POSE_SAMPLE (1,), at rest, with the biases so far.
+        """Start again at a POSE_SAMPLE (1,), at rest, with the biases so far.
 
         Raises MeasurementError when the pose is not finite or its quaternion not unit.
         """
@@ -172,7 +172,7 @@ class ComplementaryEstimator:
         """Apply a BEARINGS_SAMPLE (1,) through the one-frame pose it gives.
 
         The pose is sought from the estimate at the frame's stamp; its position is then solved
-        anew at the filter's attitude, which is far better than the frame's own. Raises
+        again at the filter's attitude, which is far better than the frame's own. Raises
         MeasurementError when the frame is malformed or gives no pose, DegenerateGeometryError
         when its beacons, fewer than four or in no plane, determine none.
         """

@@ -52,11 +52,11 @@ class Estimator(Protocol):
         ...
 
     def reset(self) -> None:
-        """Forget everything, biases included: after the gyroscope was calibrated anew."""
+        """Forget everything, biases included: after the gyroscope was calibrated again."""
         ...
 
     def initialize(self, pose: Record) -> None:
-        """Start anew at a POSE_SAMPLE, at rest. Raises MeasurementError."""
+        """Start again at a POSE_SAMPLE, at rest. Raises MeasurementError."""
         ...
 
     def predict(self, imu: Record, dt: float, state: Record) -> None:

@@ -173,7 +173,7 @@ PRESETS: dict[str, dict[str, float]] = {
         "accelerometer_bias_bandwidth": 0.15,
         "gyroscope_bias_bandwidth": 0.08,
     },
-    # For bearings given to the filter itself, which solves the position anew at its own attitude:
+    # For bearings given to the filter itself, which solves the position again at its own attitude:
     # found by search on flights of benchmarks/estimation/flights.py, of other seeds than reported.
     "resolved": {
         "position_bandwidth": 1.8,

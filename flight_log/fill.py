@@ -1,4 +1,4 @@
-"""A run written anew with what it lacked, and put in the place of the old file at once."""
+"""A run written again with what it lacked, and put in the place of the old file at once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def write_filled(
     told: Mapping[str, str],
     progress: Callable[[float], None] = lambda share: None,
 ) -> int:
-    """Write the run anew beside it and take its place, at once and as a whole; messages added.
+    """Write the run again next to it and take its place, at once and as a whole; messages added.
 
     Args:
         told: the metadata record `quadlab.filled`, instead of an earlier one.

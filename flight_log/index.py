@@ -238,7 +238,7 @@ def read_index(path: Path, *, chunks: bool = True) -> FileIndex:
     Next to a thread that must not wait, the walk over the chunks gives up the interpreter again and
     again. Raises LogFormatError when there is no index, or StorageError.
 
-    Beside a thread that must not wait the walk over the chunks gives the interpreter away again
+    Next to a thread that must not wait the walk over the chunks gives the interpreter away again
     and again. Raises LogFormatError when there is no index, or StorageError.
     """
     try:

@@ -35,7 +35,7 @@ def recover(path: Path) -> Recovery:
     """Rewrite a torn file in place, atomically; one with a sound index is left alone.
 
     The new file carries the metadata record `quadlab.recovered`. A file that is damaged in its
-    middle is kept beside it as `.torn`.
+    middle is kept next to it as `.torn`.
 
     Raises:
         LogFormatError: this is no MCAP file, or of a kind not read here.

@@ -31,7 +31,7 @@ class CalibrationRecord(BaseModel):
     """A calibration.
 
     `values` are vehicle parameters, taken over all or none; empty for the gyroscope, whose drift
-    is found anew at each start and is no parameter. `figures` are results that are no parameters.
+    is found again at each start and is no parameter. `figures` are results that are no parameters.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,7 +1,7 @@
 """The page of shared memory of a simulation in lockstep: its clock, and how far each part has come.
 
 A part tells what it has dealt with; the simulator, which is the only one that lets time go on,
-waits for it (`vehicle.simulator.lockstep`). Every word has one writer, and nobody waits for a
+waits for it (`vehicle.simulator.lockstep`). Every word has one writer, and no one waits for a
 lock: a part that dies leaves its words as they were.
 """
 
@@ -68,7 +68,7 @@ class Part:
     looked at.
 
     Attributes:
-        in_lockstep: whether somebody does.
+        in_lockstep: whether someone does.
     """
 
     def __init__(self, name: str) -> None:

@@ -56,7 +56,7 @@ def assemble(
         base_url: where the page is; under https the cookie is Secure.
         vehicles: by name; the first one's page is at /, each one's at /v/NAME/.
         connect: makes the station's client of one of them.
-        names: of hosts that mean us, beside that of `base_url` and loopback's.
+        names: of hosts that mean us, next to that of `base_url` and loopback's.
         tls: the page's certificate, to be looked at by the start-up checks.
         attempts, passwords: other than usual, for tests.
 

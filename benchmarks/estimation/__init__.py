@@ -1,1 +1,1 @@
-"""Poses and filters beside peers and bounds."""
+"""Poses and filters next to peers and bounds."""

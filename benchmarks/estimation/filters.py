@@ -1,4 +1,4 @@
-"""Filtered accuracy on bearings, beside the posterior Cramér-Rao bound and time."""
+"""Filtered accuracy on bearings, next to the posterior Cramér-Rao bound and time."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Accuracy:
 
 
 class OneFrame(ComplementaryEstimator):
-    """The complementary filter on refined one-frame poses, position not solved anew."""
+    """The complementary filter on refined one-frame poses, position not solved again."""
 
     def correct_bearings(self, bearings: Record, estimate: Record) -> None:
         frame, start = bearings[0], None

@@ -1,4 +1,4 @@
-"""Pose from one frame of bearings: error over the Cramer-Rao bound beside time, ours and peers'.
+"""Pose from one frame of bearings: error over the Cramer-Rao bound next to time, ours and peers'.
 
 The ratio of a row is rms(error) / rms(bound): the root of the mean over poses of |error|^2, over
 the root of the mean over the same poses of the trace of their Cramer-Rao bound; in position (m,

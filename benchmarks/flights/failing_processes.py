@@ -1,6 +1,6 @@
 """Flights of real processes in real time of which one is killed, frozen or pulled out.
 
-Simulator and vehicle are started anew for each flight, so that the seed's truth begins at the
+Simulator and vehicle are started again for each flight, so that the seed's truth begins at the
 origin. Where the station or the page fails, a real station and web process are there, too; else
 this process is the station: it sends heartbeats and the tracker's poses and asks the services.
 """

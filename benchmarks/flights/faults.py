@@ -1,4 +1,4 @@
-"""What pushes, loads, empties and silences the vehicle, and what becomes of it, beside the figures
+"""What pushes, loads, empties and silences the vehicle, and what becomes of it, next to the figures
 of an independent simulation of the same vehicle.
 
     python -m benchmarks faults

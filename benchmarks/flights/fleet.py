@@ -2,7 +2,7 @@
 
     python -m benchmarks fleet
 
-`quadlab up --vehicles 8` whole, nobody at the page. All are armed, take off, hover and land over
+`quadlab up --vehicles 8` whole, no one at the page. All are armed, take off, hover and land over
 the station as from a terminal. In flight and recorded all the time: the heights are the true ones.
 """
 

@@ -1,4 +1,4 @@
-"""How near calibrations come to the truth of the simulated vehicle (Sec. 5), beside the limits.
+"""How near calibrations come to the truth of the simulated vehicle (Sec. 5), next to the limits.
 
     python -m benchmarks identification
 

@@ -102,7 +102,7 @@ class WatchedFlight(SimulatedFlight):
         return rows[:, 0], rows[:, 1:4], rows[:, 4:7]
 
     def forget(self) -> None:
-        """Start the trace, the largest tilt and the hardest touch-down anew."""
+        """Start the trace, the largest tilt and the hardest touch-down again."""
         self._trace.clear()
         self.hardest = self.most_tilted = 0.0
 

@@ -1,7 +1,7 @@
-"""Network namespaces that live as long as somebody holds them, each with one TUN device.
+"""Network namespaces that live as long as someone holds them, each with one TUN device.
 
 Nothing is left in the system: a namespace is a file descriptor, and so is its device. Needs root,
-or a kernel that lets anybody be root in a user namespace of its own.
+or a kernel that lets anyone be root in a user namespace of its own.
 """
 
 from __future__ import annotations

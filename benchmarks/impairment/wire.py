@@ -18,7 +18,7 @@ QUEUE = 64_000
 @dataclass(frozen=True)
 class Conditions:
     """Attributes:
-    delay: s. jitter: s, half the width of a uniform part beside it; packets keep their order.
+    delay: s. jitter: s, half the width of a uniform part next to it; packets keep their order.
     loss: share of packets, 0…1.
     burst: s, mean length of a time in which all are lost; 0 loses each for itself.
     rate: bit/s, 0 for as fast as it goes.

@@ -1,1 +1,1 @@
-"""The link beside plain UDP, impaired and broken."""
+"""The link next to plain UDP, impaired and broken."""

@@ -3,7 +3,7 @@
     python -m benchmarks.link.ends vehicle|station FOLDER PLAN
 
 Telemetry leaves as it does on board (vehicle.comms.publishers, vehicle.comms.lane) and comes as it
-does at the station (hub, radio, console.link.lane, console.link.monitor); beside it the same bytes
+does at the station (hub, radio, console.link.lane, console.link.monitor); next to it the same bytes
 by plain UDP, half a period later: at one moment, the second would always meet the larger of two
 delays. Poses go the other way. Each program runs until it is told to end, and then writes what it
 noted as FOLDER/<program>.npz.
@@ -74,7 +74,7 @@ _FRAMING = LARGEST - LARGEST_PAYLOAD
 class Plan(msgspec.Struct, frozen=True):
     """Attributes:
     seconds: at most; room for notes.
-    lane: whether the station asks for one. udp: whether plain UDP runs beside.
+    lane: whether the station asks for one. udp: whether plain UDP runs in parallel.
     """
 
     seconds: float
@@ -165,7 +165,7 @@ def vehicle(folder: Path, plan: Plan) -> None:
         return time.monotonic() - heard[0]
 
     def send(k: int) -> None:
-        # A station that is not heard is sent a probe only (vehicle.comms.publish).
+        # A station that is not received is sent a probe only (vehicle.comms.publish).
         if silence() < STATION_LOST_S or k % round(PROBE_NS * 1e-9 * RATE) == 0:
             radio.put("telemetry", stamped(next(numbers), _TELEMETRY), time.time_ns())
 

@@ -1,4 +1,4 @@
-"""Telemetry, poses and calls over a link that loses, delays, narrows and breaks; beside plain UDP.
+"""Telemetry, poses and calls over a link that loses, delays, narrows and breaks; next to plain UDP.
 
     python -m benchmarks link
 

@@ -2,7 +2,7 @@
 
     python -m benchmarks logs [--quick]
 
-The log is made up (benchmarks/logs/recorded_run.py). Beside it the mcap library's own reader goes
+The log is made up (benchmarks/logs/recorded_run.py). Next to it the mcap library's own reader goes
 through all messages of the same file and does nothing with them.
 """
 

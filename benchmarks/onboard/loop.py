@@ -1,4 +1,4 @@
-"""How late the flight loop wakes beside two busy processes, and cyclictest beside it.
+"""How late the flight loop wakes next to two busy processes, and cyclictest next to it.
 
     python -m benchmarks loop
 

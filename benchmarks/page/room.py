@@ -1,4 +1,4 @@
-"""A full room: pages open beside a flight, and one page left open for long.
+"""A full room: pages open next to a flight, and one page left open for long.
 
 Run: .venv/bin/python -m benchmarks.page.room [--pages 10] [--seconds 30] [--soak MINUTES]
 

@@ -1,1 +1,1 @@
-"""Peers of other makes, flown or solved beside ours."""
+"""Peers of other makes, flown or solved next to ours."""

@@ -52,7 +52,7 @@ def keep_completeness(catalogue: Catalogue, run_id: str, found: Completeness) ->
 
 
 def completeness_of(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, Completeness]:
-    """Run → how complete it is; runs that nobody asked about are left out."""
+    """Run → how complete it is; runs that no one asked about are left out."""
     with catalogue.session() as session:
         rows = select(CompletenessRow).where(CompletenessRow.run_id.in_(run_ids))
         return {row.run_id: _completeness(row) for row in session.scalars(rows)}

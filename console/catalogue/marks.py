@@ -1,4 +1,4 @@
-"""Event marks as the catalogue keeps them, so that nobody opens a log to list them."""
+"""Event marks as the catalogue keeps them, so that no one opens a log to list them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ OLDEST = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A moment of a run somebody marked."""
+    """A moment of a run someone marked."""
 
     run_id: str
     id: str

@@ -23,7 +23,7 @@ KEPT = 50
 class Note:
     """One text that stands, or stood, as the notes of a run."""
 
-    version: int  # rises with each text of the whole catalogue; 0: nobody wrote yet
+    version: int  # rises with each text of the whole catalogue; 0: no one wrote yet
     text: str
     author: str
     stamp_ns: int  # epoch
@@ -31,7 +31,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """`replaced`: what somebody else wrote meanwhile, without the writer having seen it."""
+    """`replaced`: what someone else wrote meanwhile, without the writer having seen it."""
 
     note: Note
     replaced: Note | None
@@ -77,7 +77,7 @@ def notes_history(catalogue: Catalogue, run_id: str) -> list[Note]:
 
 
 def newest_notes(catalogue: Catalogue, run_ids: Sequence[str]) -> dict[str, Note]:
-    """Run → its newest text, of those runs somebody wrote about."""
+    """Run → its newest text, of those runs someone wrote about."""
     with catalogue.session() as session:
         newest = select(func.max(NoteRow.version)).where(NoteRow.run_id.in_(run_ids))
         versions = session.scalars(newest.group_by(NoteRow.run_id)).all()

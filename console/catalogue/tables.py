@@ -58,7 +58,7 @@ class TagRow(Base):
 
 
 class MarkRow(Base):
-    """A moment somebody marked; its messages stand in the log too."""
+    """A moment someone marked; its messages stand in the log too."""
 
     __tablename__ = "run_marks"
 

@@ -218,7 +218,7 @@ ITEMS: tuple[Item, ...] = (
 def judged(facts: Facts, limits: PreflightParameters) -> list[Check]:
     """Return the whole list, in its order. Only `fail` keeps the vehicle on the ground.
 
-    Without a link that is the reason; of a vehicle that is not heard nothing else is known.
+    Without a link that is the reason; of a vehicle that is not received nothing else is known.
     """
     checks = [item(facts, limits) for item in ITEMS]
     if facts.link is not LinkState.LOST:

@@ -1,7 +1,7 @@
 """The station's start-up checks: what was found of clock, rates, disk, certificates, by whom.
 
 Looked at a little after the vehicle has connected, without one a little after the start, and again
-when asked. Nothing is looked at while the vehicle is armed; while it is not heard, and so may be
+when asked. Nothing is looked at while the vehicle is armed; while it is not received, and so may be
 flying, all but what loads the disk.
 """
 

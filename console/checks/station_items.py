@@ -64,7 +64,7 @@ def rates(f: Facts, p: StationParameters) -> list[Check]:
 def disk_speed(f: Facts, folder: Path, data: Path, megabytes: float = PROBE / 1e6) -> Check:
     """Measure the disk: write a little to the disk itself, and remove it again.
 
-    Not beside a flight: only of a vehicle that says now that it is disarmed.
+    Not next to a flight: only of a vehicle that says now that it is disarmed.
     """
     name, wanted = "disk's speed", f"at least {SLOWEST:.0f} MB/s"
     if f.armed or f.mode is None:

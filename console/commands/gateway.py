@@ -137,7 +137,7 @@ class CommandGateway:
         if own:
             try:
                 mine, own_revision = self._store.change(own, request.requester)
-            except ParameterError as error:  # changed by somebody else since the check
+            except ParameterError as error:  # changed by someone else since the check
                 return _refused(name, str(error))
             applied = {**applied, **mine}
             revision = revision if others else own_revision

@@ -1,6 +1,6 @@
-"""The control lease: one operator commands at a time, and everybody sees who.
+"""The control lease: one operator commands at a time, and everyone sees who.
 
-Whoever commands while nobody holds it, holds it. The holder hands it on when asked, gives it
+Whoever commands while no one holds it, holds it. The holder hands it on when asked, gives it
 up, or loses it by leaving the page; an admin may take it. Who asks a holder that neither answers
 nor does anything gets it in the end: a page left open must not keep a laboratory waiting, and
 hands on the sticks must not lose them.

@@ -50,7 +50,7 @@ class ControlDesk:
     def permit(self, command: str, requester: str) -> None:
         """Permit a command of this requester. Raises RefusedError when another has control.
 
-        Emergencies are everybody's, and nobody gets control by one.
+        Emergencies are everyone's, and no one gets control by one.
         """
         if command == "emergency" or requester in OWN:
             return
@@ -61,7 +61,7 @@ class ControlDesk:
     def steers(self, requester: str, enabled: bool) -> bool:
         """Return whether these sticks count; released sticks ask for nothing.
 
-        Nobody's (a joystick at the base, through ROS 2) are of whoever has control.
+        No one's (a joystick at the base, through ROS 2) are of whoever has control.
         """
         if not requester:
             return True

@@ -1,1 +1,1 @@
-"""Estimators compared at the station, against the truth and beside the vehicle's own."""
+"""Estimators compared at the station, against the truth and next to the vehicle's own."""

@@ -1,6 +1,6 @@
 """Compiled code of estimators, while the comparison goes on without them.
 
-A process of its own compiles what is not kept yet, on time nobody else wants. In a thread, a
+A process of its own compiles what is not kept yet, on time no one else wants. In a thread, a
 compiler would hold the interpreter of the comparison; and were that thread of low priority, a busy
 machine could leave it waiting with the interpreter in its hands.
 """

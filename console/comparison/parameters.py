@@ -1,4 +1,4 @@
-"""Which estimators the station runs beside the vehicle's own, as one text."""
+"""Which estimators the station runs in parallel with the vehicle's own, as one text."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def parse_estimators(text: str) -> tuple[Choice, ...]:
     """Return the words of a text, in its order. Raises OutOfBoundsError with what is allowed."""
     words = text.split()
     if not words:
-        return ()  # without a look at what there is: a station nobody asks loads no estimator
+        return ()  # without a look at what there is: a station no one asks loads no estimator
     from estimation import registry
     from estimation.parameters import PRESETS
 

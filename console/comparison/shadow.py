@@ -67,7 +67,7 @@ class Shadow:
             self._spent.popleft()
 
     def reset(self) -> None:
-        """Forget everything; the next frame that determines a pose starts it anew."""
+        """Forget everything; the next frame that determines a pose starts it again."""
         self.estimator.reset()
         self.state[:] = new_state()
         self._spent.clear()

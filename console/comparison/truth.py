@@ -37,7 +37,7 @@ class TruthMerge:
         self.clear()
 
     def clear(self) -> None:
-        """Forget what waits: the stamps have begun anew."""
+        """Forget what waits: the stamps have begun again."""
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._begin_track()
 

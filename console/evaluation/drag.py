@@ -49,7 +49,7 @@ class DragFlight:
 
     Attributes:
         found: N s/m. pieces: (PIECES,) the same of each third of the time.
-        speed: m/s rms. constant_w: (2,) N. truth: N s/m; NaN when nobody knows.
+        speed: m/s rms. constant_w: (2,) N. truth: N s/m; NaN when no one knows.
     """
 
     found: float

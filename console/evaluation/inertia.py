@@ -49,7 +49,7 @@ class InertiaFlight:
         time: (N,) s, vehicle clock. inertia_b: (N, 3) kg m².
         torque_b: (3,) N m, the largest rms of the filtered torque about each axis.
         missing: share of the ticks that are not in the log.
-        truth_b: (3,) kg m²; NaN when nobody knows.
+        truth_b: (3,) kg m²; NaN when no one knows.
     """
 
     time: Array

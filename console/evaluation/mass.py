@@ -38,7 +38,7 @@ class MassFlight:
         time: (N,) s, vehicle clock. mass, deviation: (N,) kg.
         take_off, lift_off, landing: s; NaN where it did not happen.
         erratic: s, from when to when it was flown about; NaN when it was not.
-        truth: kg, what the estimate should find; NaN when nobody knows.
+        truth: kg, what the estimate should find; NaN when no one knows.
     """
 
     time: Array

@@ -32,7 +32,7 @@ class LiveBench:
         looked: s of the steady clock at which the experiment last looked at its client.
 
     Attributes:
-        problem: why the bench ended by itself, until it is set anew.
+        problem: why the bench ended by itself, until it is set again.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class LiveBench:
                 self._thread.start()
 
     def give_up(self) -> None:
-        """Ask no more from now on; the motor is stopped beside. Never waits."""
+        """Ask no more from now on; the motor is stopped in its thread. Never waits."""
         self._over.set()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What an experiment reads beside its view: IMU, tracker, bench; kept while one runs."""
+"""What an experiment reads next to its view: IMU, tracker, bench; kept while one runs."""
 
 from __future__ import annotations
 

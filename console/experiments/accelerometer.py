@@ -195,7 +195,7 @@ class Accelerometer:
                 state.begun = time
             if len(state.finder.poses) > known:
                 came |= self._take(state, state.finder.poses[-1], time)
-            if still.share in (0.0, 1.0):  # it begins anew
+            if still.share in (0.0, 1.0):  # it begins again
                 state.begun = math.nan
         return came
 

@@ -113,7 +113,7 @@ class BearingsExperiment:
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         before = {name: client.parameter(name) for name in self._control_gains()}
         found = {name: client.parameter(name) for name in self._changed_on_board()}
-        client.change(self._shadow())  # compiled on the ground, started anew in the air
+        client.change(self._shadow())  # compiled on the ground, started again in the air
         client.change({"estimation.shadow": "none"})
         client.wait(0.5)
         client.arm()

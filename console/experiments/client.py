@@ -102,7 +102,7 @@ class Client(Protocol):
         ...
 
     def calibrate_gyroscope(self) -> CalibrationRecord:
-        """Have the vehicle find its drift anew; on the ground, motors off. Waits until then."""
+        """Have the vehicle find its drift again; on the ground, motors off. Waits until then."""
         ...
 
     def bench(self, motor: int, reference: int) -> None:

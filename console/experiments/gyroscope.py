@@ -1,4 +1,4 @@
-"""The gyroscope's drift, found anew while the vehicle stands still (Sec. 5.1)."""
+"""The gyroscope's drift, found again while the vehicle stands still (Sec. 5.1)."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ class MassExperiment:
                 f"{error}. With {p.initial:g} kg to begin with and {p.height:g} m to climb it "
                 "pulls only so much: try a larger initial mass or height"
             ) from error
-        # For the next arming: should somebody take over, it must not begin too light again.
+        # For the next arming: should someone take over, it must not begin too light again.
         client.change({INITIAL: found[INITIAL]})
         self._until(
             client,

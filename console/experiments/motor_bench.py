@@ -1,7 +1,7 @@
 """The law of motor, controller and propeller on a force/torque sensor (Sec. 5.3).
 
 The references of a schedule are held one after the other, with a rest at low speed before each;
-or a file is read that was recorded elsewhere. Fitted are the affine root law and beside it the
+or a file is read that was recorded elsewhere. Fitted are the affine root law and next to it the
 paper's quadratic, the torque ratio, and the lag.
 """
 

@@ -1,4 +1,4 @@
-"""What an experiment reads of a vehicle beside its view, and what it tells the person near it."""
+"""What an experiment reads of a vehicle next to its view, and what it tells the person near it."""
 
 from __future__ import annotations
 

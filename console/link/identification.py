@@ -1,4 +1,4 @@
-"""Asks who is at the other end whenever the link comes up, and says so when nobody answers."""
+"""Asks who is at the other end whenever the link comes up, and says so when no one answers."""
 
 from __future__ import annotations
 

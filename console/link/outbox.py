@@ -90,8 +90,8 @@ class Outbox:
 
     @property
     def heard(self) -> frozenset[str]:
-        """The topics of expanded telemetry that somebody subscribes to, as of `LOOK` ago at most:
-        most of the time, of most vehicles, nobody does."""
+        """The topics of expanded telemetry that someone subscribes to, as of `LOOK` ago at most:
+        most of the time, of most vehicles, no one does."""
         now = time.monotonic()
         if now >= self._look_due:
             self._look_due = now + LOOK

@@ -71,7 +71,7 @@ class Standing:
     @property
     def speaks(self) -> bool:
         """Return whether it takes poses, bearings and sticks from us: not before it has said so.
-        One that does not say whom it listens to (no instance) takes them from anybody.
+        One that does not say whom it listens to (no instance) takes them from anyone.
         """
         return self._holder == self.instance or self._newest == 0
 

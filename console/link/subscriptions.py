@@ -42,7 +42,7 @@ class Subscriptions:
 
     Args:
         acts: by topic; may raise LinkError or MeasurementError for what makes no sense.
-        host: of the vehicle, for datagrams beside the link; empty for none.
+        host: of the vehicle, for datagrams next to the link; empty for none.
         beats: publishes our heartbeats.
         closing: set when errors are no alarm any more.
     """

@@ -1,4 +1,4 @@
-"""Packets of telemetry: every sample to the recorder, the newest to everybody who listens."""
+"""Packets of telemetry: every sample to the recorder, the newest to everyone who listens."""
 
 from __future__ import annotations
 

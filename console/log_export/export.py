@@ -101,5 +101,5 @@ def _make(folder: Path) -> list[Path]:
 
 def _remove(folders: list[Path]) -> None:
     for folder in folders:
-        with suppress(OSError):  # not made, or somebody else's files are in it
+        with suppress(OSError):  # not made, or someone else's files are in it
             folder.rmdir()

@@ -58,7 +58,7 @@ class FlightRow(Base):
 
 
 class KnownRow(Base):
-    """The value that was heard last, so that a change nobody heard of is found later."""
+    """The value that was received last, so that a change no one heard of is found later."""
 
     __tablename__ = "parameter_known"
 

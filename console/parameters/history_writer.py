@@ -1,7 +1,7 @@
 """Writes the history of parameters from what the station hears.
 
 Whoever changes a parameter (page, ROS 2, experiment, the vehicle itself), its authority tells it
-on `parameter_changes`. What was not heard, because the link or this process was away, shows as
+on `parameter_changes`. What was not received, because the link or this process was away, shows as
 another value than the last known one, and is written as that.
 """
 
@@ -116,7 +116,7 @@ class ParameterWitness:
     def look(self, values: Mapping[str, ParameterValue], revision: int) -> None:
         """Compare with the vehicle's values as read at `revision`; to be called once a second.
 
-        Another revision than that of the last change heard, twice in a row, was not heard of.
+        Another revision than that of the last change heard, twice in a row, was not received of.
         """
         with self._lock:
             if not self._has_looked:

@@ -1,4 +1,4 @@
-"""The station's own parameters behind one lock, with everybody told of each change."""
+"""The station's own parameters behind one lock, with everyone told of each change."""
 
 from __future__ import annotations
 

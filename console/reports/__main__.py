@@ -1,6 +1,6 @@
 """`python -m console.reports [--no-pdf] LOG [OUT]`: a run's report, at low priority.
 
-Without OUT it lies beside the run's result. Prints the share that is done, a line each; the last
+Without OUT it lies next to the run's result. Prints the share that is done, a line each; the last
 line of one that failed is the reason, and its status 1.
 """
 

@@ -106,7 +106,7 @@ def _figure_eight(log: RunLog, flight: Flight, judged: Judgement) -> list[Pictur
     error, yaw_error = flight.tracking_error
     wanted = flight.reference[rows]
     yaw_wanted = wanted[:, 3]
-    yaw = yaw_wanted + yaw_error[rows]  # beside its reference, without jumps
+    yaw = yaw_wanted + yaw_error[rows]  # next to its reference, without jumps
 
     def draw(figure: Any) -> None:
         trajectory_tracking(

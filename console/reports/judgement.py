@@ -42,7 +42,7 @@ TOPICS = {"bench_reading": "motor_bench"}
 @dataclass
 class Judgement:
     """Attributes:
-    verdict: passed, failed, not_judged or empty; `source` says who judged, or why nobody did.
+    verdict: passed, failed, not_judged or empty; `source` says who judged, or why no one did.
     metrics, limits: by name, SI units and degrees.
     flight: figures of any flight, by name, with units in the name.
     windows: what is judged, s since the log's first message; empty when not known.

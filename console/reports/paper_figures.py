@@ -104,7 +104,7 @@ def mass_estimation(
 
     Args:
         mass: time, kg, and its standard deviation. position, velocity: time and (N, 3).
-        true_mass: kg, NaN or None when nobody knows it.
+        true_mass: kg, NaN or None when no one knows it.
     """
     axes = grid(figure, 3)[:, 0]
     time, value, deviation = mass

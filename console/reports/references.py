@@ -22,7 +22,7 @@ class ReferenceFigure:
         what: of which quantity, under which conditions.
         value: in words with its unit.
         source: whose, and where.
-        metric: name of the run's own figure to be put beside it; empty when there is none.
+        metric: name of the run's own figure to be put next to it; empty when there is none.
         when: options under which the two may be compared.
     """
 

@@ -1,4 +1,4 @@
-"""What must wait for the disk, done one after the other beside a thread that must not."""
+"""What must wait for the disk, done one after the other next to a thread that must not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Beside the work: old files put in order, the trash emptied in time, a full disk told early."""
+"""Next to the work: old files put in order, the trash emptied in time, a full disk told early."""
 
 from __future__ import annotations
 

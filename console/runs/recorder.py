@@ -42,7 +42,7 @@ class Recorder:
 
     Args:
         folder: where runs are written; watched also while nothing is recorded.
-        on_start, on_end: called in a thread beside the recorder's (catalogue), for a commit may
+        on_start, on_end: called in a thread next to the recorder's (catalogue), for a commit may
             take a second; StorageError becomes an alarm.
         on_again: called in that thread some seconds after the disk ended a run, or kept one from
             beginning, and again until one begins: whether one is to begin.
@@ -193,7 +193,7 @@ class Recorder:
                 self._sync()
                 if closing and self._open is None and not self._queue:
                     return
-                # Polled while recording, so that nobody who puts pays for waking us.
+                # Polled while recording, so that no one who puts pays for waking us.
                 self._wake.wait(self.period if self._open else WATCH_PERIOD)
                 self._wake.clear()
         except BaseException as error:

@@ -1,4 +1,4 @@
-"""The replays' caches beside the runs: where they lie, what they take, gone with their run.
+"""The replays' caches next to the runs: where they lie, what they take, gone with their run.
 
 `web.replay` makes them, and again when asked for; nothing is lost with one.
 """

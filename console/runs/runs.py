@@ -29,7 +29,7 @@ class RunKeeper:
     """Thread-safe.
 
     Args:
-        operator: written into runs nobody asked for by name.
+        operator: written into runs no one asked for by name.
         calibrations: the file of those in force, for each run's log; never waits.
     """
 

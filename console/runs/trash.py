@@ -3,7 +3,7 @@
 A deleted run is in no list and its file is not opened; what the vehicle logged on board is never
 touched.
 
-Where the log lies decides: it is moved by one rename, the catalogue's line follows. Somebody who
+Where the log lies decides: it is moved by one rename, the catalogue's line follows. Someone who
 looks in between, at a start or after a crash, takes the same last step (`finish_moves`).
 """
 
@@ -106,7 +106,7 @@ def deleted_runs(catalogue: Catalogue) -> list[Deleted]:
 
 
 def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
-    """Remove for good what was deleted more than `older_than` s ago; what cannot be stays.
+    """Remove permanently what was deleted more than `older_than` s ago; what cannot be stays.
 
     Raises StorageError when the catalogue cannot be used at all.
     """
@@ -118,7 +118,7 @@ def purge(catalogue: Catalogue, older_than: float = 0.0) -> Purged:
                 _remove(catalogue, run.id)
                 purged.done.append(run.id)
             except StorageError as error:
-                if is_deleted(catalogue, run.id):  # else somebody was quicker
+                if is_deleted(catalogue, run.id):  # else someone was quicker
                     purged.refused[run.id] = str(error)
     return purged
 
@@ -231,7 +231,7 @@ def _out_of_the_list(catalogue: Catalogue, run_id: str, requester: str) -> None:
                 row = TrashRow(run_id=run_id, deleted_ns=time.time_ns(), requester="")
                 session.add(row)
             row.requester = requester or row.requester
-    except StorageError:  # somebody may have been quicker by a hair
+    except StorageError:  # someone may have been quicker by a hair
         if not is_deleted(catalogue, run_id):
             raise
 

@@ -2,7 +2,7 @@
 `transfers`, and each run's comparison with the vehicle's own log.
 
 A thread of its own waits for vehicle and disk. Nothing is forgotten with the station: a run that
-is not compared yet stands in the catalogue, a download beside its part file.
+is not compared yet stands in the catalogue, a download next to its part file.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 By Little's law twice as many bring twice as much only while each is answered as soon as before;
 on a full link each takes twice as long, telemetry waits behind them, and nothing is gained. So the
 number is doubled, and kept only where the median round trip stays below GAINS of what it was. From
-time to time, and when answers become slow, it is found anew from one on, for a vehicle flies away
+time to time, and when answers become slow, it is found again from one on, for a vehicle flies away
 and comes back.
 """
 

@@ -123,7 +123,7 @@ def drawn(evaluation: Evaluation) -> dict[str, list[Any]]:
 def _edges_of(setpoint: Array, plan: Plan) -> npt.NDArray[np.int_]:
     """Return samples at which the set-point takes the levels of the plan, one after the other.
 
-    Other jumps are no part of it: of a vehicle that ended the test, or somebody who took over.
+    Other jumps are no part of it: of a vehicle that ended the test, or someone who took over.
     """
     jumps = np.flatnonzero(np.abs(np.diff(setpoint)) > EDGE_MIN) + 1
     levels = [level * plan.amplitude for level in LEVELS[plan.shape]] * plan.repeats

@@ -1,4 +1,4 @@
-"""The last step tests, on disk: a description beside the samples of each.
+"""The last step tests, on disk: a description next to the samples of each.
 
 `<data>/tuning/<id>.json` and `<id>.npz`. A deleted one lies in `deleted/` until there are too
 many there.

@@ -69,8 +69,8 @@ class BehaviorMachine:
 
     Args:
         parameters: kept, not copied; walls and limits count from the next request on.
-        hover_thrust: N, the weight; set it anew when the model's mass changes.
-        model: MODEL, shape (1,), by which trajectories are checked; set it anew as the weight.
+        hover_thrust: N, the weight; set it again when the model's mass changes.
+        model: MODEL, shape (1,), by which trajectories are checked; set it again as the weight.
             The paper's vehicle if left out.
         trajectories: those loaded from files before the flight, by name.
 

@@ -1,7 +1,7 @@
 """The law of motor, controller and propeller from a bench's steps (Sec. 5.3 of the paper).
 
 A rotor's speed is affine in the reference and its force quadratic in the speed, so that
-ref = alpha + beta sqrt(f); the paper's fit, ref quadratic in f, is given beside it, for it misses
+ref = alpha + beta sqrt(f); the paper's fit, ref quadratic in f, is given next to it, for it misses
 by counts what the root law meets (docs/deviations.md). The steps outside the range of flight are
 left out, as in print.
 """

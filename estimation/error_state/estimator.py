@@ -42,7 +42,7 @@ class ErrorStateEstimator:
     """Tightly coupled: each bearing, or pose, corrects state and biases by their covariance.
 
     Attributes:
-        restarts: a line for each time it was lost and started anew; who tells them clears them.
+        restarts: a line for each time it was lost and started again; who tells them clears them.
     """
 
     name = "error_state"
@@ -169,7 +169,7 @@ class ErrorStateEstimator:
     def initialize(
         self, pose: Record, deviations: Array = START, velocity_w: Array | None = None
     ) -> None:
-        """Start anew at a POSE_SAMPLE (1,), with the biases so far.
+        """Start again at a POSE_SAMPLE (1,), with the biases so far.
 
         Args:
             deviations: (15,) of the error, in its order.
@@ -280,7 +280,7 @@ class ErrorStateEstimator:
                 self._failed = error
 
     def _settle(self, measurement: Record) -> None:
-        """Apply what was taken; when the filter is lost, start anew from it.
+        """Apply what was taken; when the filter is lost, start again from it.
 
         Raises MeasurementError when it gives no start.
         """

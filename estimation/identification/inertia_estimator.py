@@ -222,7 +222,7 @@ class InertiaEstimator:
         self.reset(inertia_b)
 
     def reset(self, inertia_b: Array) -> None:
-        """Start anew from a guess (3,), clamped."""
+        """Start again from a guess (3,), clamped."""
         p = self._parameters
         self._memory = new_inertia_memory(np.clip(inertia_b, p.inertia_min, p.inertia_max), p)
 

@@ -7,7 +7,7 @@ d/dt m_inv = k e v_fil, e = y - m_inv v_fil, has the rate k v_fil^2 of about 165
 it is integrated exactly, since explicit Euler diverges below 82 Hz.
 
 On the ground its reaction force carries the vehicle, so nothing is learnt there. All filters start
-anew at lift-off, which is exact: P acting from that moment means v_fil = g_fil = 0 and
+again at lift-off, which is exact: P acting from that moment means v_fil = g_fil = 0 and
 z_dot_fil = z_dot. The result is thrust commanded over thrust needed, the mass divided by the
 thrust efficiency.
 """
@@ -168,7 +168,7 @@ class MassEstimator:
         self._gains = mass_record(parameters)
 
     def reset(self, mass: float) -> None:
-        """Start anew from a guess (kg), clamped."""
+        """Start again from a guess (kg), clamped."""
         p = self._parameters
         self._memory = new_mass_memory(min(max(mass, p.mass_min), p.mass_max), p)
 

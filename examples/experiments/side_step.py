@@ -2,7 +2,7 @@
 
 Fly it in simulated time with `quadlab fly examples/experiments/side_step.py`, options as
 `--set experiment.length=0.8`; or copy it to the folder `experiments` of the data folder, and the
-page lists it beside the built-in ones. One file holds one class like the one below.
+page lists it next to the built-in ones. One file holds one class like the one below.
 """
 
 from __future__ import annotations

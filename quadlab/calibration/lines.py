@@ -1,4 +1,4 @@
-"""Calibrations as lines of a terminal: what is in force, and a proposal beside it."""
+"""Calibrations as lines of a terminal: what is in force, and a proposal next to it."""
 
 from __future__ import annotations
 

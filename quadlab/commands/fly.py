@@ -73,7 +73,7 @@ class Fly:
         parameters = with_experiment(FlightParameters().model_copy(deep=True), experiment)
         parameters.seed(self.seed)
         values = parse_settings(parameters, [*beacon_words(self.beacons), *self.set])
-        if "beacons.layout" not in values:  # the vehicle is told where the beacons stand
+        if "beacons.layout" not in values:  # the vehicle is told where the beacons are
             parameters.beacons.layout = parameters.bearings.layout
         with mistakes_told(experiment):
             experiment.check()

@@ -51,7 +51,7 @@ JITTER = Limit(
     "ms",
     "another sender holds the channel: choose another, and end downloads on it",
 )
-LEAST_THROUGHPUT = 1e6, 0.25e6  # bit/s, beside telemetry's own 0.9e6
+LEAST_THROUGHPUT = 1e6, 0.25e6  # bit/s, next to telemetry's own 0.9e6
 LATE_CLOCK = 1.0  # s
 
 

@@ -27,7 +27,7 @@ class Run:
     estimator: str
     parameters: FlightParameters
     source: str  # poses, bearings or both
-    emulated: frozenset[str]  # of poses and bearings, what is made anew
+    emulated: frozenset[str]  # of poses and bearings, what is made again
     fixed: frozenset[str]  # parameters that the flight's own changes leave alone
     begin_ns: int | None = None  # stamp after which it begins, None: with the log
 

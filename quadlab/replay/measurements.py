@@ -1,4 +1,4 @@
-"""The measurements of a replay: those of the log, or made anew from what was true."""
+"""The measurements of a replay: those of the log, or made again from what was true."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@
     omega_b = scale (counts - zero) - drift                   gyroscope, Sec. 5.1
 
 T (3, 3) takes rotation and scale of the mounting, b the accelerometer's bias; both are identified
-once. The gyroscope's drift is found anew at each start and is no parameter.
+once. The gyroscope's drift is found again at each start and is no parameter.
 """
 
 from __future__ import annotations

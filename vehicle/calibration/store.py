@@ -1,9 +1,9 @@
 """The vehicle's calibrations on its disk: every one that was stored, one JSON line each.
 
 `calibrations/history.jsonl` in the data folder is only ever appended to, each line on the disk
-before anybody is told that it is stored. A line that is no record, torn by a power cut or written
+before anyone is told that it is stored. A line that is no record, torn by a power cut or written
 by something else, is moved to `set_aside.jsonl` beside it. The gyroscope's drift, which the vehicle
-finds and uses before anybody accepts it, replaces a file: `at_start.json` at each start,
+finds and uses before anyone accepts it, replaces a file: `at_start.json` at each start,
 `on_request.json` when asked for. As a history it would grow by a line a start.
 
 Only the comms process writes; the parent reads, and mends, before it starts comms.

@@ -1,1 +1,1 @@
-"""The comms process: everything between the vehicle and the link, beside the flight process."""
+"""The comms process: everything between the vehicle and the link, next to the flight process."""

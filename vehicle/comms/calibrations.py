@@ -83,7 +83,7 @@ class Calibrations:
         if found.request_id:
             with self._is_found:
                 self._found[found.request_id] = found
-                while len(self._found) > FOUND_KEPT:  # nobody waited for the oldest any more
+                while len(self._found) > FOUND_KEPT:  # no one waited for the oldest any more
                     del self._found[next(iter(self._found))]
                 self._is_found.notify_all()
         elif not found.reason:

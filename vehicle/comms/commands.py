@@ -65,7 +65,7 @@ class FlightMailbox:
         return replies[0]
 
     def deliver(self, reply: mailbox.Reply) -> None:
-        """Wake who waits for this reply; nobody may, if it came too late."""
+        """Wake who waits for this reply; no one may, if it came too late."""
         waiting = self._waiting.get(reply.request_id)
         if waiting is not None:
             answered, replies = waiting

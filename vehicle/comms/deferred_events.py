@@ -1,7 +1,7 @@
 """Publish why the vehicle braked or landed while no station heard it, once one hears it again.
 
 What it says at such a moment reaches its log and its terminal; the link it could be heard by is the
-very thing that is gone, and a station that is started anew was not there.
+very thing that is gone, and a station that is started again was not there.
 """
 
 from __future__ import annotations

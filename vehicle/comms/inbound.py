@@ -218,6 +218,6 @@ class Inbound:
 
     def _send(self, message: mailbox.Measurement) -> None:
         if not self._clock.started:
-            return  # flight is still starting: nobody empties its inbox
+            return  # flight is still starting: no one empties its inbox
         if not self._flight.send(message):
             self._complain("flight inbox", "full; measurements are lost")

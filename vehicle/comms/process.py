@@ -1,4 +1,4 @@
-"""The comms process: Zenoh and the onboard log, beside the flight process and unable to delay it.
+"""The comms process: Zenoh and the onboard log, next to the flight process and unable to delay it.
 
 One thread drains what flight sends, about every 10 ms; Zenoh's threads bring what the station
 sends. Run as `python -m vehicle.comms.process CONFIG` by vehicle.processes.parent,
@@ -155,7 +155,7 @@ class Comms:
         for message in self._rings.outbox.pop_all():
             self._dispatch(mailbox.decode_outbound(message))
         if self._notices and self._inbound.station_silence < STATION_LOST_S:
-            for level, text in self._notices:  # not before: nobody would have read them
+            for level, text in self._notices:  # not before: no one would have read them
                 self._events.append(mailbox.Event(self._clock.now_ns(), level, text))
             self._notices.clear()
         if told := self._unheard.due(read_ns * 1e-9, self._inbound.station_silence):

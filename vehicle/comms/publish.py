@@ -1,6 +1,6 @@
 """What leaves the vehicle: telemetry packets, the slow topics at their rates, heartbeats.
 
-Everything is encoded once and goes to the onboard log too. While the station is not heard, the
+Everything is encoded once and goes to the onboard log too. While the station is not received, the
 radio gets at most five messages a second of each topic, as a probe; the log still gets all.
 """
 
@@ -49,7 +49,7 @@ class Publisher:
     """Owned by the comms thread; `event`, `parameter_change` and `bearing_pose` as well.
 
     Args:
-        radio: None in simulated time, where nobody listens: only the log is served.
+        radio: None in simulated time, where no one listens: only the log is served.
         packets: of telemetry a second. No other topic comes more often; where there are fewer than
             usual, half as often at most, heartbeats apart.
     """

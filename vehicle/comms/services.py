@@ -1,7 +1,7 @@
 """The services the vehicle offers on the link: commands, parameters, time.
 
 Commands are idempotent by request id; what the flight process refuses is an answer with its
-reason, and a flight process that does not answer an error: nobody knows what became of it.
+reason, and a flight process that does not answer an error: no one knows what became of it.
 """
 
 from __future__ import annotations

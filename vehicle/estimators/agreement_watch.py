@@ -43,7 +43,7 @@ class AgreementWatch:
         """Begin with another estimator in use: what was reported of the last one does not count."""
         self.flags, self._end_ns = 0, 0
         self._agreement = Agreement.USED
-        self._refused: int | None = None  # not heard yet
+        self._refused: int | None = None  # not received yet
         self._told = 0
         self._farthest = self._largest = 0.0
 

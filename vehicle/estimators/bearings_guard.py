@@ -60,7 +60,7 @@ class BearingsGuard:
     """Gate, walls and way back.
 
     Attributes:
-        on: bearings are used, alone or beside poses; then `step` is due each tick.
+        on: bearings are used, alone or next to poses; then `step` is due each tick.
         flags: bits of vehicle.flight.modes.Flag.
     """
 

@@ -14,7 +14,7 @@ NEWS_NS = 1_000_000_000
 
 
 class Runner:
-    """An estimator beside the one flown on, or that one itself.
+    """An estimator next to the one flown on, or that one itself.
 
     Args:
         name: in `estimation.registry`.

@@ -1,4 +1,4 @@
-"""Where the beacons stand, by id, as the vehicle knows it."""
+"""Where the beacons are, by id, as the vehicle knows it."""
 
 from __future__ import annotations
 

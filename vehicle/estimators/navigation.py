@@ -139,7 +139,7 @@ class Navigation:
                 self._say_unknown(measurement)
 
     def reset(self) -> None:
-        """Forget everything: the gyroscope was calibrated anew."""
+        """Forget everything: the gyroscope was calibrated again."""
         for runner in self._seats.all():
             runner.estimator.reset()
 

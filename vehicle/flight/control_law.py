@@ -33,7 +33,7 @@ STEP = 0.05
 
 @runtime_checkable
 class Weighed(Protocol):
-    """A law whose mass can be moved on in each tick; others are configured anew."""
+    """A law whose mass can be moved on in each tick; others are configured again."""
 
     def weigh(self, mass: float) -> None:
         """Weigh the vehicle: `mass` in kg."""

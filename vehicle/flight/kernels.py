@@ -121,8 +121,8 @@ class Later:
         return self._process is not None and self._process.poll() is not None
 
     def load(self) -> list[str]:
-        """Load what is kept, in some 0.1 s; the parts. What failed to compile beside is compiled
-        when it is chosen, on the ground.
+        """Load what is kept, in some 0.1 s; return the parts. What failed to compile in parallel is
+        compiled when it is chosen, on the ground.
         """
         parts, self._kept = self._kept, []
         if self.arrived:

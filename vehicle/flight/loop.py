@@ -69,7 +69,7 @@ class FlightLoop:
 
     Args:
         pacer: lets it wait for the next sample.
-        later: what is compiled beside and loaded on the ground.
+        later: what is compiled in parallel and loaded on the ground.
         part: told of the samples that were dealt with, where simulated time waits for that.
 
     Attributes:

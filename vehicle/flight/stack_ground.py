@@ -32,7 +32,7 @@ class StackOnGround(StackModes):
         once.
         """
         safety, motors_on = self.parameters.safety, sample.motor_state in TURNING
-        if motors_on and self._asked is None:  # started anew while the microcontroller lands
+        if motors_on and self._asked is None:  # started again while the microcontroller lands
             if not self._told_motors:
                 self.say("gyroscope not calibrated: motors run; waiting for them", mailbox.WARN)
             self._told_motors, self._gyro = True, None

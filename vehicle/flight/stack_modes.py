@@ -120,7 +120,7 @@ class StackModes(StackParts):
         """Start `behavior` by the vehicle's own decision; the table allows it from any flight."""
         try:
             self.behaviors.request(behavior, {}, self.state, armed=True, airborne=True)
-        except QuadlabError as error:  # never seen; nobody else would land it then
+        except QuadlabError as error:  # never seen; no one else would land it then
             self.hand_over(f"{behavior} refused: {error}")
 
     # ------------------------------------------------------------------ the microcontroller's word

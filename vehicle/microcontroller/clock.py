@@ -127,7 +127,7 @@ class MicrocontrollerClock:
     def correct(self, newest_elapsed_ns: int) -> float:
         """Set the clock back when it is ahead of the host's: all samples it was set by came late.
 
-        Only while nobody flies by it: stamps go back. Returns by how much, s.
+        Only while no one flies by it: stamps go back. Returns by how much, s.
         """
         if self._steady_ns is None or self._epoch_ns is None:
             return 0.0

@@ -215,7 +215,7 @@ class Microcontroller:
             request.hold = "it is not recognised yet" if starting and not self.connected else ""
         for frame in self._motors.service(now_s, self._command):
             self._ports.write(frame)
-        # As samples tell it: none, and nobody knows.
+        # As samples tell it: none, and no one knows.
         rests = self._motor_state_read in _RESTING
         if rests and self.connected and all(one.given_up for one in self._motors.open):
             question = self._bus.question(now_s, self._command)

@@ -1,6 +1,6 @@
 """Once a second, what was written of a log is sent to the disk itself: a power cut takes no more.
 
-In a thread of its own, through a descriptor of its own: a slow disk holds up nobody who writes.
+In a thread of its own, through a descriptor of its own: a slow disk holds up no one who writes.
 """
 
 from __future__ import annotations

@@ -164,7 +164,7 @@ class OnboardFile:
         batches, messages = self._ticks, self._messages
         self._ticks, self._messages = [], []
         if batches:
-            # numpy's concatenate looks at all fields anew each time: 60 µs.
+            # numpy's concatenate looks at all fields again each time: 60 µs.
             ticks = np.frombuffer(b"".join(batch.ticks.tobytes() for batch in batches), TICK)
             received = np.repeat(
                 np.array([batch.log_ns for batch in batches], np.int64),

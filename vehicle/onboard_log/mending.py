@@ -54,7 +54,7 @@ class Mending:
         data: the data folder.
         say: takes (level, text) of an event.
         free: asks the free space of a folder, in bytes.
-        keep: gives what must stay free beside the copy, in bytes: the next flight is to be logged.
+        keep: gives what must stay free next to the copy, in bytes: the next flight is to be logged.
         clock: s, steady.
         begin: starts a process for these files.
 

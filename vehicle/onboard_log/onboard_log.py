@@ -42,7 +42,7 @@ class OnboardLog:
         vehicle: name, the namespace of the topics.
         attachments: name → gives what is attached to each file, as it is when that begins.
         say: takes (level, text) of an event; called from this log's thread.
-        facts: for the metadata `quadlab.run`, beside what is known here.
+        facts: for the metadata `quadlab.run`, next to what is known here.
         limits: gives the parameters of the log.
         fetched: tells which files the station reads.
         free: asks the free space of a folder, in bytes.

@@ -1,7 +1,7 @@
 """Answers questions about the onboard log: numbers of every tick between two instants.
 
 On a thread of the comms process, with small answers: the log's own thread, the radio and above
-all the flight process go on beside it.
+all the flight process go on next to it.
 """
 
 from __future__ import annotations

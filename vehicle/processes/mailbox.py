@@ -52,7 +52,7 @@ class Calibrate(msgspec.Struct, frozen=True, tag="calibrate"):
 
 
 class CalibrateGyroscope(msgspec.Struct, frozen=True, tag="calibrate_gyroscope"):
-    """Find the drift anew; accepted, a GyroscopeFound of this request id follows."""
+    """Find the drift again; accepted, a GyroscopeFound of this request id follows."""
 
     request_id: str
     requester: str

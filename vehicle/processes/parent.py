@@ -187,7 +187,7 @@ def _with_calibrations(
     """Return (values to start with, stamps of records not in force, what to report) of stored
     calibrations.
 
-    What is wrong with them is told here too: nobody else may be there to read it.
+    What is wrong with them is told here too: no one else may be there to read it.
     """
     if not (data / FOLDER).exists():
         return settings, [], []

@@ -4,7 +4,7 @@ Before the plant moves on, each part has dealt with what it was given, or is no 
 than it would be on a computer of its own. A part that says nothing for `PATIENCE_NS` of the
 computer's time has died or hangs: time goes on without it, and what fails then is the flight's to
 survive, until it has caught up. A process that has ended is not waited for at all: one that is
-started again would otherwise be there before anybody notices. Time that was waited is lost:
+started again would otherwise be there before anyone notices. Time that was waited is lost:
 afterwards it goes on at the computer's pace, never faster, but for what makes up for a late
 wake-up.
 """
@@ -97,7 +97,7 @@ class Process:
         self._id, self._descriptor = 0, NEVER
 
     def has_ended(self) -> bool:
-        """Return whether it ran once and runs no more, also if nobody has collected it yet."""
+        """Return whether it ran once and runs no more, also if no one has collected it yet."""
         named = self._words[self._at]
         if named != self._id:
             self.close()

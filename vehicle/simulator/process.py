@@ -52,7 +52,7 @@ class RunStatistics:
 
     periods: int = 0  # of the microcontroller
     lost_samples: int = 0  # the machine slept
-    dropped_bytes: int = 0  # nobody read them
+    dropped_bytes: int = 0  # no one read them
     overruns: int = 0  # bytes the wire was too slow for
     dropped_truth: int = 0  # the network was too slow
 

@@ -22,7 +22,7 @@ _CHUNK = 4096
 class PseudoTerminal:
     """The microcontroller's end of one serial line; a `vehicle_link.serial.port.Port`.
 
-    The device is raw and stays alive whoever opens and closes it. When nobody reads, the oldest
+    The device is raw and stays alive whoever opens and closes it. When no one reads, the oldest
     bytes are thrown away once more than BACKLOG wait; `dropped` counts them.
 
     Args:

@@ -151,7 +151,7 @@ class SimulatedVehicle:
         return min(most, left) if self._count else 1
 
     def _pace(self) -> None:
-        """Take over how often samples are wanted; the periods are counted anew from now."""
+        """Take over how often samples are wanted; the periods are counted again from now."""
         if self._count:
             self._begun_ns, self._count = self._time_ns(self._count - 1), 1
         self._sample_us = int(self.firmware.registers[_MIRROR_PERIOD])

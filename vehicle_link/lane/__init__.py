@@ -1,4 +1,4 @@
-"""The lane: authenticated datagrams of our own beside the link, for what is worthless when late.
+"""The lane: authenticated datagrams of our own next to the link, for what is worthless when late.
 
 QUIC holds packets back while its congestion window is small, which after losses it is; a sample
 100 times a second is better lost than late. So the newest telemetry, poses, bearings, sticks and
@@ -10,7 +10,7 @@ What protects it. The two keys of a lane, one for each direction, come as the an
 vehicle's service `lane`, so over the link with mutual TLS, and are in memory only. Each datagram is
 encrypted and authenticated (ChaCha20-Poly1305) with its header; its counter is the nonce, rises
 with every datagram and is never used twice with a key, for every answer and every start of a
-process has new keys. A datagram that came already, that nobody with the key has made, or whose
+process has new keys. A datagram that came already, that no one with the key has made, or whose
 topic is not for this end is dropped and counted. The vehicle answers nothing that is not
 authenticated, and sends to an address only while authenticated datagrams come from it.
 

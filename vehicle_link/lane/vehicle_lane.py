@@ -44,7 +44,7 @@ class _Lane:
     key_id: int
     sealer: Sealer = field(repr=False)
     opener: Opener = field(repr=False)
-    since_ns: int  # granted, or heard last
+    since_ns: int  # granted, or received last
     address: Address = None  # None until the first datagram
 
     @property

@@ -3,10 +3,10 @@ certificate of it (mutual TLS).
 
 The vehicle needs `ca.pem`, `vehicle.pem`, `vehicle.key`; the station `ca.pem`, `station.pem`,
 `station.key`; `ca.key` stays on the base. A new host name or address of the vehicle makes its
-certificate anew, for the key it has. `web.pem` is the page's under TLS, made when it is asked for.
+certificate again, for the key it has. `web.pem` is the page's under TLS, made when it is asked for.
 
 Whoever loses the authority is a stranger to all it has let in. So one is made in an empty folder
-alone, and nothing that is there is written over but a certificate that is made anew. Files are
+alone, and nothing that is there is written over but a certificate that is made again. Files are
 made in an order, keys first, in which a later start goes on where one was cut off.
 """
 
@@ -73,7 +73,7 @@ def ensure_certificates(folder: Path, names: Sequence[str] = ()) -> TlsFiles:
 
     Args:
         folder: made when missing, mode 0700; the files have mode 0600.
-        names: host names and addresses under which the vehicle is dialled, beside this host's.
+        names: host names and addresses under which the vehicle is dialled, next to this host's.
 
     Raises:
         StorageError: the folder cannot be written.
@@ -99,7 +99,7 @@ def ensure_web_certificate(folder: Path, names: Sequence[str]) -> TlsFiles:
     client's. It is renewed for a new name and when it ends within `WEB_RENEWED` days.
 
     It is a server's only: the link, where both ends show a certificate, does not take it for a
-    client's. Made anew for a new name and when it ends within `WEB_RENEWED` days.
+    client's. Made again for a new name and when it ends within `WEB_RENEWED` days.
 
     Raises StorageError or LinkError.
     """

@@ -53,7 +53,7 @@ class WhoAmI:
     def ask(self, timeout: float = 1.0) -> Message:
         """Return quadlab_msgs/srv/WhoAmI's response, of the widest service that answers.
 
-        Raises LinkError: nobody answered.
+        Raises LinkError: no one answered.
         """
         pilot, observer = self._clients
         request = new(f"{TYPE}_Request")

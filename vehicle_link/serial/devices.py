@@ -126,7 +126,7 @@ def find_ports(
 ) -> list[str]:
     """Return the ports of the one microcontroller that fits, behind any device of this machine.
 
-    Looks anew until `patience_s` is over; then says what was behind each device.
+    Looks again until `patience_s` is over; then says what was behind each device.
 
     Raises LinkError when there is none, or more than one.
     """

@@ -86,7 +86,7 @@ class ServiceClient:
         """Return the response; blocks for at most `timeout` seconds.
 
         Raises:
-            UnreachableError: nobody is there to answer.
+            UnreachableError: no one is there to answer.
             NoAnswerError: no answer came in time, here or where the service asked on.
             LinkError: the service answered with another error.
         """
@@ -112,7 +112,7 @@ class ServiceClient:
             if reply.err and text != "Timeout":  # Zenoh's own way of saying that time is up
                 kind = str(reply.err.encoding).partition(";")[2]
                 raise KINDS.get(kind, LinkError)(text)
-        if time.monotonic() - started < 0.5 * timeout:  # nobody to wait for
+        if time.monotonic() - started < 0.5 * timeout:  # no one to wait for
             log.debug("nobody serves %s", self._name)
             raise UnreachableError(f"{peer_of(self._name)} is not reached; is it running?")
         log.debug("%s did not answer within %g s", self._name, timeout)

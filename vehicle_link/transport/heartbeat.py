@@ -1,4 +1,4 @@
-"""How the link is doing, judged by when the other end was last heard. Pure: fed with times."""
+"""How the link is doing, judged by when the other end was last received. Pure: fed with times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a link to a vehicle can do, measured by a station of its own beside or without another."""
+"""What a link to a vehicle can do, measured by a station of its own next to or without another."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def measure(
 ) -> Figures:
     """Connect, measure for `seconds` and hang up.
 
-    While nobody else has the vehicle and it is not armed, we take it, so that telemetry comes at
+    While no one else has the vehicle and it is not armed, we take it, so that telemetry comes at
     its full rate.
 
     Args:

@@ -1,7 +1,7 @@
 """Whether a vehicle's end of the link answers at all, without showing or seeing a certificate.
 
-A QUIC server answers a packet of a version nobody speaks with those it does (RFC 9000, section 6);
-so a link that does not stand can be told apart: nobody there, or somebody who does not want us.
+A QUIC server answers a packet of a version no one speaks with those it does (RFC 9000, section 6);
+so a link that does not stand can be told apart: no one there, or someone who does not want us.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ AT_ONCE = 64
 
 class Door(StrEnum):
     ANSWERS = "answers"
-    CLOSED = "closed"  # the machine is there, nobody listens
+    CLOSED = "closed"  # the machine is there, no one listens
     SILENT = "silent"
     NAMELESS = "nameless"  # the host name leads nowhere
 

@@ -1,4 +1,4 @@
-"""One vehicle's radio: the session that dials it and carries it to the hub, opened anew when it
+"""One vehicle's radio: the session that dials it and carries it to the hub, opened again when it
 stands but brings nothing.
 
 Nothing here blocks a caller: sessions are opened, watched and abandoned by threads of their own,
@@ -72,12 +72,12 @@ class Radio:
     Args:
         endpoint: `host`, `host:port` or `quic/host:port`.
         loopback_port, loopback_host: of the hub.
-        silent: s since anything came from the vehicle over its session (not beside it); inf
+        silent: s since anything came from the vehicle over its session (not next to it); inf
             before the first. Asked in a thread of the radio.
-        beside: the same of what came beside its session.
+        beside: the same of what came next to its session.
         answers: whether the vehicle answers over the session within so many seconds; asked in the
             same thread, after an outage.
-        say: told when a session is opened anew, in one line.
+        say: told when a session is opened again, in one line.
 
     Raises:
         LinkError: a certificate does not fit.

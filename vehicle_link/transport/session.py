@@ -75,7 +75,7 @@ def station_session(
     """Open a session that dials the vehicle for as long as it lives, and routes for clients on the
     loopback port.
 
-    Returns at once, vehicle or not; `connected_to` says whether the link stands.
+    Returns at once, vehicle or not; `connected_to` says whether the link is connected.
 
     Args:
         vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
@@ -113,7 +113,7 @@ def radio_session(
     """Open a session that dials a vehicle for as long as it lives, and routes between it and the
     hub, if one is named.
 
-    Returns within a second, vehicle or not; `connected_to` says whether the link stands.
+    Returns within a second, vehicle or not; `connected_to` says whether the link is connected.
 
     Args:
         vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
@@ -243,7 +243,7 @@ def link_config(mode: str, tls: TlsFiles | None = None, role: Role = "station") 
         }
     return {
         "mode": mode,
-        # Nobody is looked for, so opening need not wait half a second for who is found.
+        # No one is looked for, so opening need not wait half a second for who is found.
         "scouting": {"delay": 0, "multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "transport": {
             # Shared memory would carry large messages around the link on one host.

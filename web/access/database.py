@@ -74,7 +74,7 @@ class AccessDatabase:
         self._path = folder / NAME
         try:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-            # SQLite gives its files beside this one the same mode.
+            # SQLite gives its files next to this one the same mode.
             os.close(os.open(self._path, os.O_RDWR | os.O_CREAT, 0o600))
             self._path.chmod(0o600)
         except OSError as error:

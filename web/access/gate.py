@@ -78,7 +78,7 @@ class Gate:
                 await answer.fields(200, {}, allowed)
             elif not await self._entrance(scope, headers, receive, answer):
                 await self._let_in(scope, headers, receive, send, answer)
-        except StorageError as error:  # of the accounts: nobody is let in
+        except StorageError as error:  # of the accounts: no one is let in
             await answer.error(503, str(error))
 
     def _foreign(self, scope: Scope, headers: dict[str, str]) -> str | None:

@@ -53,7 +53,7 @@ class Passwords:
         return self._hasher.hash(_normal(password))
 
     def matches(self, encoded: str | None, password: str) -> bool:
-        """Return whether the password fits. Without a hash (nobody of that name) the same work is
+        """Return whether the password fits. Without a hash (no one of that name) the same work is
         done in vain, so that the time taken does not tell which names exist.
         """
         from argon2.exceptions import InvalidHashError, VerificationError

@@ -1,6 +1,6 @@
 """`/ws/comparison`: the estimators of the comparison with their residuals, for an open Beacons tab.
 
-JSON at 5 Hz, faster than which nobody reads numbers; nothing while no comparison comes. Charts get
+JSON at 5 Hz, faster than which no one reads numbers; nothing while no comparison comes. Charts get
 the same figures at their own rate as signals (web.signals). A page opens this socket while its
 tab is open and closes it after.
 """

@@ -1,4 +1,4 @@
-"""One estimate as a ghost beside the truth, with the ellipsoid of three sigma of its position."""
+"""One estimate as a ghost next to the truth, with the ellipsoid of three sigma of its position."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from web.view.airframe import Airframe
 TINT = (186, 142, 226)
 OPACITY = 0.16
 LARGEST = 10.0  # m; a larger half axis says nothing and would fill the view
-CHANGED = 0.04  # share by which a covariance must differ to be drawn anew
+CHANGED = 0.04  # share by which a covariance must differ to be drawn again
 ONE_FRAME = "one frame"
 
 

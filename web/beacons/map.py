@@ -1,4 +1,4 @@
-"""The observability map: the position bound over a horizontal slice, computed beside the loop."""
+"""The observability map: the position bound over a horizontal slice, computed next to the loop."""
 
 from __future__ import annotations
 

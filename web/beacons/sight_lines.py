@@ -1,7 +1,7 @@
 """What the vehicle sees of the beacons: measured rays, and cones of three sigma where they belong.
 
 A ray leaves the pose its bearing was measured at, in the measured direction, as long as the beacon
-is far: where it ends beside the beacon is the noise. A cone points at the beacon itself, so that
+is far: where it ends next to the beacon is the noise. A cone points at the beacon itself, so that
 it is calm, and a ray outside of it is one in ninety. The pose is the truth where there is one, and
 else the vehicle's estimate.
 """

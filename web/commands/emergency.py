@@ -8,7 +8,7 @@ comes later), for whoever pressed wants to know, and whoever did not must know t
   `safety.emergency_land` chooses, or a worse one; the microcontroller's once it has taken over,
 - `acknowledged`, or `failed` with its reason.
 
-Presses of one kind that are under way are one call: however often anybody presses, there are at
+Presses of one kind that are under way are one call: however often anyone presses, there are at
 most two, so that none waits for a thread.
 """
 
@@ -69,7 +69,7 @@ class EmergencyDesk:
 
     Args:
         publish: takes the messages for all pages.
-        say: (level, line) for everybody's list of events.
+        say: (level, line) for everyone's list of events.
         chosen: safety.emergency_land, None while that is not known.
     """
 
@@ -126,7 +126,7 @@ class EmergencyDesk:
             await self._try(press)
         except QuadlabError as error:
             self._unanswered(press, error)
-        except Exception as error:  # a defect must not leave anybody waiting
+        except Exception as error:  # a defect must not leave anyone waiting
             log.exception("emergency %s", press.action)
             self._unanswered(press, LinkError(f"defect, see the log of quadlab web: {error!r}"))
         else:
@@ -139,7 +139,7 @@ class EmergencyDesk:
 
     def _unanswered(self, press: Press, error: QuadlabError) -> None:
         press.answered.set_exception(error)
-        press.answered.exception()  # retrieved, though nobody may wait any more
+        press.answered.exception()  # retrieved, though no one may wait any more
         shown = isinstance(error, LinkError) and self._shows(press)
         if press.phase == "sent" and not shown:
             press.reason = str(error)

@@ -141,7 +141,7 @@ class StickOutput:
         """Zero and disabled, once, if this hand had the sticks.
 
         Args:
-            let_go: who released the button. While nobody has the sticks that is passed on, too: a
+            let_go: who released the button. While no one has the sticks that is passed on, too: a
                 station that dropped them waits for it, and may not have heard it of a web process
                 that was there before.
         """
@@ -174,7 +174,7 @@ async def serve(
 
     Args:
         may: whether this requester has control, or may take it now; asked with each frame.
-        say: (level, line) for everybody's list of events.
+        say: (level, line) for everyone's list of events.
     """
     if not session.role.may(Role.OPERATOR):
         await socket.close(1008, "viewers have no sticks")

@@ -1,7 +1,7 @@
 """All vehicles of this page together: how each one stands, and what a page takes of it.
 
-What comes many times a second is taken only of vehicles that somebody looks at, and of all their
-positions only while somebody has the fleet's page open.
+What comes many times a second is taken only of vehicles that someone looks at, and of all their
+positions only while someone has the fleet's page open.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The newest message of each topic and its age.
 
 Zenoh's threads put payloads in; the page's loops take messages out at their own pace, so that
-what nobody looks at is never decoded. Ages run on this computer's monotonic clock, from the
+what no one looks at is never decoded. Ages run on this computer's monotonic clock, from the
 arrival: they need no clock of the vehicle.
 """
 

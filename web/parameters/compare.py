@@ -1,4 +1,4 @@
-"""A set of values beside the present ones: what would change, and what cannot be taken and why."""
+"""A set of values next to the present ones: what would change, and what cannot be taken and why."""
 
 from __future__ import annotations
 

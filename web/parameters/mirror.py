@@ -26,7 +26,7 @@ class ParameterMirror:
 
     Attributes:
         revision: the vehicle's.
-        generation: grows when all is read anew (another vehicle, a restart): revisions of
+        generation: grows when all is read again (another vehicle, a restart): revisions of
             different generations are not compared. Also across restarts of this process.
         clock: counts what was taken over.
     """

@@ -1,7 +1,7 @@
 """The replays' caches: built when first asked for, one at a time, and of bounded size together.
 
 They lie in `runs/.replay/`, one folder a log (console.runs.replay_caches), and belong to a log's
-size and time of change: when it grows or is mended, they are built anew.
+size and time of change: when it grows or is mended, they are built again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Recordings for viser, made when asked for and kept beside the run."""
+"""Recordings for viser, made when asked for and kept next to the run."""
 
 from __future__ import annotations
 

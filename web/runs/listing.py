@@ -1,4 +1,4 @@
-"""One line of the list of runs, with what stands beside the catalogue."""
+"""One line of the list of runs, with what stands next to the catalogue."""
 
 from __future__ import annotations
 

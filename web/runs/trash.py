@@ -1,6 +1,6 @@
 """Deleting runs, undoing it, and how full the disk is.
 
-An operator deletes and brings back; for good only an admin removes before the time is up.
+An operator deletes and brings back; permanently only an admin removes before the time is up.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ class Airframe:
 
     Args:
         arm: m, centre to rotor axis.
-        ghost: drawn as a pale outline without propellers (another pose beside the estimate).
+        ghost: drawn as a pale outline without propellers (another pose next to the estimate).
         tint, opacity: of a ghost, sRGB.
     """
 

@@ -1,6 +1,6 @@
 """viser's frames, packed once for all pages that get the same.
 
-viser packs what changed anew for each of its clients; with ten pages that was a third of the web
+viser packs what changed again for each of its clients; with ten pages that was a third of the web
 process. Pages that keep up get the same messages at the same time, so the frame packed last is
 kept and given to each of them. A page that lags gets frames of its own, with the newest values, as
 viser meant it. How a frame is packed stays viser's.

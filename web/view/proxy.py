@@ -1,7 +1,7 @@
 """viser's page and websocket through our port.
 
 The pump carries viser's frames to the browser untouched and lets back the camera alone. Our scene
-has no viser widgets, and other messages let a client change what everybody sees (set attributes
+has no viser widgets, and other messages let a client change what everyone sees (set attributes
 of handles, drag nodes, ask for a public tunnel). An operator's drag of a beacon's handle does not
 reach viser either: it is taken out and given to `ViewServer.on_drag`.
 

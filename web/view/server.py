@@ -1,6 +1,6 @@
 """The viser server behind our door: loopback, a random port, and only our pump may speak to it.
 
-viser has no login and no origin check, so its port must answer nobody else: each connection
+viser has no login and no origin check, so its port must answer no one else: each connection
 needs a secret header, checked before viser sees the request. Its sockets get small send
 buffers: viser replaces an unsent value by the newer one, which only works while the unsent ones
 are still in viser and not in the kernel (a stalled tab would replay half a minute).

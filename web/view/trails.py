@@ -118,7 +118,7 @@ def line_color(color: tuple[int, int, int]) -> tuple[int, int, int]:
     """Return the colour to give a viser line so that it looks like this sRGB colour: lines come out
     brighter.
 
-    The exponent was found by eye beside the page's own colours.
+    The exponent was found by eye next to the page's own colours.
     """
     red, green, blue = (round(255.0 * (c / 255.0) ** 1.4) for c in color)
     return (red, green, blue)

@@ -1,6 +1,6 @@
 """The emergency: level, down at a held rate by the barometer, motors off on the ground.
 
-It needs nothing from outside. Where it drifts to nobody controls: level is all it knows.
+It needs nothing from outside. Where it drifts to no one controls: level is all it knows.
 """
 
 from __future__ import annotations
