@@ -10,12 +10,14 @@ import { Sensor } from "./sensor.js";
 import { Session } from "./session.js";
 import { BeaconView } from "./view.js";
 import { Socket } from "../core/sockets.js";
+import { $ } from "../core/dom.js";
 
-const $ = (id) => document.getElementById(id);
 const LAYOUT = "station.bearings.layout";
 const PERIOD = 200; // ms
 
 export class Beacons {
+  socket;
+
   constructor({ events, history, description, gains, isOperator, ages }) {
     const shared = { events, gains, isOperator, ages };
     this.ages = ages;
@@ -34,7 +36,7 @@ export class Beacons {
     document.addEventListener("tab", ({ detail }) => (detail === "beacons" ? this.show() : this.hide()));
     gains.addEventListener("read", () => this.isOpen && this.parameters());
     events.on("parameter", ({ name, value }) => this.isOpen && this.parameter(name, value));
-    events.on("beacon_view", (shared) => this.isOpen && this.view.show(shared));
+    events.on("beacon_view", (view) => this.isOpen && this.view.show(view));
     events.on("hello", () => this.isOpen && this.load());
   }
 

@@ -4,7 +4,8 @@
 import { BOUND, colorOf, wordsOf } from "./estimate_names.js";
 import { Chart } from "../charts/chart.js";
 import { TimeAxis } from "../charts/time_axis.js";
-import { element, fixed } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 
 const ERROR = "comparison.position_error.";
 const DEVIATION = "comparison.deviation.error_state";

@@ -1,7 +1,8 @@
 // Errors against the truth, a row for each estimate compared; the name chooses it as the ghost.
 
 import { colorOf, OFFERED, partsOf, wordsOf } from "./estimate_names.js";
-import { duration, element, fixed, NONE } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { duration, fixed, NONE } from "../core/format.js";
 
 const COMPARED = "station.comparison.estimators";
 const TRUTHS = { truth: "the simulator's truth", tracker: "the tracker" };
@@ -32,14 +33,14 @@ export class Errors {
     if (!comparison) return;
     this.table.hidden = false;
     this.empty.hidden = true;
-    set(this.note, `against ${TRUTHS[comparison.truth] ?? "nothing"}, session ${duration(comparison.duration)}`);
+    setText(this.note, `against ${TRUTHS[comparison.truth] ?? "nothing"}, session ${duration(comparison.duration)}`);
     const names = comparison.estimators.map(({ name }) => name);
     if (names.join() !== [...this.rows.keys()].join()) this.build(names);
     for (const one of comparison.estimators) {
       const { cells, button, state } = this.rows.get(one.name);
-      DIGITS.forEach((digits, i) => set(cells[i], figure(one.figures[i], digits)));
+      DIGITS.forEach((digits, i) => setText(cells[i], figure(one.figures[i], digits)));
       button.setAttribute("aria-pressed", String(one.name === chosen));
-      set(state, stateOf(one));
+      setText(state, stateOf(one));
     }
   }
 
@@ -102,4 +103,3 @@ function stateOf({ name, state }) {
 
 const th = (text, colSpan = 1) => element("th", { colSpan }, text);
 const figure = (value, digits) => (value === null ? NONE : fixed(value, value < 10 && digits === 0 ? 1 : digits));
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

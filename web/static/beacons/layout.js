@@ -2,7 +2,8 @@
 // draft, marked as such, until it is applied. A refused draft is put aside with its reason.
 
 import { request } from "../core/api.js";
-import { element, exact } from "../core/format.js";
+import { element, setIfChanged } from "../core/dom.js";
+import { exact } from "../core/format.js";
 import { here } from "../core/vehicle_path.js";
 
 // As it is, with three decimals at least, so that the points stand under each other.
@@ -66,13 +67,13 @@ export class Layout {
   }
 
   async send(body) {
-    const wrong = Array.isArray(body) && body.findIndex((row) => !row.every(Number.isFinite));
-    if (Array.isArray(body) && wrong >= 0) { this.refuse(`row ${wrong + 1}: id, x, y and z are numbers, in m`, true); return; }
+    const wrong = Array.isArray(body) ? body.findIndex((row) => !row.every(Number.isFinite)) : -1;
+    if (wrong >= 0) { this.refuse(`row ${wrong + 1}: id, x, y and z are numbers, in m`, true); return; }
     await this.attempt(() => request("PUT", "/api/beacons", body));
   }
 
   async load() {
-    const [file] = this.file.files;
+    const [file] = this.file.files ?? [];
     this.file.value = "";
     if (!file) return;
     await this.attempt(async () => {
@@ -116,7 +117,7 @@ export class Layout {
   fill(texts) {
     texts.forEach((row, i) => row.forEach((text, k) => {
       const input = this.body.rows[i].cells[k].firstChild;
-      if (input.value !== text) input.value = text; // else the caret would jump
+      setIfChanged(input, "value", text); // else the caret would jump
     }));
   }
 
@@ -144,7 +145,7 @@ export class Layout {
     const known = new Map(this.confirmed.map((row) => [exact(row[0]), textsOf(row)]));
     this.texts().forEach((texts, i) => {
       const before = known.get(texts[0]);
-      texts.forEach((text, k) => this.body.rows[i]?.cells[k].firstChild.classList.toggle("draft", Boolean(this.draft) && before?.[k] !== text));
+      texts.forEach((text, k) => this.body.rows[i]?.cells[k].firstElementChild?.classList.toggle("draft", Boolean(this.draft) && before?.[k] !== text));
     });
     this.apply.hidden = this.discard.hidden = !this.draft;
     this.again.hidden = !this.refused || Boolean(this.draft);

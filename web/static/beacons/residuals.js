@@ -2,7 +2,8 @@
 // expects, drawn against three standard deviations of the sensor.
 
 import { wordsOf } from "./estimate_names.js";
-import { element, fixed, NONE } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { fixed, NONE } from "../core/format.js";
 
 const FULL = 5 / 3; // a whole bar, in units of 3σ: where a fall-back counts a bearing as wrong
 
@@ -36,14 +37,14 @@ export class Residuals {
     this.note.hidden = !isOff;
     if (!isOff) return;
     const offset = `${fixed((status.suspect_offset * 180) / Math.PI, 1)}° off on average`;
-    set(this.note, id < 0 ? `One beacon is ${offset}; which one cannot be told without the tracker or a fifth beacon.`
+    setText(this.note, id < 0 ? `One beacon is ${offset}; which one cannot be told without the tracker or a fifth beacon.`
       : `Beacon ${id} is ${offset}${status.suspect_left_out ? ", left out" : ""}.`);
   }
 
   // one: an estimator of the comparison, or undefined; sigma in degrees
   show(one, sigma, isStale) {
-    set(this.of, one ? ` of ${one.name === "vehicle" ? "the vehicle's estimate" : wordsOf(one.name)}` : "");
-    set(this.limit, sigma ? `3σ = ${fixed(3 * sigma, 2)}°` : "");
+    setText(this.of, one ? ` of ${one.name === "vehicle" ? "the vehicle's estimate" : wordsOf(one.name)}` : "");
+    setText(this.limit, sigma ? `3σ = ${fixed(3 * sigma, 2)}°` : "");
     const seen = new Map(one?.residuals ?? []);
     for (const [id, { line, fill, value }] of this.rows) {
       const angle = seen.get(id) ?? null, isOld = isStale || angle === null;
@@ -53,9 +54,7 @@ export class Residuals {
       const share = angle / (3 * sigma);
       fill.style.width = `${(100 * Math.min(1, share / FULL)).toFixed(1)}%`;
       line.classList.toggle("beyond", share > 1 && !isOld);
-      set(value, `${fixed(angle, 2)}°`);
+      setText(value, `${fixed(angle, 2)}°`);
     }
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,6 +1,6 @@
 // The emulated sensor: its parameters as rows with sliders, as in the Gains tab, in four groups.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { GainRow } from "../gains/row.js";
 
 const PREFIX = "station.bearings.";
@@ -13,6 +13,8 @@ const GROUPS = [
 const ELSEWHERE = ["layout"];
 
 export class Sensor {
+  counts;
+
   constructor(place, { gains, isOperator }) {
     this.gains = gains;
     this.isOperator = isOperator;

@@ -1,7 +1,7 @@
 // What the vehicle flies on, and the way onto bearings and back: three steps in plain words.
 
 import { partsOf } from "./estimate_names.js";
-import { element } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
 
 const P = { estimator: "estimation.estimator", source: "estimation.source", shadow: "estimation.shadow", shadowSource: "estimation.shadow_source" };
 const SOURCES = { poses: "the tracker's poses", bearings: "bearings to the beacons", both: "poses and bearings together" };
@@ -90,8 +90,8 @@ export class Session {
     const flags = status?.flags ?? [], source = value("source");
     const onBearings = flags.includes("on_bearings") || source === "bearings";
     const filter = value("estimator"), gains = filter === "complementary" && this.presetInUse;
-    set(this.line, source === undefined ? "The vehicle's parameters have not been read yet" : `${status?.airborne === false ? "Estimate from" : "Flies on"} ${SOURCES[onBearings ? "bearings" : source]}`);
-    set(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back by itself, the events say why"].filter(Boolean).join(" · "));
+    setText(this.line, source === undefined ? "The vehicle's parameters have not been read yet" : `${status?.airborne === false ? "Estimate from" : "Flies on"} ${SOURCES[onBearings ? "bearings" : source]}`);
+    setText(this.detail, [filter && partsOf(filter)[0], gains === "default" ? "gains for the tracker" : gains && `${gains} gains`, flags.includes("fell_back") && "fell back by itself, the events say why"].filter(Boolean).join(" · "));
     this.detail.classList.toggle("amber", flags.includes("fell_back") && !isStale);
     this.way.hidden = source !== "poses";
     this.back.hidden = source === undefined || source === "poses";
@@ -112,9 +112,9 @@ export class Session {
     const isSet = this.estimator.value !== "complementary" || this.preset.value === "" || this.presetInUse === this.preset.value;
     mark(beside, runs ? "It runs beside, on bearings" : "Run it beside, on bearings", runs && isSet);
     this.beside.hidden = runs && isSet;
-    set(this.beside, runs ? "Set gains" : "Run beside");
+    setText(this.beside, runs ? "Set gains" : "Run beside");
     this.stop.hidden = !runs;
-    this.beside.parentElement.classList.toggle("two", runs && !isSet);
+    this.beside.parentElement?.classList.toggle("two", runs && !isSet);
     mark(over, "Hand over, once it has converged", false);
   }
 }
@@ -125,8 +125,6 @@ function step(text, ...buttons) {
 }
 
 function mark({ label, place }, text, isDone) {
-  set(label, text);
+  setText(label, text);
   place.classList.toggle("done", isDone);
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -2,7 +2,8 @@
 
 import { request } from "../core/api.js";
 import { wordsOf } from "./estimate_names.js";
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 
 const SWITCHES = [
   ["rays", "Rays", "lines from the vehicle to the beacons it sees"],
@@ -33,7 +34,10 @@ export class BeaconView {
     this.ghost.addEventListener("change", () => { const wanted = this.ghost.value; this.draw(); this.change({ estimate: wanted }); });
     this.legend = element("div", { className: "scale", hidden: true });
     this.reason = element("div", { className: "reason", hidden: true });
-    const label = (key, ...more) => element("label", { title: this.boxes.get(key).title }, this.boxes.get(key), SWITCHES.find(([name]) => name === key)[1], ...more);
+    const label = (key, ...more) => {
+      const box = this.boxes.get(key), text = SWITCHES.find(([name]) => name === key)?.[1];
+      return element("label", { title: box?.title }, box ?? "", text ?? "", ...more);
+    };
     place.append(element("h2", {}, "3D view", element("span", { className: "limit" }, "shared by all pages")),
       element("div", { className: "boxes view" }, label("rays"), label("cones"), label("drag"), label("map"),
         element("label", { className: "height" }, "at", this.height, "m"), element("label", { className: "ghost" }, "Ghost", this.ghost)),

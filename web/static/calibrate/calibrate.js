@@ -7,7 +7,8 @@ import { CalibrationResult } from "./result.js";
 import { CalibrationRun } from "./run.js";
 import { CALIBRATIONS, labelOf, RUNNING } from "./labels.js";
 import { OptionForm } from "../experiments/options.js";
-import { element, words } from "../core/format.js";
+import { $, element, setIfChanged, setText } from "../core/dom.js";
+import { words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
 const TOPIC = "experiment_status";
@@ -18,7 +19,8 @@ const FRESH = 1; // s
 export class Calibrate {
   // session: of /api/session
   constructor(place, { events, session, telemetry, gains, isOperator, ages }) {
-    Object.assign(this, { place, events, session, gains, isOperator, ages });
+    this.place = place; this.events = events; this.session = session; this.gains = gains;
+    this.isOperator = isOperator; this.ages = ages;
     this.known = []; // calibrations of /api/experiments
     this.history = null; // records, newest first; null while the vehicle has not told them
     this.problem = "Not read yet.";
@@ -86,9 +88,9 @@ export class Calibrate {
     const { chosen } = this, text = CALIBRATIONS[this.name];
     this.form.show(chosen?.problem ? undefined : chosen);
     this.form.put(this.kept.get(this.name) ?? {});
-    set(this.about, chosen?.problem || chosen?.description || "");
+    setText(this.about, chosen?.problem || chosen?.description || "");
     this.about.classList.toggle("amber", Boolean(chosen?.problem));
-    set(this.needs, text ? `Needs: ${text.needs}.` : "");
+    setText(this.needs, text ? `Needs: ${text.needs}.` : "");
     this.draw();
   }
 
@@ -150,7 +152,7 @@ export class Calibrate {
     const { hindrance } = this;
     this.start.disabled = Boolean(hindrance);
     this.form.disable(!this.isOperator);
-    set(this.line, hindrance);
+    setText(this.line, hindrance);
     const { chosen } = this;
     this.past.place.hidden = !chosen;
     if (chosen) this.past.show(labelOf(chosen.name), this.recordsOf(chosen.calibration), this.problem);
@@ -166,10 +168,8 @@ export class Calibrate {
   // A dot at the tab while something waits for a person.
   flag(status) {
     const waits = status?.question ? "a question waits for a yes" : status && !RUNNING.includes(status.phase) && this.events.summary.proposal && !status.decision ? "a result waits to be accepted or rejected" : "";
-    const tab = document.getElementById("open-calibrate");
+    const tab = $("open-calibrate");
     tab.classList.toggle("waits", Boolean(waits));
-    if (tab.title !== waits) tab.title = waits;
+    setIfChanged(tab, "title", waits);
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,6 +1,6 @@
 // The motor law of a bench: force over reference, steps as points, f = (slope (ref + offset))² as a line.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const HEIGHT = 170;
 const FONT = "11px system-ui, sans-serif";
@@ -10,7 +10,7 @@ const STEP = /^step ([\d.]+), count/; // the residual of one
 // record: of a motor; an element that draws itself when it has a size, or null when it lacks the law.
 export function motorFit({ values, residuals }) {
   const slope = values["model.motor_slope"], offset = values["model.motor_offset"];
-  const points = residuals.filter(([name]) => STEP.test(name)).map(([name, miss]) => [Number(STEP.exec(name)[1]), miss]);
+  const points = residuals.filter(([name]) => STEP.test(name)).map(([name, miss]) => [Number(STEP.exec(name)?.[1]), miss]);
   if (!(slope > 0) || !Number.isFinite(offset) || points.length < 2) return null;
   const force = (reference) => (slope * Math.max(0, reference + offset)) ** 2;
   // A residual is what the law of the measured force says, less the reference that was commanded.

@@ -2,7 +2,7 @@
 
 import { isChanged, recordView, sign } from "./record.js";
 import { when, who } from "./labels.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 export class CalibrationHistory {
   constructor(gains) {

@@ -2,12 +2,13 @@
 
 import { isChanged, sign } from "./record.js";
 import { CALIBRATIONS, day, labelOf, when, who } from "./labels.js";
-import { element, NONE } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { NONE } from "../core/format.js";
 
 export class CalibrationList {
   // choose(name): of an experiment
   constructor({ gains, choose }) {
-    Object.assign(this, { gains, choose });
+    this.gains = gains; this.choose = choose;
     this.body = element("tbody");
     this.table = element("table", { className: "calibrations", hidden: true },
       element("thead", {}, element("tr", {}, ...["calibration", "in force since", "by", ""].map((text) => element("th", { scope: "col" }, text)))), this.body);
@@ -24,9 +25,9 @@ export class CalibrationList {
     this.note.hidden = known.length > 0;
     const rows = known.map(({ name, calibration, problem }) => {
       const records = recordsOf(calibration), record = records?.[0];
-      return { name, problem, record, isTold: records !== null, isChanged: Boolean(record) && isChanged(record, this.gains) };
+      return { name, problem, record, isTold: records !== null, differs: Boolean(record) && isChanged(record, this.gains) };
     });
-    const key = JSON.stringify([chosen, rows.map(({ name, record, isTold, isChanged }) => [name, record?.stamp_ns, isTold, isChanged])]);
+    const key = JSON.stringify([chosen, rows.map(({ name, record, isTold, differs }) => [name, record?.stamp_ns, isTold, differs])]);
     if (key === this.drawn) return;
     this.drawn = key;
     const hadFocus = this.body.contains(document.activeElement);
@@ -34,11 +35,11 @@ export class CalibrationList {
     if (hadFocus) this.body.querySelector("input:checked")?.focus();
   }
 
-  row({ name, problem, record, isTold, isChanged }, isChosen) {
+  row({ name, problem, record, isTold, differs }, isChosen) {
     const radio = element("input", { type: "radio", name: "calibration", value: name, checked: isChosen, onchange: () => this.choose(name) });
     const label = element("label", { title: CALIBRATIONS[name]?.gives ?? "" }, radio, labelOf(name));
     const state = problem ? [element("span", { className: "sign beyond" }, element("i", { ariaHidden: "true" }, "!"), "broken")]
-      : isChanged ? [element("span", { className: "sign beyond", title: "values were changed by hand since" }, element("i", { ariaHidden: "true" }, "!"), "changed")]
+      : differs ? [element("span", { className: "sign beyond", title: "values were changed by hand since" }, element("i", { ariaHidden: "true" }, "!"), "changed")]
       : record?.quality.length ? [sign(record.good)] : [];
     return element("tr", { className: isChosen ? "chosen" : "" }, element("th", { scope: "row" }, label), element("td", { title: record ? when(record) : "" }, record ? day(record) : isTold ? "never" : NONE), element("td", {}, record ? who(record) : ""), element("td", {}, ...state));
   }

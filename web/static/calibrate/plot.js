@@ -2,7 +2,7 @@
 // called `X deviation` is drawn as a band about X.
 
 import { labelAndUnit } from "./labels.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const MOST = 4000; // samples: at 5 Hz a quarter of an hour
 const PLOTS = 3;
@@ -13,6 +13,8 @@ const FONT = "11px system-ui, sans-serif";
 const BAND = / deviation$/; // as in experiments/guide.js
 
 export class LivePlots {
+  plots; times; columns; units; built; // set by clear()
+
   constructor() {
     this.place = element("div", { className: "live-plots" });
     this.clear();

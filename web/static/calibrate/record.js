@@ -3,14 +3,15 @@
 import { motorFit } from "./fit.js";
 import { residualBars } from "./residuals.js";
 import { BEYOND, compared, figure, GOOD } from "./labels.js";
-import { digitsOf, element, exact, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { digitsOf, exact, words } from "../core/format.js";
 
 // record: of the API. gains: what is in use now; before: the record of the same name before this one;
 // isKept: by the vehicle, not only proposed.
 export function recordView(record, { gains, before, isKept }) {
   return element("div", { className: "record" },
     ...(record.warnings.length ? [element("ul", { className: "warnings" }, ...record.warnings.map((text) => element("li", {}, text)))] : []),
-    ...[values(record, gains, before, isKept), quality(record.quality), residualBars(record.residuals), record.name === "motor" ? motorFit(record) : null, conditions(record)].filter(Boolean));
+    ...[values(record, gains, before, isKept), quality(record.quality), residualBars(record.residuals), record.name === "motor" ? motorFit(record) : null, conditions(record)].filter((part) => part !== null));
 }
 
 function values(record, gains, before, isKept) {

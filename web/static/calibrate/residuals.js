@@ -2,7 +2,7 @@
 // Kinds of the same unit (a law and another one beside it) have one scale.
 
 import { capital, figure, labelAndUnit } from "./labels.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const SEEN = 13; // rows without scrolling
 

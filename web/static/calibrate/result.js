@@ -3,7 +3,8 @@
 import { get } from "../core/api.js";
 import { recordView } from "./record.js";
 import { labelOf } from "./labels.js";
-import { element, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 import { RunReport } from "../runs/report.js";
 
@@ -13,7 +14,7 @@ const IN_USE = { accepted: "✓ Accepted. It is in use, and kept by the vehicle 
 
 export class CalibrationResult {
   constructor({ gains, isOperator, ask, repeat, closed }) {
-    Object.assign(this, { gains, isOperator });
+    this.gains = gains; this.isOperator = isOperator;
     this.title = element("b");
     this.close = element("button", { className: "link", onclick: () => { this.away = this.id; closed(); } }, "Close");
     this.reason = element("p", { className: "reason" });

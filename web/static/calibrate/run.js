@@ -4,7 +4,8 @@ import { LivePlots } from "./plot.js";
 import { isPose, PoseSphere, posesOf } from "./sphere.js";
 import { labelOf, RUNNING } from "./labels.js";
 import { Guide } from "../experiments/guide.js";
-import { duration, element } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { duration } from "../core/format.js";
 
 const FORCE = ["x", "y", "z"].map((axis) => `imu.linear_acceleration.${axis}`); // at rest it points up
 const UNPLOTTED = ["gyroscope", "accelerometer"]; // numbers and the sphere say more
@@ -13,6 +14,7 @@ const STEADY = 2; // m/s² from gravity, beyond which it does not say where up i
 export class CalibrationRun {
   constructor({ telemetry, isOperator, ask }) {
     this.telemetry = telemetry;
+    /** @type {{ done: Map<string, number[]>, next: number[] | null }} */
     this.poses = { done: new Map(), next: null };
     this.isOperator = isOperator;
     this.title = element("b");
@@ -58,10 +60,10 @@ export class CalibrationRun {
     this.want(status?.name === "accelerometer");
     if (!status) { this.guide.draw(null, isOld); return; }
     const time = status.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : duration(status.elapsed);
-    set(this.title, labelOf(status.name));
-    set(this.time, status.phase === "evaluating" ? "being judged" : status.phase === "finishing" ? `finishing · ${time}` : time);
+    setText(this.title, labelOf(status.name));
+    setText(this.time, status.phase === "evaluating" ? "being judged" : status.phase === "finishing" ? `finishing · ${time}` : time);
     this.guide.draw(status, isOld);
-    set(this.step, status.instruction || status.question ? "" : status.step); // an instruction says more
+    setText(this.step, status.instruction || status.question ? "" : status.step); // an instruction says more
     this.finish.disabled = !this.isOperator || status.phase !== "flying" || isOld;
     this.stop.disabled = !this.isOperator || isOld;
     this.plots.place.hidden = UNPLOTTED.includes(status.name);
@@ -79,5 +81,3 @@ export class CalibrationRun {
     return Math.abs(length - 9.81) < STEADY ? force : null;
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

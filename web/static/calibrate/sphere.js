@@ -1,12 +1,14 @@
 // Which way was up in the poses held so far, on a sphere about the vehicle: body x forward, y left,
 // z up. Points behind the sphere are hollow; the next pose is a ring, the vehicle now a cross.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const POSE = /^pose (\d+) ([xyz])$/, NEXT = /^next ([xyz])$/;
 const SIZE = 190, RADIUS = 72;
 const YAW = 0.6, PITCH = 0.42; // rad: seen from the front left and above
+/** @type {[string, [number, number, number], string][]} */
 const AXES = [["forward", [1, 0, 0], "x"], ["left", [0, 1, 0], "y"], ["up", [0, 0, 1], "z"]];
+/** @type {[string, [number, number, number]][]} */
 const FACES = [["upright", [0, 0, 1]], ["upside down", [0, 0, -1]], ["nose up", [1, 0, 0]], ["nose down", [-1, 0, 0]], ["left side up", [0, 1, 0]], ["right side up", [0, -1, 0]]];
 const FACE = 0.9; // cosine, within which a direction is that face
 
@@ -38,7 +40,7 @@ export class PoseSphere {
 
   // done, next: of posesOf; now: [x, y, z], where up is in body axes, or null.
   show({ done, next }, now) {
-    const marks = [...[...done].map(([number, up]) => ({ up: unit(up), kind: "held", number })), ...(next ? [{ up: unit(next), kind: "next" }] : []), ...(now ? [{ up: unit(now), kind: "now" }] : [])];
+    const marks = [...[...done].map(([number, up]) => ({ up: unit(up), kind: "held", number })), ...(next ? [{ up: unit(next), kind: "next", number: "" }] : []), ...(now ? [{ up: unit(now), kind: "now", number: "" }] : [])];
     marks.sort((one, other) => project(one.up)[2] - project(other.up)[2]);
     this.points.replaceChildren(...marks.map(mark));
     const names = [...done.values()].map(nameOf), count = done.size ? `${done.size} pose${done.size === 1 ? "" : "s"} held` : "No pose held yet", ahead = next ? `Next: ${nameOf(next)}.` : "";

@@ -4,7 +4,8 @@ import { indexAt } from "./history.js";
 import { extent, isReference, spread, stylesOf, trace } from "./lines.js";
 import { pointing } from "./pointer.js";
 import { LONGEST } from "./time_axis.js";
-import { element, fixed } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 
 const PERIOD = 66; // ms between two drawings at most
 const READ = 125; // ms between two readings of the newest values
@@ -13,9 +14,11 @@ const STEPS = [0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300]; // s bet
 const EMPTY = [[0, 1], [0, 0]]; // uPlot wants some data; the lines take theirs from the history
 
 export class Chart {
+  names; units; styles; labels; ends; outputs; uplot; piece; drawn; pointer; isSeen; grow; less; // of what is selected and drawn
+
   // axis: TimeAxis; signals: name → { label, unit, group, topic }; who: this chart, to the history
   constructor(place, { axis, signals, who, names = [], scales = {} }) {
-    Object.assign(this, { place, axis, signals, who });
+    this.place = place; this.axis = axis; this.signals = signals; this.who = who;
     this.scales = { ...scales }; // unit → [low, high] where fixed
     this.due = this.read = 0;
     this.legend = element("div", { className: "legend" });

@@ -5,7 +5,8 @@ import { ChartMenu } from "./signal_menu.js";
 import { LayoutMenu } from "./layout_menu.js";
 import { BUILT_IN, Layouts, MOST_CHARTS } from "./layouts.js";
 import { TimeAxis } from "./time_axis.js";
-import { duration, element, hide } from "../core/format.js";
+import { $, element, hide, setText } from "../core/dom.js";
+import { duration } from "../core/format.js";
 import { History } from "./history.js";
 import { onKey } from "../core/keys.js";
 
@@ -13,6 +14,8 @@ const WINDOWS = [5, 10, 30, 60, 120, 300, 600]; // s
 const LOOK = 66; // ms; each chart knows when it is due
 
 export class Charts {
+  chosen; add; pause; // made by the tools
+
   constructor(place, telemetry, description) {
     this.place = place;
     this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
@@ -32,7 +35,7 @@ export class Charts {
     onKey(" ", "pause the charts, or let them go on", () => this.axis.toggle());
     setInterval(() => this.draw(), LOOK);
     setInterval(() => this.drawBar(), 500);
-    new ResizeObserver(() => this.cover()).observe(document.getElementById("view"));
+    new ResizeObserver(() => this.cover()).observe($("view"));
     place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.expand(null); });
     document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); }); // one column: nothing to cover
   }
@@ -125,9 +128,9 @@ export class Charts {
   }
 
   cover() {
-    const place = this.row.querySelector(".expanded"), { left, top, width, height } = document.getElementById("view").getBoundingClientRect();
+    const place = this.row.querySelector(".expanded"), { left, top, width, height } = $("view").getBoundingClientRect();
     for (const { place: one } of this.charts) if (one !== place) one.removeAttribute("style");
-    this.row.style.setProperty("--count", Math.max(1, this.charts.length - (place ? 1 : 0)));
+    this.row.style.setProperty("--count", String(Math.max(1, this.charts.length - (place ? 1 : 0))));
     if (place) Object.assign(place.style, { left: `${left}px`, top: `${top + 40}px`, width: `${width}px`, height: `${height - 40}px` });
   }
 
@@ -146,11 +149,9 @@ export class Charts {
     }
     if (this.windows.value !== String(seconds)) this.windows.value = seconds;
     this.pause.ariaPressed = String(paused);
-    set(this.pause, paused ? "Go on" : "Pause");
+    setText(this.pause, paused ? "Go on" : "Pause");
     hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
-    set(this.state, paused ? `paused for ${duration(axis.pausedFor)}${zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : ""}` : "");
+    setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : ""}` : "");
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -34,6 +34,7 @@ export class History {
   }
 
   get start() { return Math.max(0, this.end - this.capacity); }
+  /** @returns {any} undefined while it is empty */
   get last() { return this.end ? this.times[this.end - 1] : undefined; }
   column(name) { return this.columns.get(name); }
 

@@ -1,11 +1,12 @@
 // Saving, removing, and files of chart layouts.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 export class LayoutMenu {
   // current(): the layout shown; shown(): its name or ""; show(name); listed(): names have changed
   constructor(layouts, { current, shown, show, listed }) {
-    Object.assign(this, { layouts, current, shown, show, listed });
+    this.layouts = layouts; this.current = current; this.shown = shown; this.show = show;
+    this.listed = listed;
     this.button = element("button", { title: "save, remove, export and import layouts", ariaExpanded: "false", onclick: () => this.toggle() }, "Layouts");
     this.name = element("input", { type: "text", maxLength: 40, placeholder: "name", ariaLabel: "name of the layout", onkeydown: (event) => { if (event.key === "Enter") this.save(); } });
     this.remove = element("button", { onclick: () => this.attempt(() => { this.layouts.remove(this.shown()); return "removed"; }) }, "Remove");
@@ -17,7 +18,7 @@ export class LayoutMenu {
         element("button", { title: "your layouts as a file", onclick: () => this.write() }, "Export"),
         element("button", { title: "layouts of a file; those of the same name are replaced", onclick: () => this.file.click() }, "Import"), this.file), this.answer);
     this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.close(); this.button.focus(); event.stopPropagation(); } });
-    document.addEventListener("pointerdown", (event) => { if (!this.place.hidden && !this.place.contains(event.target) && event.target !== this.button) this.close(); });
+    document.addEventListener("pointerdown", (event) => { if (!this.place.hidden && !this.place.contains(/** @type {Node} */ (event.target)) && event.target !== this.button) this.close(); });
   }
 
   toggle() {
@@ -63,7 +64,7 @@ export class LayoutMenu {
   }
 
   async read() {
-    const text = await this.file.files[0].text();
+    const text = await this.file.files?.[0].text();
     this.file.value = "";
     this.attempt(() => `${this.layouts.take(text).join(", ") || "nothing"} imported`);
   }

@@ -1,6 +1,6 @@
 // What pointer, wheel and keys do in a chart: the shared cursor, zoom, pan.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const STEP = 0.02; // of the span, of the cursor by keys
 const LEAST = 5; // px of a drag

@@ -1,6 +1,7 @@
 // The list of signals, by topic: one for all charts, built when it is looked at.
 
-import { element, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { words } from "../core/format.js";
 
 export const MOST = 8, MOST_UNITS = 3; // in one chart
 const FOUND = 80; // results of a search at most
@@ -29,7 +30,7 @@ export class ChartMenu {
     const again = this.isOpen && this.chart === chart;
     if (this.isOpen) this.close();
     if (again) return;
-    Object.assign(this, { chart, button, changed });
+    this.chart = chart; this.button = button; this.changed = changed;
     button.ariaExpanded = "true";
     this.place.ariaLabel = `signals of ${chart.place.ariaLabel}`;
     this.search.value = "";

@@ -28,8 +28,7 @@ import { tabs } from "./tabs.js";
 import { Tune } from "../tune/tune.js";
 import { addVehicleStrip } from "../core/vehicle_strip.js";
 import { View } from "./scene_view.js";
-
-const $ = (id) => document.getElementById(id);
+import { $ } from "../core/dom.js";
 
 async function start() {
   const [session, description, behaviors] = await Promise.all([get("/api/session"), get("/api/signals"), get("/static/fly/behaviors.json")]);

@@ -1,7 +1,7 @@
 // Who commands: shown to everybody, asked for, given, taken.
 
 import { request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 export class ControlStrip {
   // place: a span; session: of /api/session; fly: says what was refused.

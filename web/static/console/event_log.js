@@ -1,6 +1,7 @@
 // Event lines and parameter changes, newest on top.
 
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 
 const MOST = 200;
 

@@ -1,7 +1,8 @@
 // Event marks: `m`, or the button beside Record, marks this moment in the log; what it was can be typed afterwards.
 
 import { get, request } from "../core/api.js";
-import { duration, element, fixed } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { duration, fixed } from "../core/format.js";
 import { onKey } from "../core/keys.js";
 
 const SHOWN = 8; // the newest of this recording
@@ -76,7 +77,7 @@ export class Marks {
     this.list.prepend(element("li", { title: requester }, element("time", {}, this.clock(time)), input));
     this.list.hidden = false;
     while (this.list.children.length > SHOWN) {
-      const oldest = this.list.lastElementChild.querySelector("input");
+      const oldest = this.list.lastElementChild?.querySelector("input");
       for (const [key, one] of this.lines) if (one === oldest) this.lines.delete(key);
       oldest.parentElement.remove();
     }

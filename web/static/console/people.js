@@ -1,10 +1,10 @@
 // Who is signed in, with a small menu: signing out, invitations, and for admins the users.
 
 import { get, request } from "../core/api.js";
-import { duration, element } from "../core/format.js";
+import { $, element } from "../core/dom.js";
+import { duration } from "../core/format.js";
 import { Invitation } from "../core/invitation.js";
 
-const $ = (id) => document.getElementById(id);
 const ROLES = ["viewer", "operator", "admin"];
 
 function seen({ last_seen: stamp, sessions }) {
@@ -15,6 +15,8 @@ function seen({ last_seen: stamp, sessions }) {
 }
 
 export class People {
+  list; note;
+
   constructor(session) {
     this.session = session;
     this.invitation = new Invitation();

@@ -1,14 +1,14 @@
 // The 3D view: viser in an iframe, flags over it, the follow switch.
 
 import { request } from "../core/api.js";
-import { element, seconds, words } from "../core/format.js";
+import { $, element } from "../core/dom.js";
+import { seconds, words } from "../core/format.js";
 import { listenInside } from "../core/keys.js";
 import { here } from "../core/vehicle_path.js";
 import { isAlone, landing } from "../core/control_authority.js";
 
 const LOST = 0.8; // s
 
-const $ = (id) => document.getElementById(id);
 
 export class View {
   constructor(events, silence) {

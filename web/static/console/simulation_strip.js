@@ -2,7 +2,7 @@
 // the vehicle with the motors off: a full battery put in, the vehicle put back at its start.
 
 import { command } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element, setIfChanged } from "../core/dom.js";
 import { onHold } from "../core/hold_button.js";
 
 const SIGN = "simulator.battery_charge"; // a real vehicle has no parameters of a simulator
@@ -11,7 +11,7 @@ const ON = "only with the motors off: land and disarm first";
 
 export class Simulation {
   constructor(place, { events, gains, fly, isOperator }) {
-    Object.assign(this, { place, events, gains, isOperator });
+    this.place = place; this.events = events; this.gains = gains; this.isOperator = isOperator;
     const ask = (action, label) => fly.attempt(() => command("simulation", { action }), label);
     this.swap = element("button", { id: "swap-battery", onclick: () => ask("swap_battery", "swap battery") }, "Swap battery");
     this.reset = element("button", { id: "reset-vehicle", className: "hold" }, "Reset vehicle");
@@ -33,5 +33,5 @@ export class Simulation {
 function put(button, may, does, why) {
   const title = may ? does : why;
   if (button.disabled === may) button.disabled = !may;
-  if (button.title !== title) button.title = title;
+  setIfChanged(button, "title", title);
 }

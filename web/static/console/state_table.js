@@ -1,6 +1,7 @@
 // The state table: vectors in x, y, z columns, each row with its age (static/core/ages.js greys it).
 
-import { element, fixed, seconds } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { fixed, seconds } from "../core/format.js";
 
 const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
 const VECTORS = [
@@ -51,16 +52,14 @@ export class StateTable {
       names.forEach((name, i) => {
         if (!name) return;
         const value = this.frame.value[name], isKnown = Number.isFinite(value);
-        if (isKnown) set(cells[i], fixed(value, digits[i])); // else the last one stays, grey
-        else if (cells[i].textContent === "") set(cells[i], "–");
+        if (isKnown) setText(cells[i], fixed(value, digits[i])); // else the last one stays, grey
+        else if (cells[i].textContent === "") setText(cells[i], "–");
         cells[i].classList.toggle("stale", !isKnown); // also where another message is missing
       });
-      set(age, Number.isFinite(old) ? (this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`) : "–");
+      setText(age, Number.isFinite(old) ? (this.ages.isOld(topic) ? `○${coarse(old)}` : `${Math.round(old * 1e3)} ms`) : "–");
     }
   }
 }
 
 // Calm: in tenths below ten seconds.
 const coarse = (age) => (age < 10 ? `${age.toFixed(1)} s` : seconds(Math.floor(age)).replace(".0", ""));
-
-function set(cell, text) { if (cell.textContent !== text) cell.textContent = text; }

@@ -2,12 +2,11 @@
 
 import { command } from "../core/api.js";
 import { flightButton } from "../core/flight_button.js";
+import { $, setIfChanged, setText } from "../core/dom.js";
 import { bytes, duration, fixed, NONE, seconds, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 import { armNote } from "../fly/preflight.js";
 import { controlOf, isAlone } from "../core/control_authority.js";
-
-const $ = (id) => document.getElementById(id);
 
 const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed && mode?.toLowerCase() !== "cut" };
 const SLOW = 0.98; // of real time
@@ -48,7 +47,7 @@ export class Bar {
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
     const refused = this.refused(status);
-    this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || refused);
+    this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || Boolean(refused));
     this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
     this.drawPace(station?.real_time_factor);
     const disarms = this.nextArm === "disarm";
@@ -61,7 +60,7 @@ export class Bar {
     const control = controlOf(status), output = $("control-mode"), title = control?.title ?? "";
     this.set("control-mode", control ? `${control.tone === "alarm" ? "⚠ " : ""}${control.text}` : words(status?.control_mode), control?.tone === "warn");
     output.classList.toggle("alarm", control?.tone === "alarm" && this.fresh("status"));
-    if (output.parentElement.title !== title) output.parentElement.title = title;
+    setIfChanged(output.parentElement, "title", title);
   }
 
   // What the vehicle thinks of the poses it gets, while it thinks so.
@@ -83,7 +82,7 @@ export class Bar {
 
   set(id, text, warn = false) {
     const output = $(id), shown = text || NONE;
-    if (output.textContent !== shown) output.textContent = shown;
+    setText(output, shown);
     output.classList.toggle("warn", Boolean(warn) && this.fresh(output.dataset.topic));
   }
 }

@@ -2,8 +2,8 @@
 // one more of them; in a wider window they are always in sight.
 
 import { onKey } from "../core/keys.js";
+import { $ } from "../core/dom.js";
 
-const $ = (id) => document.getElementById(id);
 const narrow = matchMedia("(max-width: 900px)"); // as in the style sheets
 
 // Arrow keys go from tab to tab, as in every tab list; only the open one is on the tab key's way.

@@ -1,6 +1,7 @@
 // How old every number is: what is past its deadline goes grey, gets a hollow dot and a title that
 // says when it was last heard. An element tells by data-topic which message it shows.
 
+import { setIfChanged } from "./dom.js";
 import { seconds } from "./format.js";
 
 const PERIOD = 200; // ms
@@ -8,7 +9,7 @@ const PERIOD = 200; // ms
 export class Ages {
   // deadlines: s by topic, of /api/signals
   constructor(events, telemetry, deadlines) {
-    Object.assign(this, { events, telemetry, deadlines });
+    this.events = events; this.telemetry = telemetry; this.deadlines = deadlines;
     this.titles = new WeakMap(); // an element's own title, while it is old
     setInterval(() => this.draw(), PERIOD);
   }
@@ -28,7 +29,7 @@ export class Ages {
     if (isOld) {
       if (!this.titles.has(place)) this.titles.set(place, place.title);
       const text = Number.isFinite(age) ? `last heard ${seconds(Math.round(age * 10) / 10)} ago` : "never heard";
-      if (place.title !== text) place.title = text;
+      setIfChanged(place, "title", text);
     } else if (this.titles.has(place)) {
       place.title = this.titles.get(place);
       this.titles.delete(place);

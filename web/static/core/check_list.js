@@ -1,6 +1,6 @@
 // Checks as a list: a sign and a word beside each colour, what was found, and what to do.
 
-import { element } from "./format.js";
+import { element } from "./dom.js";
 
 const WORDS = { ok: ["✓", "ok"], warn: ["!", "look"], fail: ["✗", "mend"], unknown: ["?", "not known"] };
 

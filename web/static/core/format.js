@@ -1,7 +1,5 @@
 // Numbers, times and sizes as people read them; "–" for what is not known.
 
-import { here } from "./vehicle_path.js";
-
 export const NONE = "–";
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 
@@ -39,18 +37,3 @@ export function exact(value) {
 }
 
 export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);
-
-// Set anew, even an equal `hidden` makes the browser style and draw a frame.
-export function hide(place, isHidden) { if (place.hidden !== isHidden) place.hidden = isHidden; }
-
-export function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
-  for (const [key, value] of Object.entries(attributes)) {
-    if (key === "href" || key === "src") made.setAttribute(key, here(value));
-    else if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (key in made && key !== "list") made[key] = value;
-    else made.setAttribute(key, value);
-  }
-  made.append(...children);
-  return made;
-}

@@ -1,7 +1,7 @@
 // What to press first, and the keys: one key away, and open by itself on the first visit of the
 // console. It covers a part of the 3D view and nothing else: the controls in the bar stay in reach.
 
-import { element } from "./format.js";
+import { $, element } from "./dom.js";
 import { keys, onKey } from "./keys.js";
 
 const SEEN = "quadlab.help.seen";
@@ -20,7 +20,7 @@ function remember() { try { localStorage.setItem(SEEN, "1"); } catch { /* a priv
 
 export class Help {
   // place: what it lies over; guides: it begins with the first steps, as on the console.
-  constructor(button, isOperator, { place = document.getElementById("view"), guides = true } = {}) {
+  constructor(button, isOperator, { place = $("view"), guides = true } = {}) {
     this.button = button;
     this.isOperator = isOperator;
     this.guides = guides;

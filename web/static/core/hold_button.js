@@ -1,7 +1,7 @@
 // A button that acts only when held, by pointer, space or enter; it says "hold", and after a short
 // press "keep holding".
 
-import { element } from "./format.js";
+import { element } from "./dom.js";
 
 const SHOWN = 2000; // ms
 const GAP = 6; // px below the button
@@ -9,6 +9,7 @@ const hint = element("div", { id: "hold-hint", role: "status" });
 let hiding = 0;
 
 // `note` is asked at the press, and its answer given to `act`.
+/** @param {() => any} note */
 export function onHold(button, milliseconds, act, note = () => undefined) {
   let timer = null, since = 0, noted;
   button.classList.add("hold");

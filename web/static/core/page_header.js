@@ -1,7 +1,7 @@
 // The head of the pages beside the console: where one is, where one can go, and who one is.
 
 import { addEmergency } from "../emergency/emergency.js";
-import { element } from "./format.js";
+import { $, element } from "./dom.js";
 import { Help } from "./help.js";
 import { addVehicleStrip } from "./vehicle_strip.js";
 
@@ -10,6 +10,7 @@ const FLEET = ["/fleet", "Fleet"];
 
 // session: of /api/session; here: the path of this page; events: of this page, if it has them.
 // emergency: of this page's vehicle; strip: of all vehicles.
+/** @param {any} events */
 export function head(session, here, events = null, { emergency = true, strip = true } = {}) {
   const pages = session.vehicles.length > 1 ? [...PAGES, FLEET] : PAGES;
   const links = pages.map(([path, label]) => element("a", { href: path, ...(path === here ? { ariaCurrent: "page" } : {}) }, label));
@@ -20,8 +21,8 @@ export function head(session, here, events = null, { emergency = true, strip = t
     element("div", { id: "head-controls" }),
     element("span", { className: "who", title: session.role }, session.label), help);
   document.body.prepend(bar);
-  document.getElementById("plain-emergency")?.remove(); // what works without scripts
-  if (emergency) addEmergency(document.getElementById("head-controls"), events, session);
+  $("plain-emergency")?.remove(); // what works without scripts
+  if (emergency) addEmergency($("head-controls"), events, session);
   if (strip) addVehicleStrip(session, bar.nextElementSibling);
   new Help(help, session.role !== "viewer", { place: bar, guides: false });
   document.title = `${PAGES.find(([path]) => path === here)?.[1] ?? "quadlab"} · ${session.vehicle}`;

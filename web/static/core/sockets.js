@@ -7,6 +7,8 @@ const PING = 1000; // ms
 const FRAME = 120; // ms without a frame that add nothing to an age: three frames
 
 export class Socket extends EventTarget {
+  socket; isClosed;
+
   constructor(path, { binary = false } = {}) {
     super();
     this.path = path;

@@ -1,9 +1,10 @@
 // All vehicles in one line, each with how it stands, to go to its page; away when there is one only.
 
-import { element, fixed } from "./format.js";
+import { element, setIfChanged, setText } from "./dom.js";
+import { fixed } from "./format.js";
 import { onKey } from "./keys.js";
 import { Socket } from "./sockets.js";
-import { here, sameFor } from "./vehicle_path.js";
+import { sameFor } from "./vehicle_path.js";
 
 const OLD = 1; // s: longer ago, and the vehicle is not heard
 const LOST = 1000; // ms without web's message
@@ -55,12 +56,12 @@ class VehicleStrip {
     const chip = this.chips.get(vehicle.name);
     if (!chip) return;
     const { word, tone } = standing(vehicle), alarms = vehicle.alarms.length;
-    put(chip.sign, SIGNS[tone]);
-    put(chip.word, word);
-    put(chip.more, `${vehicle.battery === null ? "" : `${fixed(vehicle.battery, 1)} V`}${alarms ? ` · ${alarms} alarm${alarms > 1 ? "s" : ""}` : ""}`);
-    if (chip.link.dataset.tone !== tone) chip.link.dataset.tone = tone;
+    setText(chip.sign, SIGNS[tone]);
+    setText(chip.word, word);
+    setText(chip.more, `${vehicle.battery === null ? "" : `${fixed(vehicle.battery, 1)} V`}${alarms ? ` · ${alarms} alarm${alarms > 1 ? "s" : ""}` : ""}`);
+    setIfChanged(chip.link.dataset, "tone", tone);
     const title = [vehicle.link ? `link ${vehicle.link.state}` : "no link yet", ...vehicle.alarms].join("\n");
-    if (chip.link.title !== title) chip.link.title = title;
+    setIfChanged(chip.link, "title", title);
   }
 
   next() {
@@ -76,5 +77,3 @@ function tab() {
   const open = document.querySelector("#side [role=tab][aria-selected=true]")?.dataset.tab;
   return open ? `#tab=${open}` : "";
 }
-
-function put(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -3,7 +3,7 @@
 
 import { EmergencyPress } from "./press.js";
 import { flightButton } from "../core/flight_button.js";
-import { element } from "../core/format.js";
+import { element, setIfChanged, setText } from "../core/dom.js";
 import { onHold } from "../core/hold_button.js";
 import { onKey } from "../core/keys.js";
 import { Events } from "../core/sockets.js";
@@ -45,13 +45,11 @@ class Emergency {
   draw() {
     const { tone, said, running } = this.sent.state, how = pressed(this.events.summary.emergency_land);
     const title = `emergency: land now, whatever runs${how && `: ${how}`}. Every command but Cut is refused until it is down (key e)`;
-    if (this.land.title !== title) this.land.title = title;
+    setIfChanged(this.land, "title", title);
     const idle = this.mayCut ? KEYS.operator : KEYS.viewer;
-    show(this.said, tone === "idle" ? "" : said);
-    show(this.running, tone === "idle" ? idle : running);
-    if (this.line.className !== tone) this.line.className = tone;
+    setText(this.said, tone === "idle" ? "" : said);
+    setText(this.running, tone === "idle" ? idle : running);
+    setIfChanged(this.line, "className", tone);
     this.line.title = tone === "idle" ? "" : said + running;
   }
 }
-
-function show(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -3,12 +3,12 @@
 
 import { get, request } from "../core/api.js";
 import { EmergencyPress } from "./press.js";
+import { $, setText } from "../core/dom.js";
 import { words } from "../core/format.js";
 import { onKey } from "../core/keys.js";
 import { Events } from "../core/sockets.js";
 import { isAlone, landing, pressed } from "../core/control_authority.js";
 
-const $ = (id) => document.getElementById(id);
 const events = new Events();
 const sent = new EmergencyPress(events, "");
 let ours = ""; // which vehicle, where there are several
@@ -36,12 +36,12 @@ get("/api/session").then(({ label, role, vehicle, vehicles }) => {
 setInterval(() => {
   const { status, emergency_land: chosen } = events.summary, age = events.age("status"), isHeard = events.connected && age <= 1;
   const text = !events.connected ? "no connection to this page's server; reconnecting. Presses are sent all the same" : !isHeard ? "the vehicle is not heard; commands are tried all the same" : `${words(status.mode)}${landing(status) ? `: ${landing(status)}` : `, ${words(status.behavior)}`}`;
-  show($("state"), ours + text);
+  setText($("state"), ours + text);
   $("state").className = !isHeard ? "" : isAlone(status) ? "landing alone" : landing(status) ? "landing" : "";
-  if (pressed(chosen)) show($("emergency-land").lastElementChild, pressed(chosen));
+  if (pressed(chosen)) setText($("emergency-land").lastElementChild, pressed(chosen));
   const { tone, said, running } = sent.pressState; // who flies stands above
-  show($("said"), said);
-  show($("running"), running);
+  setText($("said"), said);
+  setText($("running"), running);
   $("answer").className = tone;
 }, 100);
 
@@ -53,14 +53,12 @@ function several(vehicle) {
   document.body.classList.add("several");
   button.hidden = false;
   button.addEventListener("click", async () => {
-    show(said, "◌ sent, not acknowledged");
+    setText(said, "◌ sent, not acknowledged");
     try {
       const { vehicles } = await request("POST", "/api/fleet/land", {});
       const failed = vehicles.filter(({ outcome }) => outcome === "failed");
-      show(said, failed.length ? `⚠ ${failed.map(({ name, reason }) => `${name}: ${reason}`).join("; ")}. Press again.` : `✓ accepted: ${vehicles.map(({ name, outcome }) => (outcome === "accepted" ? name : `${name} (${outcome})`)).join(", ")}`);
-    } catch (error) { show(said, `⚠ failed: ${error.message}. Press again.`); }
-    setTimeout(() => { if (said.textContent.startsWith("✓")) show(said, before); }, 60_000);
+      setText(said, failed.length ? `⚠ ${failed.map(({ name, reason }) => `${name}: ${reason}`).join("; ")}. Press again.` : `✓ accepted: ${vehicles.map(({ name, outcome }) => (outcome === "accepted" ? name : `${name} (${outcome})`)).join(", ")}`);
+    } catch (error) { setText(said, `⚠ failed: ${error.message}. Press again.`); }
+    setTimeout(() => { if (said.textContent.startsWith("✓")) setText(said, before); }, 60_000);
   });
 }
-
-function show(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -4,7 +4,8 @@ import { get, request } from "../core/api.js";
 import { isCalibration } from "../calibrate/labels.js";
 import { Guide } from "./guide.js";
 import { OptionForm } from "./options.js";
-import { duration, element, words } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { duration, words } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 
 const RUNNING = ["flying", "finishing", "evaluating"];
@@ -75,7 +76,7 @@ export class ExperimentSection {
   // A file of one's own that is broken can be chosen, to read why, and not started.
   showOptions() {
     const { chosen } = this;
-    set(this.about, chosen?.problem || chosen?.description || "");
+    setText(this.about, chosen?.problem || chosen?.description || "");
     this.about.classList.toggle("reason", Boolean(chosen?.problem));
     this.form.show(chosen?.problem ? undefined : chosen);
     this.draw();
@@ -98,7 +99,7 @@ export class ExperimentSection {
     if (place.open) this.load();
     const inTheAir = runs && status.phase !== "evaluating";
     const time = status?.planned ? `${duration(status.elapsed)} of about ${duration(status.planned)}` : "";
-    set(this.state, !status || status.phase === "idle" ? "" : `${words(status.name)} · ${words(status.phase)}`);
+    setText(this.state, !status || status.phase === "idle" ? "" : `${words(status.name)} · ${words(status.phase)}`);
     this.guide.draw(isElsewhere ? null : status, old);
     place.classList.toggle("old", old);
     this.start.disabled = !this.isOperator || runs || old || !this.chosen || Boolean(this.chosen.problem);
@@ -107,7 +108,7 @@ export class ExperimentSection {
     this.select.disabled = runs;
     this.form.disable(runs);
     this.bar.style.width = runs && status.planned ? `${Math.min(100, (100 * status.elapsed) / status.planned)}%` : "0";
-    set(this.step, isElsewhere && runs ? "A calibration runs: see the Calibrate tab." : runs ? `${status.manual ? BY_HAND : status.step}${inTheAir && time ? ` · ${time}` : ""}` : this.known ? HELP : "");
+    setText(this.step, isElsewhere && runs ? "A calibration runs: see the Calibrate tab." : runs ? `${status.manual ? BY_HAND : status.step}${inTheAir && time ? ` · ${time}` : ""}` : this.known ? HELP : "");
     const key = JSON.stringify([status?.phase, status?.run_id, status?.reason, status?.reports, runs, isElsewhere]);
     if (key !== this.drawn) { this.drawn = key; this.showResult(isElsewhere ? null : status, runs); }
   }
@@ -138,5 +139,3 @@ export function figures(metrics) {
       return element("tr", { className: above ? "above" : "" }, ...[words(name.slice(0, name.length - end.length)), number(value), number(limit), unit].map((text) => element("td", {}, text)));
     })));
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -2,7 +2,7 @@
 // a question that waits for a yes. The yes is held, not clicked: motors may turn after it.
 
 import { figure, RUNNING } from "../calibrate/labels.js";
-import { element, hide } from "../core/format.js";
+import { element, hide, setText } from "../core/dom.js";
 import { onHold } from "../core/hold_button.js";
 import { isPose } from "../calibrate/sphere.js";
 
@@ -33,15 +33,15 @@ export class Guide {
     hide(this.place, !runs || !(instruction || question || count || live.length));
     if (this.place.hidden) { this.asked = ""; return; }
     this.place.classList.toggle("old", isOld);
-    set(this.number, count ? `Step ${number} of ${count}` : "");
-    set(this.instruction, status.phase === "evaluating" ? JUDGED : instruction);
+    setText(this.number, count ? `Step ${number} of ${count}` : "");
+    setText(this.instruction, status.phase === "evaluating" ? JUDGED : instruction);
     hide(this.progress, !count);
     const all = count ? Math.min(1, Math.max(0, (number - 1 + share) / count)) : 0;
     this.bar.style.width = `${(100 * all).toFixed(1)}%`;
     this.progress.ariaValueNow = String(Math.round(100 * all));
     this.asked = question;
     hide(this.question, !question);
-    set(this.text, question);
+    setText(this.text, question);
     this.yes.disabled = !this.isOperator || isOld;
     this.drawLive(live.filter(({ name }) => !isPose(name)));
   }
@@ -57,9 +57,7 @@ export class Guide {
     }
     for (const { name, value } of live) {
       const spread = all.find((one) => one.name === name + SPREAD)?.value;
-      set(this.cells.get(name), spread === undefined ? figure(value) : `${figure(value)} ± ${spread === null ? "?" : Number(spread.toPrecision(2))}`);
+      setText(this.cells.get(name), spread === undefined ? figure(value) : `${figure(value)} ± ${spread === null ? "?" : Number(spread.toPrecision(2))}`);
     }
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

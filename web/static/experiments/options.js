@@ -1,6 +1,7 @@
 // The options of one experiment as a form: bounds, choices and units come from the station.
 
-import { element, exact, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact, words } from "../core/format.js";
 
 export class OptionForm {
   constructor() {

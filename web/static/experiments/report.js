@@ -2,7 +2,8 @@
 
 import { get } from "../core/api.js";
 import { figures } from "./experiments.js";
-import { element, exact, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact, words } from "../core/format.js";
 import { RunReport } from "../runs/report.js";
 import { pathname } from "../core/vehicle_path.js";
 

@@ -1,14 +1,12 @@
 // The fleet page: how every vehicle stands, where it is, and one control to bring all down.
 
 import { get } from "../core/api.js";
-import { element } from "../core/format.js";
+import { $, element } from "../core/dom.js";
 import { addLandAll } from "./land.js";
 import { FleetPlot } from "./plot.js";
 import { FleetTable } from "./table.js";
 import { head } from "../core/page_header.js";
 import { Socket } from "../core/sockets.js";
-
-const $ = (id) => document.getElementById(id);
 
 async function start() {
   const session = await get("/api/session");

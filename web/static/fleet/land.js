@@ -2,7 +2,7 @@
 
 import { request } from "../core/api.js";
 import { flightButton } from "../core/flight_button.js";
-import { element } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
 import { onKey } from "../core/keys.js";
 
 const FORGET = 60; // s after which an acknowledged landing is not told any more
@@ -63,7 +63,7 @@ class LandAll {
 
   draw() {
     const text = this.text;
-    if (this.line.textContent !== text) this.line.textContent = text;
+    setText(this.line, text);
     this.line.className = text.startsWith("⚠") ? "failed" : text.startsWith("◌") ? "waiting" : "done";
     this.line.title = text;
   }

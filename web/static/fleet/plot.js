@@ -1,6 +1,7 @@
 // Where all vehicles are, from above: lab frame, x to the right and y up, with what they flew of late.
 
-import { element, fixed } from "../core/format.js";
+import { element, setIfChanged } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 
 const LEAST = 4; // m, the shortest side that is shown
 const MARGIN = 34; // px, for names and the scale
@@ -45,9 +46,9 @@ export class FleetPlot {
   draw() {
     const { clientWidth: width, clientHeight: height } = this.canvas, dots = devicePixelRatio;
     if (!width || !height) return;
-    if (this.canvas.width !== Math.round(width * dots)) this.canvas.width = Math.round(width * dots);
-    if (this.canvas.height !== Math.round(height * dots)) this.canvas.height = Math.round(height * dots);
-    const pen = this.canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
+    setIfChanged(this.canvas, "width", Math.round(width * dots));
+    setIfChanged(this.canvas, "height", Math.round(height * dots));
+    const pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d")), style = getComputedStyle(document.documentElement);
     const color = (name) => style.getPropertyValue(name);
     pen.setTransform(dots, 0, 0, dots, 0, 0);
     pen.clearRect(0, 0, width, height);

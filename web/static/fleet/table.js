@@ -1,7 +1,8 @@
 // The fleet's table: one row a vehicle. Grey is old; what needs somebody has a sign and a word.
 
 import { landed } from "./land.js";
-import { duration, element, fixed, NONE, seconds, words } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { duration, fixed, NONE, seconds, words } from "../core/format.js";
 import { standing } from "../core/vehicle_strip.js";
 
 const COLUMNS = [
@@ -55,6 +56,6 @@ export class FleetTable extends EventTarget {
 }
 
 function put(cell, text, tone = "") {
-  if (cell.textContent !== text) cell.textContent = text;
+  setText(cell, text);
   if ((cell.dataset.tone ?? "") !== tone) cell.dataset.tone = tone;
 }

@@ -2,7 +2,8 @@
 // refused, or not known, by its answer and by what the vehicle shows. A notice goes when it is no
 // longer true: with the next command, when the vehicle's state is another, or after a while.
 
-import { element, seconds, words } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { seconds, words } from "../core/format.js";
 
 const SOON = 400; // ms without an answer that nobody need hear of
 const UNKNOWN = 10_000; // ms from the press: what is not shown by then is not known
@@ -15,6 +16,8 @@ const NOBODY = 503, NO_ANSWER = 504; // statuses of the API
 const isOpen = ({ status }) => status === undefined || status === NO_ANSWER;
 
 export class CommandNotice {
+  began;
+
   constructor(place, events) {
     this.place = place;
     this.events = events;
@@ -26,8 +29,11 @@ export class CommandNotice {
     setInterval(() => this.draw(), TICK);
   }
 
-  // Runs act() and says what became of it. shows(status): whether the vehicle shows it done; null
-  // where it cannot be seen. Returns whether it was accepted.
+  /**
+   * Runs act() and says what became of it. shows(status): whether the vehicle shows it done; null
+   * where it cannot be seen. Returns whether it was accepted.
+   * @param {((status: any) => boolean) | null} shows
+   */
   async run(label, act, shows = null) {
     this.clear();
     const status = this.status, asked = { label, shows: status && shows?.(status) ? null : shows, pressed: performance.now(), problem: "" };
@@ -116,7 +122,7 @@ export class CommandNotice {
     } else if (waited > SOON) {
       if (this.place.hidden) this.show(`${label || "Command"}: sent, no answer yet`, "pending", Infinity);
       const ago = `, ${seconds(Math.round(waited / 100) / 10)}`;
-      if (this.since.textContent !== ago) this.since.textContent = ago;
+      setText(this.since, ago);
     }
   }
 }

@@ -3,9 +3,8 @@
 import { command } from "../core/api.js";
 import { CommandNotice } from "./command_notice.js";
 import { flightButton } from "../core/flight_button.js";
-import { bytes, element } from "../core/format.js";
-
-const $ = (id) => document.getElementById(id);
+import { $, element, setText } from "../core/dom.js";
+import { bytes } from "../core/format.js";
 
 export class Fly {
   // behaviors: static/fly/behaviors.json; the vehicle knows and checks them all.
@@ -68,6 +67,7 @@ export class Fly {
   }
 
   // Runs a command and says what became of it; see static/fly/command_notice.js.
+  /** @param {((status: any) => boolean) | null} shows */
   attempt(act, label = "", shows = null) { return this.notice.run(label, act, shows); }
   say(content) { this.notice.say(content); }
   refuse(content) { this.notice.refuse(content); }
@@ -81,6 +81,6 @@ export class Fly {
     const station = this.events.summary.station;
     $("record").textContent = station?.recording ? "Stop" : "Record";
     const note = !station ? "" : station.recording ? station.run_id : `${bytes(station.free_bytes)} free; starts by itself on arming`;
-    if ($("record-note").textContent !== note) $("record-note").textContent = note;
+    setText($("record-note"), note);
   }
 }

@@ -2,7 +2,7 @@
 // it; here it is shown, and read out with the Arm button. The list opens over what stands below.
 
 import { badge, checkList } from "../core/check_list.js";
-import { element } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
 
 const STALE = 2; // s
 const order = ["fail", "warn", "unknown", "ok"];
@@ -37,7 +37,7 @@ export class Preflight {
     const { preflight, status } = this.events.summary, old = !preflight || !(this.events.age("preflight") < STALE);
     const armed = Boolean(status?.armed);
     const note = armed || old ? "" : armNote(preflight);
-    if (this.note.textContent !== note) this.note.textContent = note;
+    setText(this.note, note);
     const open = this.place.open, key = JSON.stringify([armed, old, preflight?.ready, preflight?.blocks, ...(old ? [] : preflight.checks.map((one) => (open || one.state !== "ok" ? [one.name, one.state, one.found] : one.state)))]);
     if (key === this.drawn) return;
     this.drawn = key;

@@ -1,7 +1,8 @@
 // What a parameter's row shows when its name is pressed: meaning, bounds, how to change what cannot
 // be changed here, and its own time line.
 
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 import { TimeLine } from "./timeline.js";
 
 export function unfold(gains, row, place) {

@@ -1,7 +1,8 @@
 // Several values that would change, each with a tick: what is and what would be. Nothing is sent
 // before Apply; then all ticked ones at once, or none.
 
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 
 export class Diff {
   // lines: of the API (name, unit, now, new, reason, steps); done(applied) after it went well.

@@ -1,6 +1,6 @@
 // Values to a TOML file and back; a file is compared first, and the chosen lines are applied.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { here } from "../core/vehicle_path.js";
 
 const PATH = "/api/parameters/file";
@@ -21,7 +21,7 @@ export class Files {
   }
 
   async load() {
-    const [file] = this.input.files;
+    const [file] = this.input.files ?? [];
     if (!file) return;
     this.reason.hidden = true;
     try {

@@ -1,13 +1,13 @@
 // The Gains tab: every parameter from the vehicle's own descriptions.
 
 import { get, request } from "../core/api.js";
-import { element, exact } from "../core/format.js";
+import { $, element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 import { GainRow } from "./row.js";
 import { unfold } from "./detail.js";
 import { ParameterPanel } from "./panel.js";
 import { ParameterTree } from "./tree.js";
 
-const $ = (id) => document.getElementById(id);
 const GESTURE = 1500; // ms between two values of one motion of the hand
 
 // Fires `read` when the parameters have been read anew, `confirmed` (detail: name) for each news.

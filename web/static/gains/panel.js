@@ -1,7 +1,7 @@
 // What stands in place of the tree when asked for: time line, presets, files, and comparisons.
 
 import { get } from "../core/api.js";
-import { element } from "../core/format.js";
+import { $, element } from "../core/dom.js";
 import { Diff } from "./diff.js";
 import { Files } from "./files.js";
 import { Presets } from "./presets.js";
@@ -21,7 +21,7 @@ export class ParameterPanel {
     this.place = place;
     this.instead = instead;
     this.buttons = new Map(VIEWS.map(([view, label, title]) => [view, element("button", { title, ariaPressed: "false", onclick: () => this.toggle(view) }, label)]));
-    document.getElementById("parameter-views").append(...this.buttons.values());
+    $("parameter-views").append(...this.buttons.values());
   }
 
   toggle(view) { if (this.view === view) this.close(); else this.open(view); }

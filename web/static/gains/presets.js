@@ -1,7 +1,7 @@
 // Sets of values under a name: the built-in ones and those somebody saved.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { timeOf } from "./timeline.js";
 
 const PATH = "/api/parameters/presets";
@@ -82,6 +82,7 @@ export class Presets {
     this.read();
   }
 
+  /** @param {HTMLElement | null} button */
   say(text, button = null) {
     this.answer.replaceChildren(text, ...(button ? [" ", button] : []));
     this.answer.hidden = false;

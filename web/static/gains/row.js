@@ -2,14 +2,20 @@
 // The cell shows what the vehicle confirmed and never what was just sent; the thumb is the hand's
 // while it holds it, with the confirmed value as a mark beside it, then follows the confirmed value.
 
-import { digitsOf, element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { digitsOf, exact } from "../core/format.js";
 import { GainPath } from "./sender.js";
 
 const MOST_STEPS = 1e6; // of a slider; a seed is typed
 const KEY_STEPS = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
 
 export class GainRow {
-  // send(value, walks) → Promise; unfold(row, place) fills the row's details when they are opened.
+  label; mark; flightMark; reason; slider; tick; details; // made by build()
+
+  /**
+   * send(value, walks) → Promise; unfold(row, place) fills the row's details when they are opened.
+   * @param {((row: any, place: HTMLElement) => void) | null} unfold
+   */
   constructor(description, isOperator, send, modifiedChanged, unfold = null) {
     this.description = description;
     this.confirmed = description.value;
@@ -137,7 +143,7 @@ export class GainRow {
     this.details = isOpen ? element("div", { className: "details" }) : null;
     if (!isOpen) return;
     this.place.append(this.details);
-    this.unfold(this, this.details);
+    this.unfold?.(this, this.details);
   }
 
   draw() {

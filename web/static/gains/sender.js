@@ -15,6 +15,7 @@ export class GainPath {
     this.wish = undefined;
     this.busy = false;
     this.last = -Infinity;
+    /** @type {any} */
     this.timer = null;
   }
 

@@ -1,7 +1,8 @@
 // The time line of changes: who, when, from what to what, in which flight; each can be put back.
 
 import { get } from "../core/api.js";
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 
 const GESTURE = 2; // s between two values of one motion
 const REFRESH = 500; // ms between two looks while something changes
@@ -94,7 +95,7 @@ export function gestures(rows) {
   for (const row of rows) {
     const last = found.at(-1), known = last?.changes.get(row.name);
     const isSame = last && last.who === row.who && last.flight === row.flight;
-    const isAtOnce = last?.revision === row.revision && last.authority === authorityOf(row.name) && !known;
+    const isAtOnce = last?.revision === row.revision && last?.authority === authorityOf(row.name) && !known;
     if (isSame && (isAtOnce || (known && last.first - row.stamp < GESTURE))) {
       if (known) known.old = row.old;
       else last.changes.set(row.name, { old: row.old, value: row.new });

@@ -1,7 +1,7 @@
 // The tree of parameters by component: which branches are open (remembered in this browser), how
 // many values in each are modified, and what a search leaves of it.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const KEY = "quadlab.commands.gains.open";
 const SIMULATED = "simulator.";
@@ -14,7 +14,7 @@ export class ParameterTree {
     this.branches = new Map(); // by path
     this.isSearching = false;
     let open = null;
-    try { open = JSON.parse(localStorage.getItem(KEY)); } catch { /* of another version */ }
+    try { open = JSON.parse(localStorage.getItem(KEY) ?? "null"); } catch { /* of another version */ }
     this.open = new Set(Array.isArray(open) ? open : OPEN);
   }
 

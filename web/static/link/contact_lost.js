@@ -4,7 +4,8 @@
 
 import { get } from "../core/api.js";
 import { byItself, lastState } from "./contact_text.js";
-import { element, seconds } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { seconds } from "../core/format.js";
 
 const TICK = 100; // ms
 const SERVER = 0.4; // s without a connection that is worth a word
@@ -26,7 +27,8 @@ const NOT_YET = { station: "The base station has not been heard yet", link: "The
 
 export class Contact {
   constructor(place, { events, telemetry, ages, gains }) {
-    Object.assign(this, { place, events, ages, gains, cause: "", signedOut: false });
+    this.place = place; this.events = events; this.ages = ages; this.gains = gains; this.cause = "";
+    this.signedOut = false;
     this.height = NaN; // m, of the newest sample, however old
     this.closed = null; // when the events broke off
     this.began = performance.now();
@@ -66,9 +68,9 @@ export class Contact {
     if (cause !== this.cause) this.begin(cause);
     if (!cause) return;
     const { status, battery } = this.events.summary, silent = cause === "page" ? (performance.now() - this.closed) / 1e3 : this.silent;
-    put(this.ago, Number.isFinite(silent) && !this.signedOut ? ` for ${seconds(Math.round(10 * silent) / 10)}: ` : "");
-    put(this.last, this.signedOut ? "" : status ? `Last seen: ${lastState(status, this.height, battery)}.` : "");
-    put(this.next, this.signedOut ? "The vehicle does not depend on this page." : byItself(cause, status, silent, (name) => this.safety(name)));
+    setText(this.ago, Number.isFinite(silent) && !this.signedOut ? ` for ${seconds(Math.round(10 * silent) / 10)}: ` : "");
+    setText(this.last, this.signedOut ? "" : status ? `Last seen: ${lastState(status, this.height, battery)}.` : "");
+    setText(this.next, this.signedOut ? "The vehicle does not depend on this page." : byItself(cause, status, silent, (name) => this.safety(name)));
   }
 
   begin(cause) {
@@ -91,5 +93,3 @@ export class Contact {
     }
   }
 }
-
-function put(place, text) { if (place.textContent !== text) place.textContent = text; }

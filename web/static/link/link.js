@@ -1,7 +1,8 @@
 // The Link tab: how the radio to the vehicle does, and this page's own way to the station.
 
 import { REACTIONS } from "./contact_text.js";
-import { duration, element, fixed } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { duration, fixed } from "../core/format.js";
 import { LinkStrip } from "./strip.js";
 import { LoopPanel } from "./loop_panel.js";
 
@@ -14,7 +15,8 @@ const GREY = 0.3; // s, deadline of what telemetry shows
 
 export class LinkPanel {
   constructor(place, { events, telemetry, gains, ages }) {
-    Object.assign(this, { place, events, telemetry, gains, ages, frames: 0, counted: performance.now(), rate: NaN });
+    this.place = place; this.events = events; this.telemetry = telemetry; this.gains = gains;
+    this.ages = ages; this.frames = 0; this.counted = performance.now(); this.rate = NaN;
     this.state = element("output", { className: "state" });
     this.since = element("span");
     this.outages = element("p");
@@ -76,17 +78,17 @@ export class LinkPanel {
     const { link } = this.events.summary, isOld = this.ages.isOld(TOPIC), now = performance.now() / 1e3;
     for (const strip of [...Object.values(this.strips), ...Object.values(this.page)]) strip.draw(now);
     this.loop.draw();
-    set(this.state, link ? `${SIGNS[link.state] ?? ""} ${link.state}` : "not heard of");
+    setText(this.state, link ? `${SIGNS[link.state] ?? ""} ${link.state}` : "not heard of");
     this.state.classList.toggle("warn", Boolean(link) && link.state !== "good" && !isOld);
-    set(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");
-    set(this.outages, link ? outages(link) : "");
-    set(this.way, link ? way(link) : "");
+    setText(this.since, link && !isOld ? `for ${spoken(link.state_duration)}` : "");
+    setText(this.outages, link ? outages(link) : "");
+    setText(this.way, link ? way(link) : "");
     this.problem.hidden = !link?.problem || isOld;
-    set(this.problem, link?.problem ? `⚠ Not commanded from here: ${link.problem}.` : "");
-    set(this.reaction, this.reactionText());
+    setText(this.problem, link?.problem ? `⚠ Not commanded from here: ${link.problem}.` : "");
+    setText(this.reaction, this.reactionText());
     const verdict = this.verdictText(link, isOld);
     this.verdict.hidden = !verdict;
-    set(this.verdict, verdict);
+    setText(this.verdict, verdict);
   }
 
   reactionText() {
@@ -120,5 +122,3 @@ function way({ address, access, path, reopened }) {
   const text = parts.join(", ");
   return text && `${text[0].toUpperCase()}${text.slice(1)}.`;
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,7 +1,8 @@
 // The flight loop on board, on the Link tab: how late its ticks come, and what was lost since the
 // vehicle's start. A count is worth a word only while it grows.
 
-import { element, fixed } from "../core/format.js";
+import { element, setIfChanged, setText } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 
 const TOPIC = "status";
 const BINS = [["< 50 µs", "below 50 µs"], ["< 100", "below 100 µs"], ["< 200", "below 200 µs"], ["< 500", "below 500 µs"], ["< 1 ms", "below 1 ms"], ["< 2", "below 2 ms"], ["< 5", "below 5 ms"], ["longer", "longer"]];
@@ -14,7 +15,7 @@ const COUNTS = [
 
 export class LoopPanel {
   constructor(place, { events, ages }) {
-    Object.assign(this, { events, ages });
+    this.events = events; this.ages = ages;
     this.line = output();
     this.bars = BINS.map(([label, name]) => {
       const bar = element("i"), count = element("span", { className: "count" });
@@ -23,7 +24,7 @@ export class LoopPanel {
     this.histogram = element("div", { className: "histogram", role: "img" }, ...this.bars.map((one) => one.place));
     this.histogram.dataset.topic = TOPIC;
     this.none = element("p", { hidden: true }, "This vehicle does not tell how its loop's ticks are spread.");
-    this.counts = COUNTS.map(([name, label, title]) => ({ name, known: null, steps: [], value: output(), growth: element("span", { className: "growth" }), label, title }));
+    this.counts = COUNTS.map(([name, label, title]) => ({ name, known: /** @type {any} */ (null), steps: /** @type {number[][]} */ ([]), value: output(), growth: element("span", { className: "growth" }), label, title }));
     place.append(
       element("h2", {}, "Flight loop on board"), element("p", {}, this.line),
       element("p", { className: "facts" }, "Ticks since the vehicle's start by their lateness; heights are logarithmic."), this.histogram, this.none,
@@ -32,7 +33,7 @@ export class LoopPanel {
 
   draw() {
     const { status } = this.events.summary, bins = status?.lateness_histogram;
-    set(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)} · missed ${fixed(100 * status.missed_share, 1)} %` : "not heard of");
+    setText(this.line, status ? `${fixed(status.tick_rate, 0)}${status.nominal_rate ? ` of ${fixed(status.nominal_rate, 0)}` : ""} Hz · lateness p50 ${late(status.lateness_p50)}, p99 ${late(status.lateness_p99)}, longest ${late(status.lateness_max)} · missed ${fixed(100 * status.missed_share, 1)} %` : "not heard of");
     this.histogram.hidden = !bins;
     this.none.hidden = !status || Boolean(bins);
     if (bins) this.drawBins(bins);
@@ -57,15 +58,15 @@ export class LoopPanel {
     this.bars.forEach(({ bar, count }, i) => {
       // A single tick is seen, too.
       bar.style.height = bins[i] ? `${8 + 92 * Math.log10(bins[i]) / Math.max(1, Math.log10(most))}%` : "0";
-      set(count, short(bins[i]));
+      setText(count, short(bins[i]));
     });
-    if (this.histogram.ariaLabel !== label) this.histogram.ariaLabel = label;
+    setIfChanged(this.histogram, "ariaLabel", label);
   }
 
   drawCount({ known, steps, value, growth }) {
     const grown = this.ages.isOld(TOPIC) ? 0 : steps.reduce((sum, [, step]) => sum + step, 0);
-    set(value, known === null ? "–" : `${known}`);
-    set(growth, grown ? `▲ ${grown} in the last ${FRESH} s` : "since the start");
+    setText(value, known === null ? "–" : `${known}`);
+    setText(growth, grown ? `▲ ${grown} in the last ${FRESH} s` : "since the start");
     for (const place of [value, growth]) place.classList.toggle("warn", grown > 0);
   }
 }
@@ -78,5 +79,3 @@ function output() {
   made.dataset.topic = TOPIC;
   return made;
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -1,6 +1,6 @@
 // One figure of a link over the last five minutes: a name, its value, and a small plot.
 
-import { element } from "../core/format.js";
+import { element, setIfChanged, setText } from "../core/dom.js";
 
 const CAPACITY = 1500; // five minutes at 5 Hz
 const LENGTH = 300; // s
@@ -9,9 +9,13 @@ const LINE = "#79a9ea", MARK = "#e3b24d", TEXT = "#8b97a2";
 
 export class LinkStrip {
   // format(value): text with its unit; least: height of the plot when nothing is larger;
-  // deadline: { value(), text } marked by a line; zero: whether the plot stands on zero
+  /**
+   * deadline: { value(), text } marked by a line; zero: whether the plot stands on zero
+   * @param {string} label
+   * @param {{ format: (value: number) => string, least: number, topic?: string, title?: string, deadline?: any, zero?: boolean }} look
+   */
   constructor(label, { format, least, topic = "", title = "", deadline = null, zero = true }) {
-    Object.assign(this, { label, format, least, deadline, zero });
+    this.label = label; this.format = format; this.least = least; this.deadline = deadline; this.zero = zero;
     this.times = new Float64Array(CAPACITY); // s of this page's clock, a ring
     this.values = new Float32Array(CAPACITY);
     this.count = 0;
@@ -32,11 +36,11 @@ export class LinkStrip {
   get newest() { return this.count ? this.values[(this.count - 1) % CAPACITY] : NaN; }
 
   draw(now) {
-    if (Number.isFinite(this.newest)) set(this.value, this.format(this.newest)); // else the last one stays, grey
+    if (Number.isFinite(this.newest)) setText(this.value, this.format(this.newest)); // else the last one stays, grey
     let low = Infinity, high = -Infinity;
     this.each(now, (_, value) => { if (value < low) low = value; if (value > high) high = value; });
     const isKnown = high >= low;
-    set(this.largest, !isKnown ? "" : this.zero ? `most ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`);
+    setText(this.largest, !isKnown ? "" : this.zero ? `most ${this.format(high)}` : `${this.format(low)} to ${this.format(high)}`);
     this.canvas.ariaLabel = isKnown ? `${this.label}, last five minutes: ${this.format(low)} to ${this.format(high)}` : `${this.label}: nothing heard`;
     this.paint(now, low, high, isKnown);
   }
@@ -51,9 +55,9 @@ export class LinkStrip {
   paint(now, low, high, isKnown) {
     const { canvas } = this, ratio = devicePixelRatio, width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (!width || !height) return;
-    if (canvas.width !== width) canvas.width = width;
-    if (canvas.height !== height) canvas.height = height;
-    const context = canvas.getContext("2d"), limit = this.deadline?.value();
+    setIfChanged(canvas, "width", width);
+    setIfChanged(canvas, "height", height);
+    const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")), limit = this.deadline?.value();
     context.clearRect(0, 0, width, height);
     const middle = (low + high) / 2, half = Math.max(this.least / 2, (high - low) / 2 * 1.1);
     const bottom = this.zero || !isKnown ? 0 : middle - half, top = this.zero || !isKnown ? Math.max(this.least, 1.1 * (isKnown ? high : 0)) : middle + half;
@@ -82,5 +86,3 @@ export class LinkStrip {
     context.stroke();
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

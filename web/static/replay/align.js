@@ -1,13 +1,15 @@
 // Which runs are shown, and how the second lies against the first: a moment of each, and a hand's
 // width beside it.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { stamp } from "./play_head.js";
 
 const BEST = ["take_off", "arming", "start"];
 
 // Event `shift`: the second run's shift is another.
 export class Alignment extends EventTarget {
+  /** @type {any} */ offset;
+
   constructor(place, runs, choices, choose) {
     super();
     this.runs = runs;

@@ -3,6 +3,8 @@
 const NEAR = 0.05; // m
 
 export class Camera {
+  target; turn; rise; distance; eye; right; up; back; focal; center;
+
   constructor() { this.reset(); }
 
   reset() { Object.assign(this, { target: [0, 0, 0.8], turn: -2.26, rise: 0.36, distance: 3.4 }); }
@@ -19,7 +21,10 @@ export class Camera {
     this.center = [width / 2, height / 2];
   }
 
-  // Camera axes: right, up, depth.
+  /**
+   * Camera axes: right, up, depth.
+   * @returns {[number, number, number]}
+   */
   seen([x, y, z]) {
     const a = x - this.eye[0], b = y - this.eye[1], c = z - this.eye[2];
     return [
@@ -29,6 +34,7 @@ export class Camera {
     ];
   }
 
+  /** @returns {[number, number]} */
   flat([a, b, depth]) { return [this.center[0] + (this.focal * a) / depth, this.center[1] - (this.focal * b) / depth]; }
 
   // [x, y] in pixels, or null behind the eye.
@@ -58,6 +64,7 @@ export class Camera {
   zoom(factor) { this.distance = Math.min(60, Math.max(0.4, this.distance * factor)); }
 }
 
+/** @returns {[number, number, number]} */
 function cut(behind, before) {
   const share = (NEAR - behind[2]) / (before[2] - behind[2]);
   return behind.map((x, i) => x + share * (before[i] - x) + (i === 2 ? 1e-6 : 0));

@@ -1,7 +1,8 @@
 // A chart of any recorded signals of one or two runs: uPlot over windows the server cuts out at the
 // resolution of the screen. What is here already is drawn at once, finer data when it comes.
 
-import { element, fixed } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 import { spread, styleOf } from "./style.js";
 import { SignalMenu } from "./signal_menu.js";
 import { stamp } from "./play_head.js";
@@ -10,9 +11,12 @@ const AHEAD = 1; // widths fetched on either side of what is shown
 const COARSE = 3.5; // times the width at which a window is too coarse
 
 export class ReplayChart extends EventTarget {
+  menu; lines; outputs; uplot; drawn;
+
   constructor(place, index, clock, range) {
     super();
-    Object.assign(this, { index, clock, range, runs: [], names: [], loaded: new Map(), whole: new Map(), asked: 0, values: [] });
+    this.index = index; this.clock = clock; this.range = range; this.runs = []; this.names = [];
+    this.loaded = new Map(); this.whole = new Map(); this.asked = 0; this.values = [];
     this.legend = element("div", { className: "legend" });
     this.plot = element("div", { className: "plot" });
     this.head = element("i", { className: "playhead" });
@@ -228,7 +232,7 @@ export class ReplayChart extends EventTarget {
     this.lines?.forEach(({ run, name }, i) => {
       const [value, age] = values.get(run)?.[name] ?? [null, null];
       const text = value === null ? "–" : fixed(value, Math.abs(value) < 100 ? 3 : 1);
-      if (this.outputs[i].textContent !== text) this.outputs[i].textContent = text;
+      setText(this.outputs[i], text);
       this.outputs[i].classList.toggle("stale", !(age < 3));
     });
   }

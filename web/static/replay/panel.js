@@ -1,6 +1,7 @@
 // Beside the view: what happened, line by line, and the parameters as they were at the play-head.
 
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 import { stamp } from "./play_head.js";
 
 const MOST = 2000; // lines

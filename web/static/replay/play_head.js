@@ -6,7 +6,8 @@ export const SPEEDS = [0.125, 0.25, 0.5, 1, 2, 4, 8];
 export class Clock extends EventTarget {
   constructor() {
     super();
-    Object.assign(this, { t: 0, start: 0, end: 1, speed: 1, direction: 1, playing: false, last: 0 });
+    this.t = 0; this.start = 0; this.end = 1; this.speed = 1; this.direction = 1; this.playing = false;
+    this.last = 0;
     this.tick = this.tick.bind(this);
   }
 

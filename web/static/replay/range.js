@@ -1,13 +1,14 @@
 // The stretch of time all charts show: the whole run, a few seconds around the play-head, or a part
 // that was drawn with the mouse and turns its page when the play-head leaves it.
 
+/** @type {[string, number | null][]} */
 export const WIDTHS = [["all", null], ["60 s", 60], ["30 s", 30], ["10 s", 10], ["3 s", 3], ["1 s", 1]];
 const SHORTEST = 0.05; // s
 
 export class Range extends EventTarget {
   constructor(clock) {
     super();
-    Object.assign(this, { clock, width: null, isZoomed: false, start: 0, end: 1 });
+    this.clock = clock; this.width = null; this.isZoomed = false; this.start = 0; this.end = 1;
     clock.addEventListener("time", () => this.follow());
     clock.addEventListener("change", () => this.follow());
   }

@@ -1,7 +1,7 @@
 // The replay page: opens one run or two and hands them to the parts.
 
 import { get } from "../core/api.js";
-import { element } from "../core/format.js";
+import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { Alignment } from "./align.js";
 import { ReplayChart } from "./chart.js";
@@ -15,7 +15,6 @@ import { ReplayTable } from "./table.js";
 import { Transport } from "./transport.js";
 import { pathname } from "../core/vehicle_path.js";
 
-const $ = (id) => document.getElementById(id);
 const main = document.querySelector("main");
 const ID = decodeURIComponent(pathname.split("/")[2]);
 const WITH = new URLSearchParams(location.search).get("with");

@@ -6,10 +6,12 @@ const POLL = 250; // ms between two questions while the server reads the log
 const WIDTH_OF = { position: 3, rotation: 4 };
 
 export class Run {
+  place; track;
+
   constructor(id, description) {
     this.id = id;
     this.base = `/api/replay/${encodeURIComponent(id)}`;
-    Object.assign(this, { description, shift: 0 }); // its time = the page's + shift
+    this.description = description; this.shift = 0; // its time = the page's + shift
     this.signals = new Map(description.signals.map((signal) => [signal.name, signal]));
   }
 

@@ -1,7 +1,7 @@
 // The 3D view of a replay: vehicles, paths, beacons and volume on a plain canvas. It needs no GPU and
 // nothing of the server once the tracks are here; the live page's scene is another.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { Camera, handle } from "./camera.js";
 
 const ARM = 0.25, ROTOR = 0.125, AXIS = 0.18; // m
@@ -25,7 +25,8 @@ export class ReplayScene {
     const key = (name, words) => element("span", { className: `key ${name}` }, words);
     this.truthKey = key("truth", "truth");
     place.append(this.canvas, element("div", { className: "overlay bottom" }, this.follow, reset, key("flown", "flown"), key("wanted", "desired"), this.truthKey));
-    this.pen = this.canvas.getContext("2d", { willReadFrequently: true }); // by the processor: few lines, and an emulated GPU is slow
+    // By the processor: few lines, and an emulated GPU is slow.
+    this.pen = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d", { willReadFrequently: true }));
     const style = getComputedStyle(document.documentElement);
     this.color = Object.fromEntries(["x", "y", "z", "flown", "wanted", "truth", "text", "dim", "line", "strong", "stale", "ground", "amber"].map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
     handle(this.canvas, this.camera, () => this.draw());
@@ -164,7 +165,7 @@ export class ReplayScene {
     if (flat.includes(null)) return;
     this.pen.fillStyle = color;
     this.pen.beginPath();
-    for (const point of flat) this.pen.lineTo(...point);
+    for (const point of flat) if (point) this.pen.lineTo(point[0], point[1]);
     this.pen.fill();
   }
 

@@ -1,18 +1,18 @@
 // Which signals a chart shows: those with names first, then every number of the log by topic.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const MOST = 8;
 const LISTED = 400; // boxes at once; the search finds the others
 
 export class SignalMenu {
   constructor(signals, choose) {
-    Object.assign(this, { signals, choose, chosen: [] });
+    this.signals = signals; this.choose = choose; this.chosen = [];
     this.search = element("input", { type: "search", placeholder: "Search signal, topic or unit", ariaLabel: "search signals", oninput: () => this.fill() });
     this.note = element("span", { className: "note" });
     this.list = element("div", { className: "columns" });
     this.place = element("div", { className: "menu signals", hidden: true }, element("div", { className: "tools" }, this.search, this.note), this.list);
-    document.addEventListener("pointerdown", (event) => { if (!this.place.hidden && !this.place.parentElement?.contains(event.target)) this.place.hidden = true; });
+    document.addEventListener("pointerdown", (event) => { if (!this.place.hidden && !this.place.parentElement?.contains(/** @type {Node} */ (event.target))) this.place.hidden = true; });
     this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.place.hidden = true; });
   }
 

@@ -1,8 +1,10 @@
 // The state at the play-head: vectors in x, y, z columns; of a second run below each value.
 
-import { element, fixed, seconds, words } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { fixed, seconds, words } from "../core/format.js";
 
 const xyz = (prefix) => ["x", "y", "z"].map((axis) => `${prefix}.${axis}`);
+/** @type {[string, string[], number[], string?][]} */
 const ROWS = [
   ["position", xyz("state.position"), [3, 3, 3]],
   ["velocity", xyz("state.velocity"), [3, 3, 3]],
@@ -20,6 +22,8 @@ const STALE = { battery: 3, link: 1.5, mass: 0.3 }; // s
 const DEFAULT_STALE = 0.3;
 
 export class ReplayTable {
+  rows;
+
   constructor(place) {
     this.place = place;
     this.names = ROWS.flatMap(([, names]) => names);
@@ -48,16 +52,14 @@ export class ReplayTable {
     this.runs.forEach((run, k) => {
       const own = t + run.shift, flags = run.text("status/flags", own);
       const text = [run.span("mode", own), run.span("behavior", own), ...flags.split(", ")].filter(Boolean).map(words).join(" · ") || "–";
-      if (this.facts[k].textContent !== text) this.facts[k].textContent = text;
+      setText(this.facts[k], text);
     });
     for (const { run, names, digits, cells, age, line } of this.rows) {
       const found = values.get(run) ?? {}, old = found[names[0]]?.[1];
       const isStale = !(old <= (STALE[names[0].split(".")[0]] ?? DEFAULT_STALE));
       line.classList.toggle("stale", isStale);
-      names.forEach((name, i) => set(cells[i], fixed(found[name]?.[0], digits[i])));
-      set(age, old === null || old === undefined ? "–" : isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`);
+      names.forEach((name, i) => setText(cells[i], fixed(found[name]?.[0], digits[i])));
+      setText(age, old === null || old === undefined ? "–" : isStale ? seconds(old) : `${Math.round(old * 1e3)} ms`);
     }
   }
 }
-
-function set(cell, text) { if (cell.textContent !== text) cell.textContent = text; }

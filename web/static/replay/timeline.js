@@ -2,7 +2,8 @@
 // changes where they happened, and the bar that is dragged. A second run lies below; it is dragged
 // against the first.
 
-import { element, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { words } from "../core/format.js";
 import { stamp } from "./play_head.js";
 
 const TINTS = ["#24404a", "#3a3150", "#2f4434", "#4a3d24", "#462f3d", "#2b3a52"];
@@ -12,13 +13,14 @@ const GROUND = new Set(["ground", "idle", "ready", "disarmed"]);
 export class TimeLine extends EventTarget {
   constructor(place, clock, range) {
     super();
-    Object.assign(this, { clock, range, place, tints: new Map() });
+    this.clock = clock; this.range = range; this.place = place; this.tints = new Map();
     this.lanes = element("div", { className: "lanes" });
     this.head = element("i", { className: "playhead" });
     this.shown = element("i", { className: "shown" });
     this.bar = element("div", { className: "bar", tabIndex: 0, title: "drag to move the play-head" });
     for (const [name, value] of [["role", "slider"], ["aria-label", "time of the replay"], ["aria-orientation", "horizontal"]]) this.bar.setAttribute(name, value);
-    this.bar.append(element("i", { className: "thumb" }));
+    this.thumb = element("i", { className: "thumb" });
+    this.bar.append(this.thumb);
     this.inner = element("div", { className: "inner" }, this.lanes, this.bar, this.shown, this.head);
     place.append(this.inner);
     this.scrub();
@@ -49,7 +51,7 @@ export class TimeLine extends EventTarget {
       ...events.slice(0, MOST).map((one) => this.tick(run, one.t, `event${one.warn ? " warn" : ""}`, one.text)),
       ...changes.slice(0, MOST).map((one) => this.tick(run, one.t, "change", `${one.name}: ${one.old} → ${one.new}, ${one.who}`)),
       ...marks.slice(0, MOST).map((one) => this.tick(run, one.t, "mark", `mark${one.who ? ` of ${one.who}` : ""}: ${one.text || "without words"}`, one.text || "mark")));
-    if (k > 0) this.shiftable(stretches, run);
+    if (k > 0) this.shiftable(stretches);
     return [stretches, modes, ticks];
   }
 
@@ -68,7 +70,7 @@ export class TimeLine extends EventTarget {
   }
 
   // Drags the second run; `shift` is told with the seconds it moved to the right.
-  shiftable(lane, run) {
+  shiftable(lane) {
     lane.title = "drag to move this run against the first";
     let from = null;
     lane.addEventListener("pointerdown", (event) => { lane.setPointerCapture(event.pointerId); from = event.clientX; });
@@ -94,7 +96,7 @@ export class TimeLine extends EventTarget {
 
   move() {
     const { clock, range, bar } = this;
-    this.head.style.left = bar.firstChild.style.left = `${this.share(clock.t)}%`;
+    this.head.style.left = this.thumb.style.left = `${this.share(clock.t)}%`;
     const left = Math.max(0, this.share(range.start)), right = Math.min(100, this.share(range.end));
     this.shown.style.left = `${left}%`;
     this.shown.style.width = `${Math.max(0, right - left)}%`;

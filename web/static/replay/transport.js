@@ -1,6 +1,6 @@
 // Buttons and keys that move the play-head, and the times it stands at.
 
-import { element } from "../core/format.js";
+import { element, setIfChanged, setText } from "../core/dom.js";
 import { onKey } from "../core/keys.js";
 import { SPEEDS, stamp } from "./play_head.js";
 import { WIDTHS } from "./range.js";
@@ -11,16 +11,17 @@ const EPOCH = 1e9; // s; a clock before 2001 is a simulation's
 
 export class Transport {
   constructor(place, clock, range) {
-    Object.assign(this, { clock, range });
+    this.clock = clock; this.range = range;
     this.back = element("button", { ariaLabel: "play backwards", title: "play backwards", onclick: () => this.press(-1) }, "◀");
     this.forth = element("button", { ariaLabel: "play", title: "play or pause (Space)", onclick: () => this.press(1) }, "▶");
     this.speed = element("select", { ariaLabel: "speed", title: "speed ([ and ])", onchange: () => clock.setSpeed(Number(this.speed.value)) },
       ...SPEEDS.map((speed) => element("option", { value: speed }, `${NAMES[speed] ?? speed} ×`)));
     this.width = element("select", { ariaLabel: "time shown in the charts", onchange: () => range.setWidth(this.width.value ? Number(this.width.value) : null) },
       ...WIDTHS.map(([label, seconds]) => element("option", { value: seconds ?? "" }, label)), element("option", { value: "zoom", hidden: true }, "zoomed"));
+    /** @type {(label: string, title: string) => [HTMLElement, HTMLElement]} */
     const time = (label, title) => { const output = element("output"); return [element("div", { className: "cell", title }, element("label", {}, label), output), output]; };
     const [own, run] = time("run", "since the recording began"), [since, flight] = time("flight", "since the last take-off"), [clockCell, wall] = time("clock", "time of day at the base station");
-    Object.assign(this, { run, flight, wall });
+    this.run = run; this.flight = flight; this.wall = wall;
     const step = (label, title, act) => element("button", { ariaLabel: title, title, onclick: act }, label);
     place.append(
       element("div", { className: "buttons" },
@@ -56,7 +57,7 @@ export class Transport {
     // Held arrows run on; onKey acts on the first press only.
     document.addEventListener("keydown", (event) => {
       const sign = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
-      if (sign && event.repeat && !event.target.closest?.("input, select, textarea")) step(sign)(event);
+      if (sign && event.repeat && !event.target?.closest?.("input, select, textarea")) step(sign)(event);
     });
   }
 
@@ -65,20 +66,21 @@ export class Transport {
     if (!runs) return;
     const { start_ns: start, airborne } = runs[0].description, since = airborne.filter((t) => t <= clock.t).at(-1);
     const wall = start / 1e9 + clock.t;
-    set(this.run, stamp(clock.t));
-    set(this.flight, since === undefined ? "–" : stamp(clock.t - since));
-    set(this.wall, wall > EPOCH ? clockTime(wall) : "–");
-    for (const [button, direction, sign] of [[this.forth, 1, "▶"], [this.back, -1, "◀"]]) {
+    setText(this.run, stamp(clock.t));
+    setText(this.flight, since === undefined ? "–" : stamp(clock.t - since));
+    setText(this.wall, wall > EPOCH ? clockTime(wall) : "–");
+    const ways = /** @type {[HTMLElement, number, string][]} */ ([[this.forth, 1, "▶"], [this.back, -1, "◀"]]);
+    for (const [button, direction, sign] of ways) {
       const playing = clock.playing && clock.direction === direction;
-      set(button, playing ? "❚❚" : sign);
+      setText(button, playing ? "❚❚" : sign);
       button.setAttribute("aria-pressed", String(playing));
     }
-    if (this.speed.value !== String(clock.speed)) this.speed.value = String(clock.speed);
+    setIfChanged(this.speed, "value", String(clock.speed));
   }
 
   showWidth() {
     const value = this.range.isZoomed ? "zoom" : String(this.range.width ?? "");
-    if (this.width.value !== value) this.width.value = value;
+    setIfChanged(this.width, "value", value);
   }
 }
 
@@ -86,5 +88,3 @@ function clockTime(seconds) {
   const date = new Date(seconds * 1e3);
   return `${date.toTimeString().slice(0, 8)}.${String(Math.floor((seconds % 1) * 1e3)).padStart(3, "0")}`;
 }
-
-function set(output, text) { if (output.textContent !== text) output.textContent = text; }

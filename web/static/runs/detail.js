@@ -1,7 +1,8 @@
 // The chosen run: what can be done with it, its tags, notes and marks. Several: what can be done with all.
 
 import { get, request } from "../core/api.js";
-import { element, fixed } from "../core/format.js";
+import { element, hide } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 import { RunFill } from "./fill.js";
 import { RunNotes } from "./notes.js";
 import { RunReport } from "./report.js";
@@ -51,7 +52,7 @@ export class RunDetail {
     this.drawTags();
     this.notes.show(several ? null : run);
     this.marks.hidden = several;
-    this.marks.previousElementSibling.hidden = several;
+    hide(this.marks.previousElementSibling, several);
     if (isOther) { this.marks.replaceChildren(); this.loadMarks(); } else if (run.marks !== this.shownMarks) this.loadMarks();
   }
 

@@ -1,7 +1,8 @@
 // How a run compares with what the vehicle itself logged, and filling its holes from there.
 
 import { request } from "../core/api.js";
-import { bytes, element } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { bytes } from "../core/format.js";
 
 export const ENDED = ["done", "incomplete", "failed", "cancelled"];
 const DOES = { waiting: "Waiting", fetching: "Fetching", checking: "Comparing", merging: "Merging" };

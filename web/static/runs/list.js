@@ -1,6 +1,7 @@
 // The list of runs, newest first: thousands of them, of which only those in sight are drawn.
 
-import { bytes, element } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { bytes } from "../core/format.js";
 import { characterOf } from "../core/keys.js";
 import { experiment, lasted, startOf, state } from "./labels.js";
 
@@ -16,7 +17,7 @@ export class RunList extends EventTarget {
   // page(offset, limit) answers { total, runs }; nothing() says why there is none.
   constructor(place, page, nothing) {
     super();
-    Object.assign(this, { page, nothing });
+    this.page = page; this.nothing = nothing;
     this.runs = []; // by index, undefined while unknown
     this.total = 0;
     this.cursor = 0;
@@ -37,7 +38,7 @@ export class RunList extends EventTarget {
     new ResizeObserver(() => this.later()).observe(this.frame);
     this.table.addEventListener("keydown", (event) => this.key(event));
     this.body.addEventListener("click", (event) => this.click(event));
-    this.body.addEventListener("dblclick", (event) => { if (event.target.closest("tr[data-index]") && !event.target.closest("input")) this.tell("open"); });
+    this.body.addEventListener("dblclick", ({ target }) => { if (target?.closest("tr[data-index]") && !target.closest("input")) this.tell("open"); });
   }
 
   get current() { return this.runs[this.cursor]; }
@@ -175,6 +176,7 @@ export class RunList extends EventTarget {
     this.tell("choice");
   }
 
+  /** @param {boolean | null} wanted */
   choose(index, wanted = null) {
     const run = this.runs[index];
     if (!run) return;

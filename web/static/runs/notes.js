@@ -1,7 +1,7 @@
 // Notes of a run, saved by themselves. When two write, the last one wins, both are told and every text is kept.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element, setIfChanged } from "../core/dom.js";
 import { moment } from "./labels.js";
 
 const PAUSE = 1500; // ms without typing after which it is saved
@@ -40,7 +40,7 @@ export class RunNotes {
     if (newest?.notes_by.version > run.notes_by.version) Object.assign(run, newest);
     const draft = this.drafts.get(run.id), { version, author, stamp } = run.notes_by;
     const text = draft ? draft.text : run.notes;
-    if (this.text.value !== text) this.text.value = text;
+    setIfChanged(this.text, "value", text);
     if (draft && version > draft.seen && author) this.foreign(run);
     else if (draft && isOther) this.wait(); // it could not be saved when it was left
     else if (!draft && !this.saving.has(run.id) && (isOther || newest?.notes_by.version !== version)) this.said(author, stamp); // else: Saved

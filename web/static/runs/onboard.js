@@ -1,7 +1,8 @@
 // The vehicle's own logs: what it has, fetching one to this computer, and how far that is.
 
 import { get, request } from "../core/api.js";
-import { bytes, duration, element } from "../core/format.js";
+import { $, element, hide } from "../core/dom.js";
+import { bytes, duration } from "../core/format.js";
 import { ENDED, Progress } from "./fill.js";
 import { moment } from "./labels.js";
 
@@ -24,14 +25,14 @@ export class Onboard {
     this.again = element("button", { onclick: () => this.refresh() }, "List again");
     place.append(element("div", { className: "trash-head" }, element("h2", {}, "Onboard logs"), this.note, this.again),
       element("table", {}, element("thead", {}, element("tr", {}, ...COLUMNS.map((text) => element("th", { scope: "col" }, text)))), this.body));
-    this.body.parentElement.hidden = true;
+    hide(this.body.parentElement, true);
   }
 
   open(wanted) {
     if (wanted) this.page.only(this);
     this.place.hidden = !wanted;
     this.opener.setAttribute("aria-expanded", String(wanted));
-    document.getElementById("list").hidden = wanted;
+    $("list").hidden = wanted;
     if (wanted) this.refresh();
   }
 
@@ -49,7 +50,7 @@ export class Onboard {
   show(logs) {
     this.rows.clear();
     this.body.replaceChildren(...logs.map((log) => this.row(log)));
-    this.body.parentElement.hidden = !logs.length;
+    hide(this.body.parentElement, !logs.length);
     this.draw();
   }
 

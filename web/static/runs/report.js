@@ -1,7 +1,7 @@
 // A report with figures of any run, made on request: one page and one PDF, opened in tabs of their own.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const POLL = 700; // ms
 const KINDS = [[".html", "Full report"], [".pdf", "PDF"]];

@@ -1,7 +1,7 @@
 // The page of runs: recorded flights, what people say about them, and what can be done with them.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { $, element } from "../core/dom.js";
 import { onKey } from "../core/keys.js";
 import { head } from "../core/page_header.js";
 import { RunDetail } from "./detail.js";
@@ -13,7 +13,6 @@ import { query } from "./labels.js";
 import { Events } from "../core/sockets.js";
 import { here } from "../core/vehicle_path.js";
 
-const $ = (id) => document.getElementById(id);
 const TYPING_PAUSE = 200; // ms
 
 class RunsPage {
@@ -129,6 +128,7 @@ class RunsPage {
   }
 
   // undo: asked for by a button beside the text.
+  /** @param {(() => unknown) | null} undo */
   say(text, undo = null) {
     const close = element("button", { className: "link", ariaLabel: "dismiss", onclick: () => { $("notice").hidden = true; } }, "Dismiss");
     const button = undo ? [element("button", { onclick: undo }, "Undo")] : [];

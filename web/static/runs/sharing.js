@@ -1,7 +1,7 @@
 // A run in other programs: its 3D recording, and links for Foxglove and Lichtblick.
 
 import { request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { moment } from "./labels.js";
 
 const POLL = 700; // ms

@@ -1,7 +1,8 @@
 // The gauge: what the runs take, what is free, how long recording still lasts.
 
 import { get } from "../core/api.js";
-import { bytes, element } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { bytes } from "../core/format.js";
 
 // "35 h", "12 min"; s.
 export function lasting(value) {

@@ -1,7 +1,8 @@
 // The trash: what was deleted, by whom, and how long it can still be brought back.
 
 import { get, request } from "../core/api.js";
-import { bytes, duration, element } from "../core/format.js";
+import { $, element, hide } from "../core/dom.js";
+import { bytes, duration } from "../core/format.js";
 import { onHold } from "../core/hold_button.js";
 import { lasting } from "./storage.js";
 import { moment } from "./labels.js";
@@ -29,7 +30,7 @@ export class Trash {
   open(wanted) {
     this.place.hidden = !wanted;
     this.opener.setAttribute("aria-expanded", String(wanted));
-    document.getElementById("list").hidden = wanted;
+    $("list").hidden = wanted;
   }
 
   async refresh() {
@@ -38,7 +39,7 @@ export class Trash {
     this.empty.hidden = !runs.length;
     this.note.textContent = runs.length ? `What lies here longer than ${Number(days.toFixed(2))} days is removed for good. The vehicle's own logs are not touched.` : "Nothing is here.";
     this.body.replaceChildren(...runs.map((run) => this.row(run, days)));
-    this.body.parentElement.hidden = !runs.length;
+    hide(this.body.parentElement, !runs.length);
   }
 
   row(run, days) {

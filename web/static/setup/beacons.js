@@ -2,7 +2,7 @@
 
 import { get } from "../core/api.js";
 import { Layout } from "../beacons/layout.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 
 const LAYOUT = "station.bearings.layout";
 

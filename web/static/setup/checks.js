@@ -2,7 +2,7 @@
 
 import { get, request } from "../core/api.js";
 import { badge, checkList, count } from "../core/check_list.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { moment } from "../runs/labels.js";
 
 const AGAIN = 2000; // ms, while the station has not looked yet

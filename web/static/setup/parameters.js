@@ -1,7 +1,8 @@
 // Parameters of vehicle and station on the Set-up page: confirmed values, and fields to change them.
 
 import { get, request } from "../core/api.js";
-import { element, exact } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact } from "../core/format.js";
 
 const number = (text) => (text.trim() === "" ? NaN : Number(text.trim().replace(",", ".").replace("−", "-")));
 

@@ -1,7 +1,7 @@
 // The Set-up page: what this station has, who may use it, and whether all is as it should be.
 
 import { get } from "../core/api.js";
-import { element } from "../core/format.js";
+import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { BeaconSection } from "./beacons.js";
 import { CheckSection } from "./checks.js";
@@ -11,8 +11,6 @@ import { UserSection } from "./users.js";
 import { VehicleSection } from "./vehicles.js";
 import { VolumeSection } from "./volume.js";
 import { Events } from "../core/sockets.js";
-
-const $ = (id) => document.getElementById(id);
 
 async function start() {
   const session = await get("/api/session");
@@ -28,7 +26,7 @@ async function start() {
   new CheckSection($("checks"), $("checks-summary"), isOperator, (checks) => vehicles.showChecks(checks));
   connection(events);
   // The sections have their heights now: go where the address points.
-  if (location.hash) document.getElementById(location.hash.slice(1))?.scrollIntoView();
+  if (location.hash) $(location.hash.slice(1))?.scrollIntoView();
 }
 
 function connection(events) {

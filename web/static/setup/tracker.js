@@ -1,6 +1,7 @@
 // The tracking system: what comes from it, how old it is at the vehicle, and its parameters.
 
-import { element, fixed, NONE } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { fixed, NONE } from "../core/format.js";
 import { Fields } from "./parameters.js";
 
 const PERIOD = 500; // ms

@@ -1,7 +1,7 @@
 // Who may use this station: an admin manages accounts; all others see who is signed in.
 
 import { get, request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { Invitation } from "../core/invitation.js";
 import { ago } from "./vehicles.js";
 
@@ -9,6 +9,8 @@ const ROLES = ["viewer", "operator", "admin"];
 const PERIOD = 10_000; // ms
 
 export class UserSection {
+  newRole;
+
   constructor(place, session) {
     this.session = session;
     this.isAdmin = session.role === "admin";

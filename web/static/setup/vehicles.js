@@ -1,7 +1,8 @@
 // The vehicles this station knows, and what its control law believes of the connected one.
 
 import { get } from "../core/api.js";
-import { element, exact, words } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { exact, words } from "../core/format.js";
 
 const PERIOD = 5000; // ms between two looks at the list
 const MODEL = [["mass", "Mass"], ["arm", "Arm"], ["inertia_xx", "Inertia about x"], ["inertia_yy", "Inertia about y"], ["inertia_zz", "Inertia about z"], ["torque_ratio", "Torque per thrust"], ["motor_time_constant", "Motor lag"], ["battery_nominal", "Battery, nominal"]];

@@ -1,6 +1,6 @@
 // The flight volume: its walls as numbers, and the box to scale from above and from the side.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { Fields } from "./parameters.js";
 
 const SVG = "http://www.w3.org/2000/svg";
@@ -26,7 +26,7 @@ export class VolumeSection {
     const confirmed = box((name) => this.parameters.value(name)), typed = this.fields.values();
     const wanted = this.fields.isDraft ? box((name) => typed[name]) : null;
     // One scale for both, so that they can be compared.
-    const boxes = [confirmed, wanted].filter(Boolean);
+    const boxes = [confirmed, wanted].filter((one) => one !== null);
     if (!boxes.length) return;
     const span = (axis) => [Math.min(0, ...boxes.map((one) => one[axis][0])), Math.max(0, ...boxes.map((one) => one[axis][1]))];
     const spans = { x: span("x"), y: span("y"), z: span("z") };

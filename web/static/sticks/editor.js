@@ -1,7 +1,8 @@
 // Setting up a pad: each function is given a stick by moving it, or a button by pressing it. The
 // sticks are off meanwhile, so that nothing tried out here flies.
 
-import { element, fixed } from "../core/format.js";
+import { element } from "../core/dom.js";
+import { fixed } from "../core/format.js";
 import { AXES, BUTTONS, DEAD_ZONE, EXPO, PRESETS, forget, isPressed, mappingOf, preset, presetOf, readPad, remember } from "./mapping.js";
 
 const FUNCTIONS = {
@@ -17,6 +18,8 @@ const MOVED = 0.6; // of full travel, from where it was
 const GUESS = { axes: preset("Mode 2").axes, buttons: { deadMan: [], land: [], cut: [] }, deadZone: 0.08, expo: 0.3 };
 
 export class StickEditor {
+  rest;
+
   constructor(place, sticks) {
     this.sticks = sticks;
     this.wanted = null; // the function that waits for a stick or button
@@ -46,6 +49,7 @@ export class StickEditor {
     return { name, isAxis, where, bar, set, invert, meter, line: element("div", { className: "function" }, element("span", {}, label), meter, where, set, invert) };
   }
 
+  /** @type {(label: string, bounds: number[], key: string, title: string) => any} */
   slider(label, [low, high], key, title) {
     const value = element("output"), input = element("input", { type: "range", min: low, max: high, step: 0.01, ariaLabel: label, title });
     input.addEventListener("input", () => this.change((mapping) => { mapping[key] = input.valueAsNumber; }));

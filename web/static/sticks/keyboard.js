@@ -18,7 +18,7 @@ export class StickKeys {
     this.axes = [0, 0, 0, 0];
     addEventListener("keydown", (event) => {
       const key = nameOf(event);
-      if (event.target.closest?.(TYPING) || !(key in KEYS || key === DEAD_MAN) || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.target?.closest?.(TYPING) || !(key in KEYS || key === DEAD_MAN) || event.ctrlKey || event.metaKey || event.altKey) return;
       if (key in KEYS && this.deadMan) event.preventDefault();
       this.pressed.add(key);
     });

@@ -25,6 +25,7 @@ export function preset(name) {
 export const presetOf = (mapping) => PRESETS.find((name) => JSON.stringify(preset(name).axes) === JSON.stringify(mapping.axes)) ?? "";
 
 const isIndex = (value) => Number.isInteger(value) && value >= 0 && value < 128;
+/** @type {(value: any, bounds: number[]) => boolean} */
 const isWithin = (value, [low, high]) => typeof value === "number" && value >= low && value <= high;
 
 function isMapping(value) {
@@ -36,7 +37,7 @@ function isMapping(value) {
 // The remembered mapping; of a standard pad else Mode 2; null for a pad that must be set up first.
 export function mappingOf(pad) {
   try {
-    const kept = JSON.parse(localStorage.getItem(STORE + pad.id));
+    const kept = JSON.parse(localStorage.getItem(STORE + pad.id) ?? "null");
     if (isMapping(kept)) return kept;
   } catch { /* not ours, or storage is forbidden */ }
   return pad.mapping === "standard" ? preset("Mode 2") : null;
@@ -64,6 +65,7 @@ export function readPad(pad, mapping) {
     const { index, inverted } = mapping.axes[axis], value = pad.axes[index];
     return Number.isFinite(value) ? Math.max(-1, Math.min(1, inverted ? -value : value)) : 0;
   });
+  /** @type {any} */
   const read = { raw, axes: raw.map((value) => shape(value, mapping)) };
   for (const button of BUTTONS) read[button] = mapping.buttons[button].some((index) => isPressed(pad, index));
   return read;

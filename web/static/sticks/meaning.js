@@ -9,11 +9,15 @@ const PLACE = { velocity: "the vehicle stands", near_hovering: "level; it may dr
 
 export const OBEYING = { velocity: "Velocity", near_hovering: "Near hover" };
 
-// [what full stick does, unit, digits] of forward and left, up, turn
+/**
+ * [what full stick does, unit, digits] of forward and left, up, turn
+ * @typedef {[number, string, number]} Axis
+ * @returns {{ plane: Axis, up: Axis[], turn: Axis }}
+ */
 function axes(behavior, limit, holds) {
-  const turn = [DEGREES * limit("joy_yaw_rate"), "°/s", 0], climb = [limit("joy_speed_z"), "m/s", 2];
+  const turn = /** @type {Axis} */ ([DEGREES * limit("joy_yaw_rate"), "°/s", 0]), climb = /** @type {Axis} */ ([limit("joy_speed_z"), "m/s", 2]);
   if (behavior !== "near_hovering") return { plane: [limit("joy_speed_xy"), "m/s", 2], up: [climb], turn };
-  const thrust = [100 * limit("joy_thrust"), "% of the weight", 0];
+  const thrust = /** @type {Axis} */ ([100 * limit("joy_thrust"), "% of the weight", 0]);
   return { plane: [limit("joy_tilt"), "°", 1], up: holds === undefined ? [climb, thrust] : [holds ? climb : thrust], turn };
 }
 
@@ -30,6 +34,6 @@ export function limits(behavior, limit, holds) {
 export function commanded(behavior, sent, limit, holds) {
   if (sent.every((value) => value === 0)) return `centred, ${PLACE[behavior]}`;
   const { plane, up, turn } = axes(behavior, limit, holds), tilts = behavior === "near_hovering" ? "tilted " : "";
-  const parts = [[0, [plane], `${tilts}forward`, `${tilts}back`], [1, [plane], `${tilts}left`, `${tilts}right`], [2, up, "up", "down"], [3, [turn], "turning left", "turning right"]];
+  const parts = /** @type {[number, Axis[], string, string][]} */ ([[0, [plane], `${tilts}forward`, `${tilts}back`], [1, [plane], `${tilts}left`, `${tilts}right`], [2, up, "up", "down"], [3, [turn], "turning left", "turning right"]]);
   return parts.filter(([axis]) => sent[axis] !== 0).map(([axis, most, more, less]) => `${most.map((one) => text(sent[axis], one)).join(" or ")} ${sent[axis] > 0 ? more : less}`).join(", ");
 }

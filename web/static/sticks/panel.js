@@ -2,7 +2,8 @@
 // move the vehicle and if not why, how fast full stick is, and the round trip to the station.
 
 import { flightButton } from "../core/flight_button.js";
-import { element, fixed, hide, words } from "../core/format.js";
+import { $, element, hide, setText } from "../core/dom.js";
+import { fixed, words } from "../core/format.js";
 import { StickEditor } from "./editor.js";
 import { presetOf } from "./mapping.js";
 import { OBEYING, commanded, limits } from "./meaning.js";
@@ -28,7 +29,7 @@ class StickPanel {
     this.label = label;
     this.limit = (name) => gains.value(`behavior.${name}`);
     this.sticks = new Sticks(emergency);
-    this.editor = new StickEditor(document.getElementById("view"), this.sticks);
+    this.editor = new StickEditor($("view"), this.sticks);
     this.pads = ["up and turn", "forward and left"].map((title) => {
       const ring = element("i", { className: "ring" }), dot = element("i", { className: "dot" });
       return { ring, dot, box: element("span", { className: "pad", title: `${title}; ring: the stick, dot: what is sent` }, ring, dot) };
@@ -64,11 +65,11 @@ class StickPanel {
     at(right.dot, sticks.sent[1], sticks.sent[0]);
     this.place.classList.toggle("on", sticks.on);
     this.place.classList.toggle("refused", !sticks.on && Boolean(sticks.dropped || sticks.held));
-    show(this.note, this.words());
-    show(this.limits, limits(this.behavior, this.limit, this.holds));
-    show(this.source, this.sourceText());
+    setText(this.note, this.words());
+    setText(this.limits, limits(this.behavior, this.limit, this.holds));
+    setText(this.source, this.sourceText());
     const trip = sticks.on ? sticks.link.trip : null, late = sticks.on && sticks.link.overdue > 250;
-    show(this.trip, late ? `no answer for ${fixed(sticks.link.overdue, 0)} ms` : trip ? `${fixed(trip.median, 1)} ms, 95 % below ${fixed(trip.most, 1)} ms` : "");
+    setText(this.trip, late ? `no answer for ${fixed(sticks.link.overdue, 0)} ms` : trip ? `${fixed(trip.median, 1)} ms, 95 % below ${fixed(trip.most, 1)} ms` : "");
     this.trip.classList.toggle("warn", late);
     hide(this.setUp, !sticks.pad && !this.editor.isOpen);
     this.velocity.disabled = this.behavior === "velocity" || !this.isFlying;
@@ -132,4 +133,3 @@ class StickPanel {
 
 // Our left is the screen's left, our up (and forward) its up.
 function at(mark, left, up) { mark.style.transform = `translate(${-REACH * left}px, ${-REACH * up}px)`; }
-function show(place, text) { if (place.textContent !== text) place.textContent = text; }

@@ -17,6 +17,10 @@ const DROPS = {
 };
 
 export class Sticks {
+  link;
+
+  since;
+
   // emergency: {press(action)}
   constructor(emergency) {
     this.emergency = emergency;

@@ -1,6 +1,6 @@
 // Set-points (dashed) and actual values (solid) of step tests, aligned at the first edge.
 
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { DEGREES } from "./units.js";
 
 const AXIS = { x: "#e5827c", y: "#76c495", z: "#79a9ea", yaw: "#79a9ea" };

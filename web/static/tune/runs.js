@@ -1,21 +1,21 @@
 // The last step tests: a box to draw each, what was wrong with it, delete and undo.
 
 import { request } from "../core/api.js";
-import { element } from "../core/format.js";
+import { element } from "../core/dom.js";
 import { moment } from "../runs/labels.js";
 import { describe } from "./units.js";
 
 export class TuneRuns {
   // chosen: Set of ids; choose(): it changed; refuse(text).
   constructor(place, { isOperator, chosen, choose, refuse }) {
-    Object.assign(this, { isOperator, chosen, choose, refuse });
+    this.isOperator = isOperator; this.chosen = chosen; this.choose = choose; this.refuse = refuse;
     this.list = element("ol", { className: "tests" });
     this.undo = element("div", { className: "undone", role: "status", hidden: true });
     place.append(element("h2", {}, "Last tests"), this.list, this.undo);
   }
 
   show(runs, letters, colors) {
-    const focus = document.activeElement?.dataset?.test;
+    const focus = /** @type {HTMLElement | null} */ (document.activeElement)?.dataset?.test;
     this.list.replaceChildren(...runs.map((run) => this.row(run, letters.get(run.id) ?? "", colors.get(run.id))));
     if (focus) this.list.querySelector(`[data-test="${CSS.escape(focus)}"]`)?.focus();
     if (!runs.length) this.list.append(element("li", { className: "empty" }, "None yet; the last 20 are kept."));

@@ -2,7 +2,8 @@
 
 import { get, request } from "../core/api.js";
 import { flightButton } from "../core/flight_button.js";
-import { element, exact, words } from "../core/format.js";
+import { element, setText } from "../core/dom.js";
+import { exact, words } from "../core/format.js";
 import { colorsOf, TunePlot } from "./plot.js";
 import { TuneRuns } from "./runs.js";
 import { figuresTable, gainsTable } from "./tables.js";
@@ -15,6 +16,8 @@ const AXES = ["x", "y", "z", "yaw"], SHAPES = ["step", "doublet"];
 const CACHED = 20;
 
 export class Tune {
+  axis; shape; amplitude; unit; duration; repeats; start; stop; bar; progress; line; reason; figures; gains; list; plot; // made by build()
+
   // session: of /api/session
   constructor(place, { events, session, isOperator }) {
     this.place = place;
@@ -195,10 +198,8 @@ export class Tune {
     this.progress.classList.toggle("old", !this.events.connected);
     this.line.classList.toggle("amber", status.phase === "failed" || Boolean(status.phase === "done" && status.text));
     const last = status.phase === "idle" || (status.phase === "done" && !status.text) ? "" : `${SHOWN[status.phase]}${status.text ? `: ${status.text}` : ""}`;
-    set(this.line, isBusy ? last : this.said || [last, hindrance].filter(Boolean).join(". ").replaceAll("..", "."));
+    setText(this.line, isBusy ? last : this.said || [last, hindrance].filter(Boolean).join(". ").replaceAll("..", "."));
     for (const input of [this.axis, this.shape, this.amplitude, this.duration, this.repeats]) input.disabled = isBusy || !this.isOperator;
     this.amplitude.classList.toggle("invalid", this.wrong.startsWith("Amplitude"));
   }
 }
-
-function set(place, text) { if (place.textContent !== text) place.textContent = text; }

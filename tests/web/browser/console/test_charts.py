@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -14,14 +13,6 @@ import pytest
 from web.live.latest import STALE
 from web.live.telemetry import RATE
 from web.signals import SIGNALS
-
-HISTORY = "const { History, indexAt } = await import('/static/charts/history.js');"
-FEED = """class Feed extends EventTarget {
-  want() {}
-  frame(time, value) {
-    this.dispatchEvent(new CustomEvent('frame', { detail: { time, value } }));
-  }
-}"""
 
 
 @pytest.fixture(scope="module")
@@ -37,116 +28,12 @@ def modules(chromium: Any, site: Any) -> Iterator[Any]:
     context.close()
 
 
-def run(page: Any, script: str) -> Any:
-    """A script with the page's modules at hand."""
-    return page.evaluate(f"async () => {{ {HISTORY} {FEED} {script} }}")
-
-
 def layout_of(page: Any) -> Any:
     return json.loads(page.evaluate("localStorage.getItem('charts.now')"))
 
 
 def chart_signals(page: Any, index: int) -> list[str]:
     return list(layout_of(page)["layout"]["charts"][index]["signals"])
-
-
-# ---------------------------------------------------------------------- what came
-def test_the_history_holds_the_newest_and_stays_in_one_piece(modules: Any) -> None:
-    found = run(
-        modules,
-        """
-        const feed = new Feed(), history = new History(feed, 100);
-        history.want('me', ['a']);
-        const all = [];
-        for (let i = 0; i < 1050; i++) {
-          feed.frame(i / 25, { a: i });
-          const { start, end, times } = history, column = history.column('a');
-          all.push(end - start === Math.min(i + 1, 100) && times[end - 1] === i / 25
-            && column[end - 1] === i && column[start] === Math.max(0, i - 99));
-        }
-        return all.every(Boolean);
-        """,
-    )
-    assert found is True
-
-
-def test_what_came_of_a_signal_stays_when_no_chart_shows_it(modules: Any) -> None:
-    found = run(
-        modules,
-        """
-        const feed = new Feed(), history = new History(feed, 100);
-        history.want('me', ['a']);
-        const come = (from, to, names) => { for (let i = from; i < to; i++)
-          feed.frame(i, Object.fromEntries(names.map((name) => [name, i]))); };
-        come(0, 10, ['a', 'tabled']);
-        history.want('me', ['tabled']); // another layout
-        come(10, 20, ['tabled']);
-        history.want('me', ['a', 'tabled']);
-        come(20, 30, ['a', 'tabled']);
-        const kept = ['a', 'tabled'].map((name) => [...history.column(name).slice(0, history.end)]);
-        for (let n = 0; n < 300; n++) come(30 + n, 31 + n, ['a', 'tabled', `other ${n}`]);
-        return { kept, size: history.columns.size, still: history.column('a')[5] };""",
-    )
-    a, tabled = found["kept"]
-    assert tabled == list(range(30)), "it came for the table before a chart showed it"
-    assert [value for value in a if not math.isnan(value)] == [*range(10), *range(20, 30)]
-    assert found["size"] < 100
-    assert found["still"] is not None
-
-
-def test_what_did_not_come_is_no_number(modules: Any) -> None:
-    found = run(
-        modules,
-        """
-        const feed = new Feed(), history = new History(feed, 100);
-        history.want('me', ['a']);
-        feed.frame(1, { a: 5 });
-        feed.dispatchEvent(new Event('close'));
-        feed.frame(2, { a: NaN });
-        history.want('you', ['b']);
-        feed.frame(3, { a: 7, b: 8 });
-        feed.frame(2.9, { a: 9, b: 9 });
-        const take = (name) => [...history.column(name).slice(history.start, history.end)]
-          .map((one) => Number.isNaN(one) ? null : one);
-        return [take('a'), take('b'), history.last];
-        """,
-    )
-    assert found == [[5, None, None, 7], [None, None, None, 8], 3]
-
-
-def test_a_line_is_broken_where_a_value_is_missing_or_late(modules: Any) -> None:
-    moves = modules.evaluate(
-        """async () => {
-        const { trace } = await import('/static/charts/lines.js');
-        const seen = [], Real = window.Path2D;
-        window.Path2D = class { moveTo(x, y) { seen.push(['m', x, y]); }
-                                lineTo(x, y) { seen.push(['l', x, y]); } };
-        const times = [0, 0.1, 0.2, 0.3, 0.9, 1.0], values = [1, 2, NaN, 4, 5, 6];
-        trace(times, values, 0, 6, (t) => 100 * t, (v) => v);
-        window.Path2D = Real;
-        return seen;
-    }"""
-    )
-    drawn = [["m", 0, 1], ["l", 10, 2], ["m", 30, 4], ["l", 31, 4], ["m", 90, 5], ["l", 100, 6]]
-    assert moves == drawn
-
-
-def test_many_samples_of_a_pixel_keep_their_extremes(modules: Any) -> None:
-    ys = modules.evaluate(
-        """async () => {
-        const { trace } = await import('/static/charts/lines.js');
-        const seen = [], Real = window.Path2D;
-        window.Path2D = class { moveTo(x, y) { seen.push(y); } lineTo(x, y) { seen.push(y); } };
-        const n = 3000, times = [], values = [];
-        for (let i = 0; i < n; i++) { times.push(i * 1e-3); values.push(i === 1234 ? 50 : i % 2); }
-        trace(times, values, 0, n, (t) => 10 * t, (v) => v);
-        window.Path2D = Real;
-        return seen;
-    }"""
-    )
-    assert max(ys) == 50
-    assert min(ys) == 0
-    assert len(ys) <= 4 * 31
 
 
 HOUR = """async ([names, minutes, rate]) => {

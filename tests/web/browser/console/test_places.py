@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -199,30 +198,3 @@ TOPICS_OF_ALL = (
     "station_status",
     "preflight",
 )
-
-
-BY_ITSELF = """async ([cause, silent, said]) => {
-  const { byItself } = await import('/static/link/contact_text.js');
-  const safety = { link_timeout: 0.4, link_reaction: 'brake', link_land_after: 2,
-    link_land_reaction: 'land', command_timeout: 0.25 };
-  const status = { mode: 'ARMED', behavior: 'hover', armed: true, airborne: true, ...said };
-  return byItself(cause, status, silent, (name) => safety[name]); }"""
-
-
-@pytest.mark.parametrize(
-    ("cause", "silent", "said", "told"),
-    [
-        ("link", 0.3, {}, r"brakes and hovers 0\.1 s from now, and lands 2\.0 s later"),
-        ("station", 1.0, {}, r"braking.* lands in 1\.4 s"),
-        ("link", 5.0, {}, r"landing now, for 2\.6 s"),
-        ("flight", 5.0, {}, r"microcontroller lands it alone after 0\.25 s"),
-        ("page", 5.0, {}, "does not depend on this page"),
-        ("link", 5.0, {"mode": "emergency_land"}, "landing goes on"),
-        ("link", 5.0, {"airborne": False}, "motors keep turning"),
-        ("link", 5.0, {"airborne": False, "armed": False}, "does nothing"),
-    ],
-)
-def test_what_the_vehicle_does_by_itself_follows_its_safety_parameters(
-    page: Any, cause: str, silent: float, said: dict[str, Any], told: str
-) -> None:
-    assert re.search(told, page.evaluate(BY_ITSELF, [cause, silent, said]))

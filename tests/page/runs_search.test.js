@@ -1,0 +1,26 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { query, spanOf, state } from "../../web/static/runs/labels.js";
+
+test("a date is from its first moment to the one after its last, by this browser's clock", () => {
+  const at = (...parts) => new Date(...parts).getTime();
+  assert.deepEqual(spanOf("2026-01-31"), [at(2026, 0, 31), at(2026, 1, 1)]);
+  assert.deepEqual(spanOf("2026-02"), [at(2026, 1, 1), at(2026, 2, 1)]);
+  assert.deepEqual(spanOf("2026"), [at(2026, 0, 1), at(2027, 0, 1)]);
+  assert.deepEqual(spanOf("2026-01..2026-03-05"), [at(2026, 0, 1), at(2026, 2, 6)]);
+});
+
+test("what is no date is a word", () => {
+  for (const word of ["gust", "2026-13", "1999", "2026..", "2026-02..2026-01", "2026..2027..2028"]) assert.equal(spanOf(word), null);
+  const found = query("  gusty 2026 anna ", "wind", "quad2");
+  assert.deepEqual([found.get("words"), found.get("tag"), found.get("vehicle")], ["gusty anna", "wind", "quad2"]);
+  assert.equal(found.get("since_ns"), `${new Date(2026, 0, 1).getTime()}000000`);
+});
+
+test("the state of a run has a word and never only a colour", () => {
+  const runs = [{ recording: true }, { problem: "torn" }, { completeness: { state: "missing", missing: 2 } },
+    { completeness: { state: "filled", filled: 0.01 } }, { recovered: true }, { complete: true }, {}];
+  const words = runs.map((run) => state(run)[0]);
+  assert.deepEqual(words, ["● recording", "problem", "2.0 s missing", "filled < 0.1 s", "recovered", "closed", "not closed"]);
+});
