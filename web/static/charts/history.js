@@ -8,25 +8,35 @@ const STEP_BACK = 1; // s; a clock that was set back by more starts afresh
 // Samples stand in one piece: arrays are twice as long, and when they are full their last half
 // is moved to the front.
 export class History {
+  /** @param {EventTarget & { want(who: string, names: string[]): void }} telemetry */
   constructor(telemetry, capacity = CAPACITY) {
     this.telemetry = telemetry;
     this.capacity = capacity;
+    /** @type {Map<string, string[]>} */
     this.wants = new Map(); // who wants which signals
     this.times = new Float64Array(2 * capacity);
+    /** @type {Map<string, Float32Array>} */
     this.columns = new Map(); // name → Float32Array, NaN where there is no value
     this.end = 0;
-    telemetry.addEventListener("frame", ({ detail }) => this.take(detail));
+    telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => this.take(detail));
     telemetry.addEventListener("close", () => this.gap());
   }
 
-  // names: none takes the wish back.
+  /**
+   * @param {string} who
+   * @param {string[]} names none takes the wish back
+   */
   want(who, names) {
     if (names.length) this.wants.set(who, names);
     else this.wants.delete(who);
     this.telemetry.want("charts", [...new Set([...this.wants.values()].flat())]);
   }
 
-  // Room for one more signal; of too many the oldest that comes no more is given up.
+  /**
+   * Room for one more signal; of too many the oldest that comes no more is given up.
+   * @param {string} name
+   * @param {Record<string, number>} value
+   */
   add(name, value) {
     const gone = this.columns.size < MOST ? undefined : [...this.columns.keys()].find((other) => !(other in value));
     if (gone !== undefined) this.columns.delete(gone);
@@ -36,8 +46,10 @@ export class History {
   get start() { return Math.max(0, this.end - this.capacity); }
   /** @returns {any} undefined while it is empty */
   get last() { return this.end ? this.times[this.end - 1] : undefined; }
+  /** @param {string} name */
   column(name) { return this.columns.get(name); }
 
+  /** @param {{ time: number, value: Record<string, number> }} frame */
   take({ time, value }) {
     if (time <= this.last - STEP_BACK) this.end = 0;
     if (time <= this.last) return;
@@ -63,11 +75,12 @@ export class History {
   freeze() {
     const { start, end } = this;
     const columns = new Map([...this.columns].map(([name, column]) => [name, column.slice(start, end)]));
-    return { times: this.times.slice(start, end), start: 0, end: end - start, column: (name) => columns.get(name) };
+    return { times: this.times.slice(start, end), start: 0, end: end - start, column: (/** @type {string} */ name) => columns.get(name) };
   }
 }
 
 // The first index in [start, end) whose time is not before `time`; `end` if there is none.
+/** @param {ArrayLike<number>} times @param {number} time @param {number} start @param {number} end */
 export function indexAt(times, time, start, end) {
   while (start < end) {
     const middle = (start + end) >> 1;

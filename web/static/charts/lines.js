@@ -1,20 +1,24 @@
 // How lines look, and their way through samples: gaps stay gaps, many samples a pixel become one stroke.
 
+/** @type {Record<string, string>} */
 const AXIS = { x: "#e5827c", y: "#76c495", z: "#79a9ea", roll: "#e5827c", pitch: "#76c495", yaw: "#79a9ea" };
 const OTHERS = ["#c9b06b", "#6fc3c6", "#b08fd8", "#d08fae", "#9aa8b4", "#e0a36a", "#8fbf73", "#d5dbe1"];
 const DASHES = [[], [9, 3], [2, 3], [9, 3, 2, 3]];
 const REFERENCE = [5, 4], TRUTH = [1.5, 3];
 const BREAK = 0.3; // s between samples above which nothing is known of the time between
 
+/** @param {string} name */
 export const isReference = (name) => name.startsWith("reference.");
 
 // [{ stroke, dash }] of the signals of one chart. x, y, z have the page's colours; a second such
 // vector is dashed, and so are other lines, each in its own way: colour is not the only sign.
+/** @param {string[]} names */
 export function stylesOf(names) {
+  /** @type {string[]} */
   const vectors = [];
   let others = 0;
   return names.map((name) => {
-    const parts = name.split("."), axis = parts.pop(), of = parts.join(".");
+    const parts = name.split("."), axis = parts.pop() ?? "", of = parts.join(".");
     if (!(axis in AXIS)) {
       const i = others++;
       return { stroke: OTHERS[i % OTHERS.length], dash: DASHES[i % DASHES.length] };
@@ -28,6 +32,14 @@ export function stylesOf(names) {
 }
 
 // Least and largest of what is finite; [null, null] of nothing.
+/**
+ * @param {ArrayLike<number>} values
+ * @param {number} from
+ * @param {number} to
+ * @param {number | null} low
+ * @param {number | null} high
+ * @returns {[number | null, number | null]}
+ */
 export function extent(values, from, to, low = null, high = null) {
   for (let i = from; i < to; i++) {
     const value = values[i];
@@ -39,6 +51,14 @@ export function extent(values, from, to, low = null, high = null) {
 }
 
 // Path2D of samples [from, to), and where its last point is. xOf(time) and yOf(value): canvas pixels.
+/**
+ * @param {ArrayLike<number>} times
+ * @param {ArrayLike<number>} values
+ * @param {number} from
+ * @param {number} to
+ * @param {(time: number) => number} xOf
+ * @param {(value: number) => number} yOf
+ */
 export function trace(times, values, from, to, xOf, yOf) {
   const path = new Path2D();
   let pen = false, column = NaN, first = 0, low = 0, high = 0, last = 0, count = 0, end = null, start = 0;
@@ -75,8 +95,10 @@ export function trace(times, values, from, to, xOf, yOf) {
 }
 
 // A little air, and a least height for each unit: noise should look like noise.
+/** @type {Record<string, number>} */
 const LEAST = { m: 0.02, "m/s": 0.05, "m/s²": 0.2, "°": 1, "°/s": 2, N: 0.5, "N m": 0.02, kg: 0.01, V: 0.2, mm: 2, ms: 5, "µs": 50, count: 2, "%": 1, Hz: 2 };
 
+/** @param {number | null} low @param {number | null} high @param {string} unit @returns {[number, number]} */
 export function spread(low, high, unit) {
   if (low === null || high === null) return [-1, 1];
   const height = high - low, scale = Math.max(Math.abs(low), Math.abs(high));

@@ -1,20 +1,26 @@
 // The time axis that charts share: how long a window, paused or not, zoomed to what, cursor where.
 
+/** @import { History } from "./history.js" */
+
 export const SHORTEST = 5, LONGEST = 600; // s
 const FINEST = 0.2; // s, of a zoom into what is paused
 
 export class TimeAxis extends EventTarget {
+  /** @param {History} history @param {number} seconds */
   constructor(history, seconds) {
     super();
     this.history = history;
     this.usual = seconds;
     this.window = seconds;
+    /** @type {ReturnType<History["freeze"]> | null} */
     this.frozen = null; // what is shown while paused
     this.pausedAt = 0;
+    /** @type {[number, number] | null} */
     this.zoom = null; // [from, to] in s, while paused
+    /** @type {number | null} */
     this.cursor = null; // s
     this.version = 0; // counts what makes a paused chart draw again
-    history.telemetry.addEventListener("frame", ({ detail }) => { this.offset = detail.time - performance.now() / 1e3; });
+    history.telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => { this.offset = detail.time - performance.now() / 1e3; });
   }
 
   get isKnown() { return this.offset !== undefined; }
@@ -29,6 +35,7 @@ export class TimeAxis extends EventTarget {
     return this.zoom ?? [end - this.window, end];
   }
 
+  /** @param {number} seconds */
   setWindow(seconds) {
     this.window = Math.min(LONGEST, Math.max(SHORTEST, seconds));
     this.zoom = null;
@@ -50,6 +57,7 @@ export class TimeAxis extends EventTarget {
   toggle() { if (this.paused) this.resume(); else this.pause(); }
 
   // Closer (factor < 1) or farther around a time. What runs stays at now.
+  /** @param {number} factor @param {number} time */
   scale(factor, time) {
     if (!this.paused) { this.setWindow(this.window * factor); return; }
     const [from, to] = this.span, length = Math.min(LONGEST, Math.max(FINEST, (to - from) * factor));
@@ -57,6 +65,7 @@ export class TimeAxis extends EventTarget {
     this.show(time - share * length, time + (1 - share) * length);
   }
 
+  /** @param {number} seconds */
   pan(seconds) {
     this.pause();
     const [from, to] = this.span;
@@ -64,9 +73,10 @@ export class TimeAxis extends EventTarget {
   }
 
   // Pauses, for a piece of what was does not run.
+  /** @param {number} from @param {number} to */
   show(from, to) {
     this.pause();
-    const first = this.frozen.end ? this.frozen.times[0] : from, length = Math.max(FINEST, to - from);
+    const { source } = this, first = source.end ? source.times[0] : from, length = Math.max(FINEST, to - from);
     const start = Math.min(this.pausedAt - 0.1 * length, Math.max(first - 0.9 * length, from));
     this.zoom = [start, start + length];
     this.changed();
@@ -78,6 +88,7 @@ export class TimeAxis extends EventTarget {
     this.changed();
   }
 
+  /** @param {number | null} time */
   point(time) {
     if (time === this.cursor) return;
     this.cursor = time;

@@ -7,7 +7,12 @@ import { seconds } from "./format.js";
 const PERIOD = 200; // ms
 
 export class Ages {
-  // deadlines: s by topic, of /api/signals
+  /**
+   * @typedef {{ age(topic: string): number }} Source
+   * @param {Source} events
+   * @param {Source} telemetry
+   * @param {Record<string, number>} deadlines s by topic, of /api/signals
+   */
   constructor(events, telemetry, deadlines) {
     this.events = events; this.telemetry = telemetry; this.deadlines = deadlines;
     this.titles = new WeakMap(); // an element's own title, while it is old
@@ -15,7 +20,9 @@ export class Ages {
   }
 
   // s since the newest message of a topic; what comes 25 times a second knows best.
+  /** @param {string} topic */
   age(topic) { return Math.min(this.events.age(topic), this.telemetry.age(topic)); }
+  /** @param {string} topic */
   isOld(topic) { return !(this.age(topic) < (this.deadlines[topic] ?? 1)); }
 
   draw() {
@@ -23,6 +30,7 @@ export class Ages {
     for (const place of document.querySelectorAll("[data-topic]")) this.mark(place);
   }
 
+  /** @param {any} place */
   mark(place) {
     const { topic } = place.dataset, age = this.age(topic), isOld = this.isOld(topic);
     if (place.classList.contains("stale") !== isOld) place.classList.toggle("stale", isOld);

@@ -2,6 +2,7 @@
 
 import { here } from "./vehicle_path.js";
 
+/** @param {string} method @param {string} path @param {unknown} [body] @returns {Promise<any>} */
 export async function request(method, path, body) {
   let response;
   try {
@@ -20,5 +21,7 @@ export async function request(method, path, body) {
   return content;
 }
 
+/** @param {string} path */
 export const get = (path) => request("GET", path);
+/** @param {string} name */
 export const command = (name, body = {}) => request("POST", `/api/commands/${name}`, body);

@@ -3,6 +3,7 @@
 export const ONLY_CUT = "only Cut is obeyed";
 
 // control_mode of the status → {text, tone: "", warn or alarm, title}
+/** @type {Record<string, { text: string, tone: string, title: string }>} */
 const CONTROL = {
   direct: { text: "direct", tone: "", title: "the flight computer commands the motors" },
   near_hovering: { text: "near-hovering", tone: "warn", title: "the flight computer sends angles and thrust; the microcontroller holds them by its own filter, but not the place" },
@@ -10,17 +11,22 @@ const CONTROL = {
 };
 
 // What a press of Emergency land does, by safety.emergency_land.
+/** @type {Record<string, string>} */
 const PRESSED = {
   emergency: "the microcontroller lands it alone: level, down by its barometer, not held in place",
   descend: "level and down by the barometer, not held in place",
   land: "down where it is, under control; without a pose by the barometer, not held in place",
 };
 
+/** @param {any} status */
 export const controlOf = (status) => CONTROL[status?.control_mode?.toLowerCase()] ?? null;
+/** @param {any} status */
 export const isAlone = (status) => status?.control_mode?.toLowerCase() === "emergency";
+/** @param {string} chosen */
 export const pressed = (chosen) => PRESSED[chosen] ?? "";
 
 // Of an emergency landing under way: who flies and how; "" of none.
+/** @param {any} status */
 export function landing(status) {
   if (isAlone(status)) return CONTROL.emergency.title;
   if (status?.mode?.toLowerCase() !== "emergency_land" || status.airborne === false) return "";

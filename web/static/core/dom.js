@@ -9,7 +9,9 @@ export const $ = (id) => document.getElementById(id);
 /** @type {(place: any, name: string, value: unknown) => void} */
 export function setIfChanged(place, name, value) { if (place[name] !== value) place[name] = value; }
 
+/** @type {(place: any, text: unknown) => void} */
 export const setText = (place, text) => setIfChanged(place, "textContent", text);
+/** @type {(place: any, isHidden: boolean) => void} */
 export const hide = (place, isHidden) => setIfChanged(place, "hidden", isHidden);
 
 /**

@@ -1,20 +1,24 @@
 // Numbers, times and sizes as people read them; "–" for what is not known.
 
 export const NONE = "–";
+/** @type {(value: number | null | undefined) => value is number} */
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 
+/** @param {number | null | undefined} value @param {number} digits */
 export function fixed(value, digits) {
   if (!known(value)) return NONE;
   const text = value.toFixed(digits);
   return (Number(text) === 0 ? text.replace("-", "") : text).replace("-", "−");
 }
 
+/** @param {number | null | undefined} value */
 export function seconds(value) {
   if (!known(value)) return NONE;
   if (value < 0.9995) return `${Math.round(value * 1e3)} ms`;
   return value < 100 ? `${value.toFixed(1)} s` : duration(value);
 }
 
+/** @param {number | null | undefined} value */
 export function duration(value) {
   if (!known(value)) return NONE;
   const whole = Math.floor(value), hours = Math.floor(whole / 3600);
@@ -22,6 +26,7 @@ export function duration(value) {
   return hours ? `${hours}:${clock}` : clock;
 }
 
+/** @param {number | null | undefined} value */
 export function bytes(value) {
   if (!known(value)) return NONE;
   if (value < 1e6) return `${(value / 1e3).toFixed(value < 1e4 ? 1 : 0)} kB`;
@@ -29,11 +34,14 @@ export function bytes(value) {
 }
 
 // As many digits as a step of this size needs.
+/** @param {number} step */
 export const digitsOf = (step) => Math.min(7, Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)));
 
+/** @param {unknown} value */
 export function exact(value) {
   if (typeof value !== "number") return String(value);
   return String(Number(value.toPrecision(7)));
 }
 
+/** @param {string | null | undefined} name */
 export const words = (name) => (name ? String(name).toLowerCase().replace("near_hovering", "near-hovering").replaceAll("_", " ") : NONE);

@@ -5,10 +5,12 @@ const [PREFIX] = /^\/v\/[a-z0-9_]+(?=\/)/.exec(location.pathname) ?? [""];
 const OF_ALL = /^\/(static|vendor|login|v|signed|favicon)\b|^\/\//; // the same for all vehicles
 
 // A path of ours ("/api/…") as it is for this page's vehicle; any other address as it is.
+/** @param {any} path */
 export const here = (path) => (typeof path === "string" && path.startsWith("/") && !OF_ALL.test(path) ? PREFIX + path : path);
 
 // The page's own path, as if there were one vehicle only.
 export const pathname = location.pathname.slice(PREFIX.length);
 
 // This same page of another vehicle; `hash` with its sign, or "".
+/** @param {string} name */
 export const sameFor = (name, hash = "") => `/v/${name}${pathname}${hash}`;

@@ -5,13 +5,17 @@ const PERIOD = 50; // ms
 const LATE = 300; // ms
 
 export class GainPath {
-  // send(value, walks) → Promise; changed() whenever `state` or `reason` changed. A reason stays
-  // until something is accepted: a hand that goes on pulling must see why nothing moves.
+  /**
+   * A reason stays until something is accepted: a hand that goes on pulling must see why nothing moves.
+   * @param {(value: any, walks: boolean) => Promise<unknown>} send
+   * @param {() => void} changed whenever `state` or `reason` changed
+   */
   constructor(send, changed) {
     this.send = send;
     this.changed = changed;
     this.state = "idle"; // idle, waiting, late, refused
     this.reason = "";
+    /** @type {{ value: any, walks: boolean } | undefined} */
     this.wish = undefined;
     this.busy = false;
     this.last = -Infinity;
@@ -19,7 +23,10 @@ export class GainPath {
     this.timer = null;
   }
 
-  // walks: in flight, where the vehicle takes only a smaller step at once, go there in several.
+  /**
+   * @param {any} value
+   * @param {boolean} walks in flight, where the vehicle takes only a smaller step at once, go there in several
+   */
   set(value, walks = false) {
     this.wish = { value, walks };
     this.to(this.state === "late" ? "late" : "waiting");
@@ -44,7 +51,7 @@ export class GainPath {
         this.reason = "";
         if (this.wish === undefined) this.to("idle");
       } catch (error) {
-        this.reason = error.message;
+        this.reason = /** @type {Error} */ (error).message;
         this.refused = value;
         if (this.wish === undefined) this.to("refused");
       } finally {
@@ -60,6 +67,7 @@ export class GainPath {
     this.timer = setTimeout(() => this.to("late"), LATE);
   }
 
+  /** @param {string} state */
   to(state) {
     this.state = state;
     this.changed();

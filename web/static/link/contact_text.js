@@ -2,6 +2,7 @@
 
 import { fixed, words } from "../core/format.js";
 
+/** @type {Record<string, { does: string, doing: string }>} */
 export const REACTIONS = {
   none: { does: "goes on as before", doing: "going on as before" },
   brake: { does: "brakes and hovers", doing: "braking, then hovering" },
@@ -11,8 +12,10 @@ export const REACTIONS = {
   cut: { does: "stops its motors", doing: "falling, its motors stopped" },
 };
 
+/** @param {number} value */
 const span = (value) => `${fixed(value, value < 10 ? 1 : 0)} s`;
 
+/** @param {any} status @param {number} height @param {{ voltage: number } | null} battery */
 export function lastState(status, height, battery) {
   if (!status) return "never seen";
   const flies = /emergency|cut/i.test(status.mode) ? words(status.mode) : `flying, ${words(status.behavior)}`;
@@ -21,7 +24,12 @@ export function lastState(status, height, battery) {
   return `${where}${up}${battery ? `, ${fixed(battery.voltage, 1)} V` : ""}`;
 }
 
-// cause: page, station, link or flight; silent: s; safety(name): a parameter of safety, as confirmed.
+/**
+ * @param {string} cause page, station, link or flight
+ * @param {any} status
+ * @param {number} silent s
+ * @param {(name: string) => any} safety a parameter of safety, as confirmed
+ */
 export function byItself(cause, status, silent, safety) {
   if (!status) return "";
   if (cause === "page") return status.airborne ? "What it was told goes on: it does not depend on this page. Sticks of this page were let go." : "It does not depend on this page.";

@@ -6,12 +6,14 @@ const TOPIC = "state"; // the table wants it always
 const SILENT = 0.2; // s, as the station counts outages
 
 export class Silence extends EventTarget {
+  /** @param {EventTarget} telemetry */
   constructor(telemetry) {
     super();
     this.holds = false;
-    telemetry.addEventListener("frame", ({ detail }) => this.judge(detail.age[TOPIC]));
+    telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => this.judge(detail.age[TOPIC]));
   }
 
+  /** @param {number | undefined} age */
   judge(age) {
     if (age === undefined || age >= SILENT === this.holds) return;
     this.holds = !this.holds;

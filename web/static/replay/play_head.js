@@ -11,12 +11,14 @@ export class Clock extends EventTarget {
     this.tick = this.tick.bind(this);
   }
 
+  /** @param {number} start @param {number} end */
   setRange(start, end) {
     Object.assign(this, { start, end });
     this.seek(this.t);
     this.dispatchEvent(new Event("change"));
   }
 
+  /** @param {number} t */
   seek(t) {
     const next = Math.min(this.end, Math.max(this.start, t));
     if (next === this.t) return;
@@ -24,10 +26,13 @@ export class Clock extends EventTarget {
     this.dispatchEvent(new Event("time"));
   }
 
+  /** @param {number} seconds */
   step(seconds) { this.pause(); this.seek(this.t + seconds); }
 
+  /** @param {number} speed */
   setSpeed(speed) { this.speed = speed; this.dispatchEvent(new Event("change")); }
 
+  /** @param {number} steps */
   faster(steps) {
     const place = SPEEDS.indexOf(this.speed) + steps;
     this.setSpeed(SPEEDS[Math.min(SPEEDS.length - 1, Math.max(0, place))]);
@@ -48,6 +53,7 @@ export class Clock extends EventTarget {
 
   toggle() { if (this.playing) this.pause(); else this.play(); }
 
+  /** @param {number} now */
   tick(now) {
     if (!this.playing) return;
     const passed = Math.min(0.25, Math.max(0, (now - this.last) / 1e3)); // a hidden tab goes on where it was
@@ -59,6 +65,7 @@ export class Clock extends EventTarget {
 }
 
 // 1:02.345 of seconds.
+/** @param {number} t */
 export function stamp(t, digits = 3) {
   const size = Math.abs(t), sign = t < 0 && size >= 0.5 * 10 ** -digits ? "−" : "";
   const scaled = Math.round(size * 10 ** digits), unit = 60 * 10 ** digits;

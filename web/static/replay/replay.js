@@ -138,7 +138,7 @@ class Page {
     this.linking = setTimeout(() => {
       this.linking = 0;
       const words = new URLSearchParams({ t: this.clock.t.toFixed(3) });
-      if (this.range.width) words.set("w", this.range.width);
+      if (this.range.width) words.set("w", String(this.range.width));
       if (this.alignment.labels) {
         const [first, second] = this.alignment.labels;
         words.set("a", first);
