@@ -1,4 +1,4 @@
-"""How well one frame of bearings can determine a pose: its Cramer-Rao bound.
+"""The accuracy with which one frame of bearings can determine a pose: its Cramer-Rao bound.
 
 With d the unit vector from the vehicle to a beacon and rho their distance, the bearing's two
 tangent components change by -(I - d d^T) / rho with position and by d cross phi with rotation, each

@@ -1,4 +1,4 @@
-"""When a sensor samples, and when its measurement arrives."""
+"""The instants at which a sensor samples and its measurements arrive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a reference to motor commands: eqs. 4, 5 and the saturation rule of Sec. 4.
+"""Control from a reference to motor commands: eqs. 4, 5 and the saturation rule of Sec. 4.
 
 `position_law` (eq. 4) gives a force, `desired_attitude` an attitude that points it,
 `attitude_law` (eq. 5) torques, `allocation` feasible thrusts; `controller` is all of them in

@@ -1,4 +1,4 @@
-"""How far a gain set is from oscillating: phase margins of the loops about hover.
+"""The distance of a gain set from oscillation: phase margins of the loops about hover.
 
 Linear model of one axis about hover, with the motors' first-order lag (time constant tau), which
 the laws neglect (Sec. 5.3). Sideways, with g theta the acceleration a tilt gives,

@@ -1,4 +1,4 @@
-"""When an estimate is fit to be flown on, and how far two of them may differ."""
+"""The convergence of an estimate to one fit to be flown on, and the difference of two."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the flight stack asks of any estimator; plain Python ones are welcome.
+"""The protocol of an estimator for the flight stack; plain Python ones are welcome.
 
 A new one is registered by name (`estimation.registry`) and then chosen by parameter.
 """

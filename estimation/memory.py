@@ -1,4 +1,4 @@
-"""What the complementary filter remembers between ticks, one record a vehicle.
+"""The memory of the complementary filter between ticks, one record a vehicle.
 
 A pose is one array (7,): position_w (m), then quaternion_wb (w, x, y, z). Kept together because
 prediction, history and interpolation treat the seven numbers alike.

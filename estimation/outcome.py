@@ -1,4 +1,4 @@
-"""What may become of a measurement, the same for every filter."""
+"""The outcomes of a measurement, the same for every filter."""
 
 from __future__ import annotations
 

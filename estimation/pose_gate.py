@@ -1,4 +1,5 @@
-"""Which poses the complementary filter takes, and its way back when it refuses those that are true.
+"""The gate for poses of the complementary filter, and its way back when it refuses those that are
+true.
 
 A pose passes when its position and its attitude are within `pose_gate` deviations of what the
 filter predicted for its stamp. The variance is the filter's own: the running median of the squared

@@ -1,4 +1,4 @@
-"""What is said of a measurement that is none."""
+"""The errors that refuse unusable measurements."""
 
 from __future__ import annotations
 

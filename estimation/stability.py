@@ -1,4 +1,4 @@
-"""What a set of gains does at a given rate of poses.
+"""The stability of a set of gains at a given rate of poses.
 
 The filter's own discretisation is stable at any rate, but a pole that is fast for the rate makes
 it repeat the noise of each pose, and the gains as printed, taken times the period at arrival,

@@ -1,4 +1,6 @@
-"""Whether a log is sound: whole, countable, readable, and with nothing missing in between."""
+"""A check whether a log is sound: whole, countable, readable, and with nothing missing in
+between.
+"""
 
 from __future__ import annotations
 

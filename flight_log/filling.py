@@ -1,4 +1,4 @@
-"""What a run lacks of the vehicle's own log, and where in the run it is to stand.
+"""The messages that a run lacks of the vehicle's own log, and their places in the run.
 
 A message that the run has stays as it is; one that it lacks comes from the vehicle's log. Its
 reception is told as it would have been: the vehicle's stamp plus the run's usual delay, which

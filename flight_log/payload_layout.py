@@ -1,4 +1,4 @@
-"""Where the numbers and texts of a message stand in its CDR bytes, by the log's own schema.
+"""The places of a message's numbers and texts in its CDR bytes, by the log's own schema.
 
 `SchemaLayouts` walks one payload of a kind by its definition and remembers the places, together
 with what they depend on: the lengths of its texts and sequences. Every payload with the same

@@ -1,4 +1,4 @@
-"""Where a run came from: code revision, library versions, frames. For `quadlab.run`."""
+"""The provenance of a run: code revision, library versions, frames. For `quadlab.run`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run has of the vehicle's topics, and where ticks are missing in it.
+"""An index of what a run has of the vehicle's topics, and where ticks are missing.
 
 A message is known by its topic and the vehicle's stamp, which is `publish_time` in the station's
 recording as in the vehicle's own log; of topics without one message a tick its bytes count too.

@@ -1,4 +1,4 @@
-"""What a log holds, without reading its messages where the index tells."""
+"""A summary of what a log holds, without reading its messages where the index tells."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration found, on its way from the station to the vehicle, which keeps it.
+"""The result of a calibration, on its way from the station to the vehicle, which keeps it.
 
 The same record is what is proposed, what is stored, and what each log carries of those in force.
 """

@@ -1,4 +1,4 @@
-"""Where this checkout of quadlab lies: helper programs are started from its root folder."""
+"""The place of this checkout of quadlab: helper programs are started from its root folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What either end of the link can ask of its own computer: clock, processor, disk, rights.
+"""The checks that either end of the link makes on its own computer: clock, processor, disk, rights.
 
 Nothing here changes the computer, but for a thread that tries a right and gives it back. Each
 function answers with a Check; what the computer does not tell is `unknown`, never an error.

@@ -1,4 +1,6 @@
-"""Which process is at the other end: a random number it made when it started."""
+"""The instance of a process, which tells who is at the other end: a random number it made when it
+started.
+"""
 
 from __future__ import annotations
 

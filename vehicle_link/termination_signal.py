@@ -1,4 +1,4 @@
-"""Whether a signal asked this process to end."""
+"""A flag for whether a signal asked this process to end."""
 
 from __future__ import annotations
 

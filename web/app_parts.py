@@ -1,4 +1,4 @@
-"""What the routes speak to, in one object."""
+"""The parts that the routes use, in one object."""
 
 from __future__ import annotations
 

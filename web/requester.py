@@ -1,4 +1,4 @@
-"""Who asks: the session the gate put next to each request, and what its role allows."""
+"""The requester: the session the gate put next to each request, and what its role allows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Whether a run has every tick the vehicle logged, as the catalogue keeps it."""
+"""The completeness of runs: whether each has every tick the vehicle logged, as the catalogue keeps
+it.
+"""
 
 from __future__ import annotations
 

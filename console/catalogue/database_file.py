@@ -1,4 +1,4 @@
-"""That the database's file is still the one that was opened.
+"""A watch over the database's file: whether it is still the one that was opened.
 
 SQLite goes on writing into a file that was removed or replaced under it, and says nothing: all it
 takes is lost with the process. So each transaction begins with a look at the name.

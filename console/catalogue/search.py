@@ -1,4 +1,4 @@
-"""Which runs are looked for: words, a tag, a vehicle, a span of time."""
+"""A search for runs: words, a tag, a vehicle, a span of time."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What the station looks at: before each arming (`preflight`), and at its start."""
+"""The checks of the station: before each arming (`preflight`), and at its start."""

@@ -1,4 +1,4 @@
-"""What is wrong at the station now, each said once as an event when it begins."""
+"""The alarms of the station, each reported once as an event when it begins."""
 
 from __future__ import annotations
 

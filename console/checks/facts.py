@@ -1,4 +1,6 @@
-"""What the station knows of vehicle, link and itself at one instant: what the checks judge."""
+"""The facts that the station knows of vehicle, link and itself at one instant: what the checks
+judge.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From the parts of the station to the facts that the checks judge."""
+"""A gatherer that makes the facts for the checks out of the parts of the station."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What the station heard of the vehicle last, kept for its checks; nothing is decoded unasked."""
+"""The newest messages that the station received from the vehicle, kept for its checks; nothing is
+decoded unasked.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which estimators the station runs in parallel with the vehicle's own, as one text."""
+"""The estimators that the station runs in parallel with the vehicle's own, as one text."""
 
 from __future__ import annotations
 

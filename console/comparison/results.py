@@ -1,4 +1,4 @@
-"""What is told of a comparison, ten times a second."""
+"""The results of a comparison, published ten times a second."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What counts as true, at the stamps of the estimates: both come late, and in no order."""
+"""The poses that count as true, at the stamps of the estimates: both come late, and in no order."""
 
 from __future__ import annotations
 

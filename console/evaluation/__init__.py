@@ -1,1 +1,1 @@
-"""What a log says of an experiment: figures, limits, verdicts."""
+"""The evaluation of an experiment from its log: figures, limits, verdicts."""

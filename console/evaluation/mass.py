@@ -1,4 +1,6 @@
-"""What a log says of the mass estimate: how it converged, and how quiet it is afterwards."""
+"""The evaluation of the mass estimate from a log: how it converged, and how quiet it is
+afterwards.
+"""
 
 from __future__ import annotations
 

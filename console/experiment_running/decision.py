@@ -1,4 +1,6 @@
-"""What becomes of a calibration that an experiment proposed: the vehicle takes it over, or not."""
+"""The decision about a calibration that an experiment proposed: the vehicle takes it over, or
+not.
+"""
 
 from __future__ import annotations
 

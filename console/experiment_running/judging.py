@@ -1,4 +1,4 @@
-"""From the end of a flight to its verdict, as the board shows it."""
+"""The judging of a flight from its end to its verdict, as the board shows it."""
 
 from __future__ import annotations
 

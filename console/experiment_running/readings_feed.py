@@ -1,4 +1,4 @@
-"""What an experiment reads next to its view: IMU, tracker, bench; kept while one runs."""
+"""The readings of an experiment besides its view: IMU, tracker, bench; kept while one runs."""
 
 from __future__ import annotations
 

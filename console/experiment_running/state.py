@@ -1,4 +1,4 @@
-"""How the station's experiment stands, as `experiment_status` tells it."""
+"""The state of the station's experiment, as in `experiment_status`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the experiment stands, told to everyone: often while one runs, and on change."""
+"""A publisher of the experiment's state: often while one runs, and on change."""
 
 from __future__ import annotations
 

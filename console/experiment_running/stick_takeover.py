@@ -1,4 +1,4 @@
-"""When a person's sticks take an experiment over: deflected, and meant."""
+"""The rule by which a person's sticks take an experiment over: deflected, and meant."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What the station hears of the vehicle, kept for an experiment that waits for it."""
+"""The messages that the station receives from the vehicle, kept for an experiment that waits for
+it.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What the calibrations that fly by themselves share: asked first, and brought down at the end."""
+"""The common part of calibrations that fly by themselves: asked first, and brought down at the
+end.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an experiment may do: the small client API behind simulation, page and real flight."""
+"""The actions of an experiment: the small client API behind simulation, page and real flight."""
 
 from __future__ import annotations
 

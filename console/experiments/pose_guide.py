@@ -1,4 +1,4 @@
-"""Which pose a vehicle is to be held in next, and how a person is told."""
+"""The pose in which a vehicle is to be held next, in words for a person."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an experiment reads of a vehicle next to its view, and what it tells the person near it."""
+"""The readings of a vehicle besides its view, and the instructions to the person near it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which vehicles the station of a data folder dials: for the page, which need not be told."""
+"""The vehicles that the station of a data folder dials, for the page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where this station stands with its vehicle: whether it may command it, and if not, why.
+"""The permission of this station at its vehicle: whether it may command it, and if not, why.
 
 Judged by the vehicle's heartbeats (which process, whose station it listens to), by its answer to
 `whoami`, and by the radio. Emergencies pass whatever is wrong, unless the vehicle would not let

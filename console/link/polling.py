@@ -1,5 +1,6 @@
-"""What the station asks the vehicle again and again: its clock, its parameters, its beacons, its
-calibrations."""
+"""The questions that the station asks the vehicle regularly: its clock, its parameters, its
+beacons, its calibrations.
+"""
 
 from __future__ import annotations
 

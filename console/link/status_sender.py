@@ -1,4 +1,4 @@
-"""How station and link stand: `station_status` and `link_status`."""
+"""The state of station and link, published: `station_status` and `link_status`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the station hears of its vehicle: each topic acted upon, then recorded as it came."""
+"""The station's subscriptions to its vehicle: each topic acted upon, then recorded as it came."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How often a station wakes the processor for each of its vehicles: of many the less often."""
+"""The rates at which a station wakes the processor for each of its vehicles: lower for many."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where tables go: one file a topic for CSV and Parquet, one of all for MATLAB.
+"""The formats of tables: one file a topic for CSV and Parquet, one of all for MATLAB.
 
 Files are written aside and take their names when all is done, so that what has the name is whole.
 """

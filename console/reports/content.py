@@ -1,4 +1,4 @@
-"""What a report says, before it is a page or a PDF: headings, texts, tables, pictures."""
+"""The content of a report, before it is a page or a PDF: headings, texts, tables, pictures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the run is judged to be: by its own result.json, else by its experiment, else by none."""
+"""The judgement of a run: by its own result.json, else by its experiment, else by none."""
 
 from __future__ import annotations
 

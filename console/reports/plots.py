@@ -1,4 +1,5 @@
-"""How all plots of reports look: colours that colour-blind eyes tell apart, calm axes, few points.
+"""The style of all plots in reports: colours that colour-blind eyes tell apart, calm axes, few
+points.
 
 matplotlib is imported where a figure is made.
 """

@@ -1,4 +1,6 @@
-"""What a report needs of a log, read once: columns of numbers, texts, events, what is missing."""
+"""The content of a log for a report, read once: columns of numbers, texts, events, what is
+missing.
+"""
 
 from __future__ import annotations
 

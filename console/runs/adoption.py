@@ -1,4 +1,4 @@
-"""Bring catalogue and runs folder together: torn logs are closed, unknown ones entered."""
+"""Bring the catalogue and the runs folder together: torn logs are closed, unknown ones entered."""
 
 from __future__ import annotations
 

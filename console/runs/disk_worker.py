@@ -1,4 +1,6 @@
-"""What must wait for the disk, done one after the other next to a thread that must not."""
+"""A worker for what must wait for the disk, one after the other, so that another thread need
+not.
+"""
 
 from __future__ import annotations
 

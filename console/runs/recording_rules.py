@@ -1,4 +1,4 @@
-"""When a run begins and ends: from arming to a while after disarming, or by hand."""
+"""The rules for when a run begins and ends: from arming to a while after disarming, or by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the report of a run lies: a folder next to its file, `runs/<run_id>_report/`.
+"""The place of a run's report: a folder next to its file, `runs/<run_id>_report/`.
 
 `result.json` is the verdict; the other files are the experiment's plots and text.
 """

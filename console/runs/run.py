@@ -1,4 +1,4 @@
-"""What a run is before, while and after it is recorded."""
+"""The run before, while and after it is recorded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How full the disk is of runs, and how long recording still lasts."""
+"""The use of the disk by runs, and the time for which recording still lasts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run lacks of the vehicle's own log is fetched and put into the run's file.
+"""Back-fill: what a run lacks of the vehicle's own log is fetched and put into the run's file.
 
 The station knows where ticks are missing from their stamps alone; only the chunks of the vehicle's
 log that hold those stretches, and its first and last one, are fetched. The index at the end of that

@@ -1,4 +1,4 @@
-"""What is fetched from the vehicle, one thing at a time: the service `transfer`, the topic
+"""The transfers from the vehicle, one thing at a time: the service `transfer`, the topic
 `transfers`, and each run's comparison with the vehicle's own log.
 
 A thread of its own waits for vehicle and disk. Nothing is forgotten with the station: a run that

@@ -1,4 +1,4 @@
-"""What the station fetches, as it stands."""
+"""A transfer of the station and its state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What a run is after its back-fill: complete, filled, or how much is missing still and why."""
+"""The verdict on a run after its back-fill: complete, filled, or how much is missing still and
+why.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many questions are in the air at a time: as many as the link carries side by side.
+"""The number of questions under way at a time: as many as the link carries side by side.
 
 By Little's law twice as many bring twice as much only while each is answered as soon as before;
 on a full link each takes twice as long, telemetry waits behind them, and nothing is gained. So the

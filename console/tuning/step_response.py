@@ -1,4 +1,4 @@
-"""What one step of the set-point made of the actual value, in the usual figures.
+"""The response of the actual value to one step of the set-point, in the usual figures.
 
     delay          until half of the step is done
     rise           from 10 to 90 % of it

@@ -1,4 +1,4 @@
-"""What a behavior is, what it starts from, and the arguments it takes."""
+"""The protocol of a behavior, what it starts from, and the arguments it takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where and how fast behaviors may fly."""
+"""The limits of where and how fast behaviors may fly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Whether the vehicle can fly a trajectory: its largest demands, and when they break a limit.
+"""The feasibility of a trajectory for the vehicle: its largest demands, and when they break a
+limit.
 
 Every stretch of the trajectory is sampled, each sample taken through the inverse dynamics
 (`flatness`), and the neighbourhood of each extreme and of each first breach sampled again, finer.

@@ -1,4 +1,4 @@
-"""What trajectories in laps share: a phase at a constant rate between two ramps."""
+"""The common part of trajectories in laps: a phase at a constant rate between two ramps."""
 
 from __future__ import annotations
 

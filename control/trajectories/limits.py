@@ -1,4 +1,4 @@
-"""What a trajectory may ask for, quantity by quantity."""
+"""The limits of a trajectory, quantity by quantity."""
 
 from __future__ import annotations
 

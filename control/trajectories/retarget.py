@@ -1,4 +1,4 @@
-"""From any motion to rest at a goal: the present motion dies away while a line rises.
+"""Trajectories from any motion to rest at a goal: the present motion dies away while a line rises.
 
 The sum of a stop (velocity polynomial of eighth order that meets velocity to snap) and a line
 from where that stop would end. Both get half of the acceleration, so the sum keeps to the limit;

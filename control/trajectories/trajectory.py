@@ -1,4 +1,4 @@
-"""What every trajectory offers."""
+"""The protocol of every trajectory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the error-state filter remembers between ticks, one record a vehicle.
+"""The memory of the error-state filter between ticks, one record a vehicle.
 
 A nominal state is one array (16,): position_w (m), velocity_w (m/s), quaternion_wb, gyroscope bias
 (rad/s), accelerometer bias (m/s^2). The error has 15 components, in this order:

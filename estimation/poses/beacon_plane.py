@@ -1,4 +1,6 @@
-"""What a set of coplanar beacons fixes once for all frames: plane, axes, projective basis."""
+"""The quantities that a set of coplanar beacons fixes once for all frames: plane, axes, projective
+basis.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an experiment proposes to the vehicle, beside the present values: for people and as JSON."""
+"""An experiment's proposal to the vehicle next to the present values: for people and as JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a guided procedure shows on a terminal, and what it asks there; plain lines elsewhere."""
+"""The display and questions of a guided procedure on a terminal; plain lines elsewhere."""
 
 from __future__ import annotations
 

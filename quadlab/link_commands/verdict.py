@@ -1,4 +1,4 @@
-"""What the figures of a link mean: good, usable or bad, why, and what to try."""
+"""The verdict on the figures of a link: good, usable or bad, why, and what to try."""
 
 from __future__ import annotations
 

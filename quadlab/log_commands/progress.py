@@ -1,4 +1,4 @@
-"""How far a long look at a log is, on a terminal."""
+"""The progress of a long look at a log, on a terminal."""
 
 from __future__ import annotations
 

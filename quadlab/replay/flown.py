@@ -1,4 +1,4 @@
-"""What a recorded flight was flown on, and since when that estimator ran."""
+"""The estimator that a recorded flight was flown on, and since when it ran."""
 
 from __future__ import annotations
 

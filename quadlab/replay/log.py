@@ -1,4 +1,6 @@
-"""What a replay needs of a log: samples, truth, measurements with their arrivals, parameters."""
+"""The content of a log for a replay: samples, truth, measurements with their arrivals,
+parameters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the processor's time goes in a simulated flight."""
+"""A clock for where the processor's time goes in a simulated flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which stored calibrations count at a start of the vehicle, and the values they set."""
+"""The stored calibrations that count at a start of the vehicle, and the values they set."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""What the vehicle's filters are given of the truth: counted IMU samples and late, noisy poses."""
+"""The measurements of the truth for the vehicle's filters: counted IMU samples and late, noisy
+poses.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the station's side sends: poses, bearings, sticks, references and heartbeats, into the
+"""Messages of the station's side: poses, bearings, sticks, references and heartbeats, into the
 flight's inbox.
 
 All stamps are of the vehicle's clock already. What is older than 200 ms is ignored, as is what

@@ -1,4 +1,4 @@
-"""What leaves the vehicle: telemetry packets, the slow topics at their rates, heartbeats.
+"""Messages that leave the vehicle: telemetry packets, the slow topics at their rates, heartbeats.
 
 Everything is encoded once and goes to the onboard log too. While the station is not received, the
 radio gets at most five messages a second of each topic, as a probe; the log still gets all.

@@ -1,4 +1,4 @@
-"""What the vehicle looks at on its own computer when the station asks: rights, disk, certificate.
+"""The checks of the vehicle's own computer when the station asks: rights, disk, certificate.
 
 Asked at the station's start and from the Set-up page. Refused while the vehicle is armed; while
 its flight loop is silent, and so may be flying, the disk is left alone.

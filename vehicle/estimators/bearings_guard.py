@@ -1,4 +1,4 @@
-"""When bearings are flown on: from where, within which walls, and back to the tracker.
+"""The guard of flight on bearings: from where, within which walls, and back to the tracker.
 
 Below the height and outside the envelope of the parameters `beacons.*` bearings are too weak to
 fly on, so they are neither handed over to there nor flown to. Back to the tracker the vehicle

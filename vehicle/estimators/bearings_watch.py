@@ -1,4 +1,4 @@
-"""Whether bearings may go on being flown on, from the innovations of what is flown on.
+"""A watch over whether bearings may go on being flown on, from the innovations of what is flown on.
 
 Independent of the estimator: each bearing is compared with the direction that the estimate, as it
 was at the frame's stamp, sees the beacon in. Squared and divided by what the sensor's noise and

@@ -1,4 +1,5 @@
-"""Which estimators run on what, as the parameters ask, and whether they may take turns now.
+"""The choice of estimators and their sources, as the parameters ask, and whether they may take
+turns now.
 
 On the ground a choice acts at once. In flight what is flown on changes only to an estimator that
 has seen the same measurements, has converged and agrees with the one in use: the shadow, or the

@@ -1,4 +1,4 @@
-"""Where the beacons are, by id, as the vehicle knows it."""
+"""The beacons' positions, by id, as the vehicle knows it."""
 
 from __future__ import annotations
 

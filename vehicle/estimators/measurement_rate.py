@@ -1,4 +1,4 @@
-"""How often measurements really come, so that gains made for another rate are told."""
+"""The rate at which measurements really come, so that gains made for another rate are reported."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which control law flies, and the vehicle's model it believes, which follows battery and mass.
+"""The control law that flies, and the vehicle's model it believes, which follows battery and mass.
 
 A law is changed on the ground only: the integrals of one mean nothing to another.
 """

@@ -1,4 +1,4 @@
-"""How late the loop is: statistics over about one second of samples.
+"""The lateness of the loop: statistics over about one second of samples.
 
 Stamps come from the microcontroller's clock, the loop reads the host's; their difference is a
 constant, plus drift, plus the lateness. Its smallest value over this second and the one before

@@ -1,4 +1,4 @@
-"""What the flight stack wants of the microcontroller, carried over after each tick."""
+"""The flight stack's orders to the microcontroller, sent after each tick."""
 
 from __future__ import annotations
 

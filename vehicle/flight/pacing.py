@@ -1,4 +1,4 @@
-"""When the flight loop wakes: by absolute deadlines, wherever its samples come from.
+"""The pace of the flight loop: by absolute deadlines, wherever its samples come from.
 
 Sample k is due at start + k periods of the host's steady clock. Behind serial ports its bytes wake
 the loop; in memory nothing would, so the loop sleeps until then. A sample that has not come a

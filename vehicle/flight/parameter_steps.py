@@ -1,4 +1,4 @@
-"""How far a parameter may move at once in flight.
+"""The limits on how far a parameter may move at once in flight.
 
 A gain or a mass acts on the motors in the next tick, so that a slip of the hand is a jolt. What
 is limited says so in its description; the page goes further in several changes.

@@ -1,4 +1,4 @@
-"""What Linux is asked for so that the flight loop wakes in time, and what it grants."""
+"""The rights that Linux is asked for so that the flight loop wakes in time, and those it grants."""
 
 from __future__ import annotations
 

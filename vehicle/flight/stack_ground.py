@@ -1,4 +1,4 @@
-"""What the flight stack does where nothing flies: find the gyroscope's drift, turn one motor."""
+"""The flight stack on the ground: find the gyroscope's drift, turn one motor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the flight stack is made of: its parts, the record they fill, what others read of them."""
+"""The parts of the flight stack, the record they fill, what others read of them."""
 
 from __future__ import annotations
 

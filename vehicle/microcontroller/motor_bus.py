@@ -1,4 +1,4 @@
-"""Whether all four motors' controllers answer on the microcontroller's bus.
+"""A watch over whether all four motors' controllers answer on the microcontroller's bus.
 
 They are asked for one after the other while the motors stand: a microcontroller with a hole in its
 bus does not start them, and who arms wants to know which plug to look at.

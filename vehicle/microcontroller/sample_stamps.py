@@ -1,4 +1,4 @@
-"""When samples were taken, finer than the whole milliseconds of their stamps.
+"""The times at which samples were taken, finer than the whole milliseconds of their stamps.
 
 At 650 Hz the stamps are 1 and 2 ms apart in turns, and so would be the time steps of everything
 that divides by them. The samples themselves are a period apart, which the flight stack has chosen.

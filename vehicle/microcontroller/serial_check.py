@@ -1,4 +1,4 @@
-"""What a connection to the microcontroller is worth, measured for a second (`--check`).
+"""The quality of a connection to the microcontroller, measured for a second (`--check`).
 
 Nothing is switched on: the microcontroller is asked who it is, told to mirror the IMU, asked for
 its motors' controllers, and for its battery again and again.

@@ -1,4 +1,5 @@
-"""Once a second, what was written of a log is sent to the disk itself: a power cut takes no more.
+"""A thread that sends what was written of a log to the disk itself once a second: a power cut takes
+no more.
 
 In a thread of its own, through a descriptor of its own: a slow disk holds up no one who writes.
 """

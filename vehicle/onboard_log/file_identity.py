@@ -1,4 +1,4 @@
-"""Which content a name stands for: a file that is replaced under its name is another one."""
+"""The identity of a file's content: a file that is replaced under its name is another one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long the vehicle keeps its own logs, and how much room it leaves."""
+"""The parameters of how long the vehicle keeps its own logs, and how much room it leaves."""
 
 from __future__ import annotations
 

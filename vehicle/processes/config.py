@@ -1,4 +1,6 @@
-"""What the vehicle's parent process tells its two children, and the rings it makes for them."""
+"""The configuration that the vehicle's parent process gives its two children, and the rings it
+makes for them.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the comms process puts into the flight process's mailbox, and the answers.
+"""The messages that the comms process puts into the flight process's mailbox, and the answers.
 
 msgpack by msgspec: 1 µs each, so the flight loop can drain them between ticks. Stamps are
 nanoseconds of the vehicle's clock.

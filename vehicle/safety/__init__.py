@@ -1,1 +1,1 @@
-"""What the vehicle does by itself when something fails, and whether it stands or flies."""
+"""The vehicle's own reactions when something fails, and whether it is on the ground or flies."""

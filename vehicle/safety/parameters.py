@@ -1,4 +1,4 @@
-"""When a vehicle helps itself, and how: thresholds and reactions of the supervisor."""
+"""The thresholds and reactions of the supervisor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the vehicle does by itself when something above or next to it fails.
+"""The vehicle's own reactions when something above or next to it fails.
 
 Pure: fed with stamps and measurements, it answers with a reaction and its reason. The table of
 triggers, thresholds and reactions is docs/safety.md; each of the three is a parameter.

@@ -1,4 +1,4 @@
-"""What the microcontroller's converters make of the truth: noisy, biased, whole counts.
+"""The readings of the microcontroller's converters: noisy, biased, whole counts.
 
 Accelerometer ±2 g and gyroscope ±300 deg/s in 10 bit (Sec. 2), barometer by the lapse of the
 standard atmosphere, battery in 0.1 V. Random numbers are drawn in blocks, from one seed.

@@ -1,4 +1,4 @@
-"""What may happen to the serial lines: bytes that arrive as others, adapters pulled out."""
+"""Faults of the serial lines: bytes that arrive as others, adapters pulled out."""
 
 from __future__ import annotations
 

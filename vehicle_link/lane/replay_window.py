@@ -1,4 +1,4 @@
-"""Which counters came already (RFC 4303, section 3.4.3): a bitmap behind the newest one."""
+"""The counters that came already (RFC 4303, section 3.4.3): a bitmap behind the newest one."""
 
 from __future__ import annotations
 

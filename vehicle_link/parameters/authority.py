@@ -1,4 +1,4 @@
-"""Who keeps a parameter, by its name: each authority counts revisions of its own."""
+"""The authority of a parameter, by its name: each authority counts revisions of its own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a station may do at a vehicle, by the common name of its certificate.
+"""The rights of a station at a vehicle, by the common name of its certificate.
 
 A pilot everything; an observer hears telemetry and status and asks what only tells: it can send
 no pose, stick, heartbeat, command or value. Zenoh enforces it on board and denies in silence, so

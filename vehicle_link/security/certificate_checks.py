@@ -1,4 +1,4 @@
-"""Whether an end of the link, or the page, has a certificate that will be accepted."""
+"""Checks whether an end of the link, or the page, has a certificate that will be accepted."""
 
 from __future__ import annotations
 

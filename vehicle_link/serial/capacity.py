@@ -1,4 +1,6 @@
-"""How many IMU samples a second the serial ports carry, hence how fast the flight loop may run."""
+"""The number of IMU samples a second that the serial ports carry, hence how fast the flight loop
+may run.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From serial devices to the ports of the one microcontroller that is to fly."""
+"""The way from serial devices to the ports of the one microcontroller that is to fly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which microcontroller is behind which serial device: all are asked at once, in one poll loop.
+"""The search for microcontrollers behind serial devices: all are asked at once, in one poll loop.
 
 A device is first only listened to: where a microcontroller reports running motors nothing is sent,
 for every frame to it carries a command. The others are asked for robot id, firmware revision and

@@ -1,4 +1,6 @@
-"""Which microcontroller a flight stack flies: a robot's number and the firmware it speaks with."""
+"""The identity of the microcontroller that a flight stack flies: a robot's number and the firmware
+it speaks with.
+"""
 
 from __future__ import annotations
 

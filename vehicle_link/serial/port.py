@@ -1,4 +1,6 @@
-"""Where the bytes go: a serial device, or memory when the vehicle flies in simulated time."""
+"""The ports that bytes go through: a serial device, or memory when the vehicle flies in simulated
+time.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each value of the microcontroller means: unit, counts per unit, bounds; counts <-> SI.
+"""The meaning of each value of the microcontroller: unit, counts per unit, bounds; counts <-> SI.
 
 The facts name the ids and only some of the units; the others are quadlab's choice, marked so in
 docs/microcontroller.md. Inertial readings stay counts here: their scale is a calibration's matter.

@@ -1,4 +1,4 @@
-"""What the station's side sends to the vehicle: tracker poses, bearings, sticks, references,
+"""Messages of the station's side to the vehicle: tracker poses, bearings, sticks, references,
 heartbeats.
 
 Stamps are already of the vehicle's clock. Decoders take any ROS node's message and refuse

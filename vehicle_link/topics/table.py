@@ -1,4 +1,4 @@
-"""Which topic has which type, who sends it, how often, and how it may travel."""
+"""The table of topics: the type of each, who sends it, how often, and how it may travel."""
 
 from __future__ import annotations
 

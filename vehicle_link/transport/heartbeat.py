@@ -1,4 +1,4 @@
-"""How the link is doing, judged by when the other end was last received. Pure: fed with times."""
+"""The state of the link, judged by when the other end was last received. Pure: fed with times."""
 
 from __future__ import annotations
 

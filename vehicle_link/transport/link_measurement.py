@@ -1,4 +1,6 @@
-"""What a link to a vehicle can do, measured by a station of its own next to or without another."""
+"""The performance of a link to a vehicle, measured by a station of its own next to or without
+another.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is at the other end of a session's radio link."""
+"""The nodes at the other end of a session's radio link."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the two ends of a link understand each other.
+"""A check whether the two ends of a link understand each other.
 
 Zenoh's keys hold the hash of each type, so ends with other definitions do not hear each other, one
 topic at a time and in silence. The protocol is one hash over all of them, which both can compare.

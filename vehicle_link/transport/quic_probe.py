@@ -1,4 +1,5 @@
-"""Whether a vehicle's end of the link answers at all, without showing or seeing a certificate.
+"""A probe whether a vehicle's end of the link answers at all, without showing or seeing a
+certificate.
 
 A QUIC server answers a packet of a version no one speaks with those it does (RFC 9000, section 6);
 so a link that does not stand can be told apart: no one there, or someone who does not want us.

@@ -1,1 +1,1 @@
-"""Who may come in and do what: accounts, sessions, the door and the gate before every route."""
+"""Access to the page: accounts, sessions, the door and the gate before every route."""

@@ -1,4 +1,4 @@
-"""How often someone may try a password: free failures first, then waits that double.
+"""The limit on tries of a password: free failures first, then waits that double.
 
 Counted by address (an IPv6 network of 64 bits is one) and by name. An attempt is counted when it
 begins and forgiven when it succeeds, so that many at once gain nothing.

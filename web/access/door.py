@@ -1,4 +1,4 @@
-"""Who may come in: one-time sign-in tokens and the signed session cookie.
+"""The entrance of the page: one-time sign-in tokens and the signed session cookie.
 
 A token signs one browser in and is consumed by it; then a fresh one is minted, so that there is
 always exactly one way in for the next person, and it is shown only in the terminal. The

@@ -1,4 +1,4 @@
-"""Where the page may listen: on loopback, elsewhere only with TLS and accounts."""
+"""The addresses on which the page may listen: on loopback, elsewhere only with TLS and accounts."""
 
 from __future__ import annotations
 

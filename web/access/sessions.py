@@ -1,4 +1,4 @@
-"""Which sessions are open: asked at every request, so from memory; kept in the database.
+"""The open sessions: asked at every request, so from memory; kept in the database.
 
 The memory is read again whenever any process has committed to the database: `quadlab user remove`
 in a terminal signs out a browser of the running page at its next request.

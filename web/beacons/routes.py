@@ -1,4 +1,4 @@
-"""Where the beacons are and how the 3D view shows them: the routes below /api/beacons.
+"""The beacons' positions and their display: the routes below /api/beacons.
 
 A layout is a parameter of the station (`station.bearings.layout`), so a change of it goes the
 way of every parameter: station and vehicle check it, and refuse it with a reason.

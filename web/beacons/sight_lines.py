@@ -1,4 +1,4 @@
-"""What the vehicle sees of the beacons: measured rays, and cones of three sigma where they belong.
+"""The vehicle's sight of the beacons: measured rays, and cones of three sigma where they belong.
 
 A ray leaves the pose its bearing was measured at, in the measured direction, as long as the beacon
 is far: where it ends next to the beacon is the noise. A cone points at the beacon itself, so that

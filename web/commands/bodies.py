@@ -1,4 +1,4 @@
-"""What a page may ask of the vehicle: the bodies of `POST /api/commands/…`."""
+"""The requests of a page to the vehicle: the bodies of `POST /api/commands/…`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who commands, as the page shows it: the station's lease, and who is here to hold it.
+"""Control as the page shows it: the station's lease, and who is here to hold it.
 
 The station decides (console/control). From here it hears once a second who has a page open, so
 that control does not stay with someone who left.

@@ -1,1 +1,1 @@
-"""What the page shows while it happens: the newest messages, events, telemetry."""
+"""The live content of the page: the newest messages, events, telemetry."""

@@ -1,4 +1,4 @@
-"""How everything stands, made once for all pages that ask at about the same time."""
+"""The summary of all states, made once for all pages that ask at about the same time."""
 
 from __future__ import annotations
 

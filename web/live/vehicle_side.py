@@ -1,4 +1,4 @@
-"""What the web process has of one vehicle: what came of it, its pages, its way to the station.
+"""The part of the web process for one vehicle: what came of it, its pages, its way to the station.
 
 People, catalogue, links, exports and replays are shared by all of them.
 """

@@ -1,4 +1,4 @@
-"""What vehicle and station last said of their parameters, in the order in which they applied it.
+"""A mirror of the vehicle's and the station's parameters, in the order in which they applied it.
 
 An answer to a change and the news of it come different ways and overtake each other. Each carries
 the revision at which its authority applied it; an older one never replaces a newer one, here as

@@ -1,4 +1,4 @@
-"""From a log to a replay's cache, in a process of its own at low priority.
+"""The building of a replay's cache from a log, in a process of its own at low priority.
 
 `python -m web.replay.build LOG FOLDER` writes FOLDER (web.replay.cache_writer) and prints one line
 of JSON after each block: {"progress": 0 to 1}, at the end {"done": true} or {"error": reason}. It

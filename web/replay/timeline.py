@@ -1,4 +1,4 @@
-"""What happened when: events, marks, parameter changes, behaviours, moments to align at."""
+"""The timeline of a run: events, marks, parameter changes, behaviours, moments to align at."""
 
 from __future__ import annotations
 

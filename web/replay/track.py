@@ -1,4 +1,6 @@
-"""What the 3D view needs of a whole run, at a steady rate: small enough for the browser to keep."""
+"""The track of a whole run for the 3D view, at a steady rate: small enough for the browser to
+keep.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a page may ask about runs."""
+"""The requests of a page about runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the web process looks at of itself: how the page is reached, and by whom."""
+"""The checks of the web process itself: how the page is reached, and by whom."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a signal is, and where its value comes from."""
+"""The definition of a signal, and where its value comes from."""
 
 from __future__ import annotations
 

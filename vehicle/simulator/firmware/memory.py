@@ -1,4 +1,4 @@
-"""What the microcontroller remembers from one of its periods to the next."""
+"""The memory of the microcontroller from one of its periods to the next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the microcontroller counts of itself, renewed each second (ids 34…39, 51 and 53)."""
+"""The microcontroller's statistics of itself, renewed each second (ids 34…39, 51 and 53)."""
 
 from __future__ import annotations
 
