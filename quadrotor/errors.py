@@ -70,5 +70,13 @@ class LogFormatError(QuadlabError):
     """A log is torn, foreign or not what its name says."""
 
 
+class JobError(QuadlabError):
+    """A helper process could not be started, crashed or was killed."""
+
+
+class JobTimeoutError(JobError):
+    """A helper process was not done in its time and was ended."""
+
+
 class UsageError(QuadlabError):
     """Wrong words on the command line; the process exits with status 2."""

@@ -7,14 +7,13 @@ machine could leave it waiting with the interpreter in its hands.
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
-from quadrotor.checkout import ROOT
+from quadrotor.errors import JobError
+from vehicle_link.jobs import IDLE, run
 
 SAID_AFTER = 1.0
 KEPT = {
@@ -41,7 +40,6 @@ class Kernels:
         self._ready: set[str] = set()
         self._asked: set[str] = set()
         self._thread: threading.Thread | None = None
-        self._child: subprocess.Popen[bytes] | None = None
         self._closing = threading.Event()
 
     def ready(self, name: str) -> bool:
@@ -59,8 +57,6 @@ class Kernels:
 
     def close(self) -> None:
         self._closing.set()
-        if self._child is not None:
-            self._child.terminate()
         if self._thread is not None:
             self._thread.join(5.0)
 
@@ -79,28 +75,22 @@ class Kernels:
 
     def _compile(self, name: str) -> None:
         """Compile in a process of its own; what it leaves undone is compiled here, later."""
-        command = [sys.executable, "-m", "console.comparison.kernels", name]
-        child = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
-        self._child = child
         began, said = time.monotonic(), False
-        while child.poll() is None:
-            if self._closing.wait(0.1):
-                child.terminate()
+
+        def check() -> None:
+            nonlocal said
+            if self._closing.is_set():
+                raise JobError("not wanted any more")
             if not said and time.monotonic() - began > SAID_AFTER:
                 said = True
                 self._say(f"comparing {name}: compiling")
-        self._child = None
+
+        with suppress(JobError):
+            run(prepare, name, niceness=IDLE, check=check)
 
 
-def main(name: str) -> None:
+def prepare(name: str) -> None:
     """Compile and keep everything of one estimator."""
-    os.nice(19)
     from estimation import registry
 
     registry.prepare(name, bearings=True)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

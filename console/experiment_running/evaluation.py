@@ -1,20 +1,13 @@
-"""Judging a run in a process of its own, so that the station's threads never wait for plots.
-
-`python -m console.experiment_running.evaluation` takes a pickled Job on its standard input (of its
-own station, never from outside), evaluates and writes the report at low priority, and answers with
-one line of JSON.
-"""
+"""Judging a run in a process of its own, so that the station's threads never wait for plots."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import pickle
-import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,12 +17,8 @@ from console.experiments.client import VERDICTS, Calibrating, Experiment, Report
 from console.experiments.user_file import mistakes_told
 from console.runs.report_folders import report_folder, write_result
 from quadrotor.calibration_record import CalibrationRecord, parse_record
-from quadrotor.checkout import ROOT
-from quadrotor.errors import MeasurementError, QuadlabError, StorageError
-
-NICENESS = 15
-POLL = 0.1
-MODULE = "console.experiment_running.evaluation"
+from quadrotor.errors import JobError, MeasurementError, QuadlabError, RefusedError, StorageError
+from vehicle_link.jobs import run
 
 
 @dataclass(frozen=True)
@@ -52,40 +41,17 @@ class Judgement:
     """JSON of the calibration record that it proposes."""
 
 
-def judge(job: Job, cancelled: threading.Event, module: str = MODULE) -> Judgement:
-    """Run the process and wait for it. Raises StorageError with the reason it failed for."""
-    sent: bytes | None = _pickled(job)
-    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
-    process = subprocess.Popen(
-        [sys.executable, "-m", module],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": path},
-    )
-    waited = 0.0
-    while True:
-        try:
-            out, err = process.communicate(sent, timeout=POLL)
-            break
-        except subprocess.TimeoutExpired:
-            sent, waited = None, waited + POLL
-        if cancelled.is_set() or waited > job.seconds:
-            process.kill()
-            process.communicate()
-            why = "stopped" if cancelled.is_set() else f"not done after {job.seconds:.0f} s"
-            raise StorageError(f"the evaluation was {why}")
-    lines = out.decode(errors="replace").strip().splitlines()
+def judge(job: Job, cancelled: threading.Event) -> Judgement:
+    """Run the process and wait for it. Raises QuadlabError with the reason it failed for."""
+
+    def check() -> None:
+        if cancelled.is_set():
+            raise RefusedError("the evaluation was stopped")
+
     try:
-        answer = json.loads(lines[-1])
-    except (IndexError, ValueError):
-        said = err.decode(errors="replace").strip().splitlines()
-        raise StorageError(
-            f"the evaluation failed (status {process.returncode}): "
-            f"{said[-1] if said else 'it said nothing'}"
-        ) from None
-    if "error" in answer:
-        raise StorageError(str(answer["error"]))
+        answer = run(evaluate_and_report, job, seconds=job.seconds, check=check)
+    except JobError as error:
+        raise JobError(f"the evaluation of {job.experiment.name} failed: {error}") from error
     result = Result(answer["verdict"], answer["metrics"], answer["limits"], answer["reason"])
     proposal = answer["proposal"]
     return Judgement(
@@ -159,43 +125,20 @@ def proposed(job: Job) -> tuple[CalibrationRecord | None, str]:
         return None, f"nothing is proposed, a defect: {error!r}"
 
 
-def _pickled(job: Job) -> bytes:
-    """Raise StorageError for an experiment that cannot be given to another process."""
-    try:
-        return pickle.dumps(job)
-    except Exception as error:  # of a person's own file anything may come
-        raise StorageError(
-            f"{job.experiment.name} cannot be given to the process that judges it ({error}); it "
-            "must not keep the client, files or functions made in its methods"
-        ) from error
-
-
 def begin_report(log: Path) -> None:
     """Begin the page of the whole run next to the result, in its own time: no one waits for it."""
-    subprocess.Popen(
-        [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+    with suppress(OSError):  # the verdict stands without
+        subprocess.Popen(
+            [sys.executable, "-m", "console.reports", "--no-pdf", str(log)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
 
 
-def main() -> int:
-    job = pickle.load(sys.stdin.buffer)
-    os.nice(NICENESS)
-    signal.alarm(math.ceil(job.seconds) + 10)  # should the station be gone
-    answered = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # whatever prints must not come between
-    try:
-        answer = evaluate(job)
-    except QuadlabError as error:
-        answer = {"error": " ".join(str(error).split())}
-    print(json.dumps(answer), file=answered, flush=True)
-    if "error" not in answer:
-        begin_report(job.log)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def evaluate_and_report(job: Job) -> dict[str, Any]:
+    """Evaluate, and begin the report of the whole run."""
+    answer = evaluate(job)
+    begin_report(job.log)
+    return answer

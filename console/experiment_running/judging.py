@@ -17,13 +17,11 @@ EVALUATION = 60.0
 
 
 class Judging:
-    """Args: `module`, what judges a run; `cancelled` ends it."""
+    """Args: `cancelled` ends it."""
 
-    def __init__(
-        self, board: ExperimentBoard, files: RunFiles, module: str, cancelled: threading.Event
-    ) -> None:
+    def __init__(self, board: ExperimentBoard, files: RunFiles, cancelled: threading.Event) -> None:
         self._board, self._files = board, files
-        self._module, self._cancelled = module, cancelled
+        self._cancelled = cancelled
 
     def judge(self, experiment: Experiment) -> None:
         """Wait for the run's file, then for the judging process."""
@@ -34,7 +32,7 @@ class Judging:
             path = self._files.closed(run_id)
             board.set(step="judging the run")
             seconds = EVALUATION + time.monotonic() - started
-            done = judge(Job(experiment, path, seconds), self._cancelled, self._module)
+            done = judge(Job(experiment, path, seconds), self._cancelled)
         except QuadlabError as error:
             phase = phases.STOPPED if self._cancelled.is_set() else phases.FAILED
             kept = f"; run {run_id} is kept" if run_id else ""

@@ -16,7 +16,6 @@ from console.catalogue.catalogue import Catalogue
 from console.commands.stick_watchdog import StickOrder
 from console.experiment_running import state as phases
 from console.experiment_running.decision import Decisions
-from console.experiment_running.evaluation import MODULE
 from console.experiment_running.judging import Judging
 from console.experiment_running.live_client import LiveClient
 from console.experiment_running.live_commands import SETTLE
@@ -51,7 +50,6 @@ class ExperimentRunner:
     Args:
         settings: the station's stick timeout and the recorder's time after disarming, s.
         asked: told (command, requester) of each command, the experiment's own included.
-        module: what judges a run.
     """
 
     def __init__(
@@ -68,7 +66,6 @@ class ExperimentRunner:
         settings: Settings,
         asked: Callable[[str, str], None],
         permit: Callable[[str, str], None],
-        module: str = MODULE,
     ) -> None:
         self.feed, self.readings = VehicleFeed(parameters), ReadingsFeed()
         self.link_state, self.vehicle_ns, self.joy = link_state, vehicle_ns, outbox.joy
@@ -87,7 +84,7 @@ class ExperimentRunner:
         self._stopped_by = ""
         self._cancelled = threading.Event()
         self._files = RunFiles(runs.recorder, catalogue, lambda: settings()[1], self._cancelled)
-        self._judging = Judging(self._board, self._files, module, self._cancelled)
+        self._judging = Judging(self._board, self._files, self._cancelled)
         self._takeover = StickTakeover()
         self._user_files = UserFiles(catalogue.folder.parent / FOLDER, vehicle)
         ExperimentService(node, vehicle, self, self._user_files)

@@ -16,12 +16,13 @@ from console.catalogue.completeness import Completeness
 from console.transfers.fetcher import Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import PartFile, Range
-from console.transfers.process import run_process
+from console.transfers.process import fill, look
 from console.transfers.source import EDGE_NS, Source, together
 from console.transfers.vehicle_files import VehicleFile, VehicleFiles, why_open
 from console.transfers.verdict import judged
 from flight_log.index import channel_counts, is_closed
 from quadrotor.errors import LogFormatError
+from vehicle_link.jobs import run
 
 LEAD_NS = 2_000_000_000
 """The vehicle's log may begin so long before the run: arming is heard of a little later."""
@@ -36,7 +37,7 @@ class Backfill:
         before_ns: end of the vehicle's run before this one, ns of the station's clock.
         room: raises when so many more bytes do not fit on the disk.
         check: raises when it is to end.
-        run: as run_process.
+        run: as vehicle_link.jobs.run.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class Backfill:
         wait: Callable[[float], None],
         before_ns: int = 0,
         check: Callable[[], None] | None = None,
-        run: Callable[..., dict[str, Any]] = run_process,
+        run: Callable[..., dict[str, Any]] = run,
     ) -> None:
         self._job, self._log, self._folder = job, log, folder
         self._files, self._fetcher, self._room, self._wait = files, fetcher, room, wait
@@ -68,7 +69,7 @@ class Backfill:
         if not is_closed(log):
             raise NotYetError(f"the file of run {log.stem} is not closed yet")
         job.phase = "checking"
-        told = self._run({"act": "look", "run": str(log)}, self._check)
+        told = self._run(look, log, check=self._check)
         since = max(told["began_ns"] - LEAD_NS, self._before_ns - told["delay_ns"])
         until = max(told["last_ns"], told["ended_ns"])
         on_board = self._files.files()
@@ -170,17 +171,9 @@ class Backfill:
         """Fill twice: what is still missing is written into the file, and known only after
         looking.
         """
-        job = {
-            "act": "fill",
-            "run": str(self._log),
-            "sources": [source.as_json() for source in sources],
-            "since_ns": since,
-            "until_ns": until,
-            "write": False,
-            "told": {},
-        }
+        job = (fill, self._log, [source.fetched for source in sources], since, until)
         self._job.phase = "checking"
-        found = self._run(job, self._check)
+        found = self._run(*job, check=self._check)
         if found["messages"] and all(_agrees(source, found) for source in sources):
             self._job.phase = "merging"
             came = judged(found, sources, [])
@@ -188,7 +181,7 @@ class Backfill:
                 "missing_seconds": f"{came.missing:.3f}",
                 "missing": came.why * bool(came.missing),
             }
-            self._run(job | {"write": True, "told": still}, self._check)
+            self._run(*job, still, check=self._check)
         return found
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from console.transfers.part_file import PartFile, Range
 from console.transfers.vehicle_files import VehicleFile
+from flight_log.fill_source import FillSource
 
 EDGE_NS = 150_000_000
 """Ticks stand in the vehicle's log within so much of their stamps; and its chunks are shorter."""
@@ -34,13 +34,11 @@ class Source:
     channels: dict[int, tuple[str, str]] = field(default_factory=dict)
     count: int | None = None
 
-    def as_json(self) -> dict[str, Any]:
-        return {
-            "name": self.file.name,
-            "path": str(self.part.path),
-            "ranges": self.ranges,
-            "channels": self.channels,
-        }
+    @property
+    def fetched(self) -> FillSource:
+        """Return what was fetched of it, to fill the run from."""
+        ranges = tuple(self.ranges)
+        return FillSource(self.file.name, self.part.path, ranges, dict(self.channels))
 
 
 def together(spans: Sequence[Span], gap: int = TOGETHER_NS) -> list[Span]:

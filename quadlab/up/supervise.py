@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -17,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from quadrotor.errors import QuadlabError
-from vehicle.flight.realtime import die_with_parent
+from vehicle_link.jobs import die_with_parent, how_it_ended
 
 PARENT = "QUADLAB_PARENT"
 """Environment variable that tells a child whose life it shares."""
@@ -86,7 +85,7 @@ class Child:
             return None
         now = time.monotonic()
         self._deaths = [t for t in self._deaths if now - t < RESTART_WINDOW] + [now]
-        how = _how_it_ended(process.returncode)
+        how = how_it_ended(process.returncode)
         if not self.restart or len(self._deaths) > RESTARTS_ALLOWED:
             self._process = None
             raise QuadlabError(f"{self.name} {how} and cannot go on; see its lines above")
@@ -106,9 +105,3 @@ class Child:
                 process.kill()
                 process.wait()
         self._process = None
-
-
-def _how_it_ended(code: int) -> str:
-    if code < 0:
-        return f"was killed by {signal.Signals(-code).name}"
-    return f"ended with status {code}"

@@ -29,7 +29,6 @@ from vehicle.comms.publishers import LinkRadio
 from vehicle.comms.self_checks import SelfChecks
 from vehicle.comms.services import serve
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.flight.realtime import die_with_parent
 from vehicle.onboard_log.files import OnboardFiles
 from vehicle.onboard_log.onboard_log import OnboardLog, microcontroller_facts
 from vehicle.onboard_log.parameters import log_parameters
@@ -41,6 +40,7 @@ from vehicle.processes.parent import GIVEN_UP
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
+from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import COMMS_PROCESS, Part
 from vehicle_link.security.authority import ensure_certificates, readable_keys
 from vehicle_link.security.whoami import serve_whoami

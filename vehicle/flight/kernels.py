@@ -10,14 +10,12 @@ from __future__ import annotations
 
 import gc
 import os
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
-from quadrotor.checkout import ROOT
 from quadrotor.compiled import kept
-from vehicle.flight.realtime import die_with_parent
+from quadrotor.errors import JobError
+from vehicle_link.jobs import IDLE, Job
 
 
 def _controller() -> None:
@@ -102,7 +100,6 @@ LATER: Parts = {
 else wants."""
 HELPED = "controller"
 """What a second process takes; the rest takes about the same time."""
-IDLE = "--idle"
 
 
 class Later:
@@ -113,12 +110,12 @@ class Later:
     def __init__(self) -> None:
         self._kept = [part for part, (module, _) in LATER.items() if kept(module)]
         self._missing = [part for part in LATER if part not in self._kept]
-        self._process = _in_another_process([IDLE, *self._missing]) if self._missing else None
+        self._process = Job(compile_parts, self._missing, niceness=IDLE) if self._missing else None
 
     @property
     def arrived(self) -> bool:
         """Return whether compiling in parallel has ended and `load` has not been called since."""
-        return self._process is not None and self._process.poll() is not None
+        return self._process is not None and self._process.look()
 
     def load(self) -> list[str]:
         """Load what is kept, in some 0.1 s; return the parts. What failed to compile in parallel is
@@ -134,12 +131,12 @@ class Later:
 
     def wait(self) -> None:
         """Wait until compiling in parallel has ended."""
-        if self._process is not None:
-            self._process.wait()
+        while self._process is not None and not self._process.look(1.0):
+            pass
 
     def close(self) -> None:
-        if self._process is not None and self._process.poll() is None:
-            self._process.terminate()
+        if self._process is not None:
+            self._process.stop()
 
 
 def prepare(say: Callable[[str], None]) -> tuple[list[str], Later]:
@@ -181,30 +178,19 @@ def _compile(missing: list[str], say: Callable[[str], None]) -> None:
     say(f"compiling the flight laws, once, which takes some seconds: {', '.join(missing)}")
     helper = None
     if HELPED in missing and len(missing) > 1 and (os.cpu_count() or 1) > 1:
-        helper = _in_another_process([HELPED])
+        helper = Job(compile_parts, [HELPED], niceness=0)
     for part in missing:
         if helper is None or part != HELPED:
             PARTS[part][1]()
             say(f"{part} compiled")
-    if helper is not None and helper.wait() == 0:
-        say(f"{HELPED} compiled")
+    if helper is not None:
+        with suppress(JobError):  # it is compiled in the hop
+            helper.result()
+            say(f"{HELPED} compiled")
 
 
-def _in_another_process(words: list[str]) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "vehicle.flight.kernels", str(os.getpid()), *words]
-    return subprocess.Popen(command, cwd=ROOT, stdin=subprocess.DEVNULL)
-
-
-def main(parent: str, *words: str) -> None:
-    """Compile the parts named, as the child of process `parent`."""
-    die_with_parent(int(parent))
-    if words[0] == IDLE:
-        os.nice(19)
+def compile_parts(names: list[str]) -> None:
+    """Compile the parts named, in a process of its own."""
     with _without_garbage_collection():
-        for name in words:
-            if name != IDLE:
-                (PARTS | LATER)[name][1]()
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+        for name in names:
+            (PARTS | LATER)[name][1]()

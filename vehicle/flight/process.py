@@ -19,11 +19,12 @@ from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterStore
 from vehicle.flight.loop import FlightLoop
 from vehicle.flight.pacing import MemoryPacer, Pacer, PortPacer
-from vehicle.flight.realtime import become_real_time, die_with_parent, freeze_garbage
+from vehicle.flight.realtime import become_real_time, freeze_garbage
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.processes import mailbox
 from vehicle.processes.config import FlightConfig, open_rings
 from vehicle.processes.terminal import say, speak_for
+from vehicle_link.jobs import die_with_parent
 from vehicle_link.lockstep import FLIGHT_PROCESS, Part
 from vehicle_link.serial.capacity import sample_period_us
 from vehicle_link.serial.port import PortError, PortProblem, SerialPort

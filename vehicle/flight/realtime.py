@@ -5,15 +5,12 @@ from __future__ import annotations
 import ctypes
 import gc
 import os
-import signal
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 PRIORITY = 50  # SCHED_FIFO: above every ordinary thread, below the kernel's interrupt threads
 # ONFAULT: what was touched stays; locking all that is mapped would take 300 MB for nothing.
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
-PR_SET_PDEATHSIG = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +61,3 @@ def freeze_garbage() -> None:
     gc.collect()
     gc.freeze()
     gc.disable()
-
-
-def die_with_parent(parent_pid: int) -> None:
-    """Let the kernel send SIGTERM here when the parent's process ends, however it ends."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM) != 0:
-        raise OSError(ctypes.get_errno(), "prctl(PR_SET_PDEATHSIG) failed")
-    if os.getppid() != parent_pid:  # it ended before the call above
-        sys.exit(1)

@@ -8,17 +8,14 @@ takes minutes of processor. What a killed vehicle left is mended at its next sta
 from __future__ import annotations
 
 import math
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from quadrotor.checkout import ROOT
-from quadrotor.errors import StorageError
-from vehicle.onboard_log.recovery import torn_logs
+from quadrotor.errors import JobError, StorageError
+from vehicle.onboard_log.recovery import mend_logs, torn_logs
 from vehicle.processes.mailbox import INFO, WARN
+from vehicle_link.jobs import IDLE, Job
 
 FIRST_S = 60.0
 """From the first tick on the ground: the parent mends first, what it finds at the start."""
@@ -32,19 +29,10 @@ LATER = "is mended at the vehicle's next start"
 SOON = "is mended once the vehicle stands disarmed"
 NOW = "is being mended"
 
-Process = subprocess.Popen[str]
 
-
-def start_mending(paths: Sequence[Path]) -> Process:
-    """Start a process that mends these files and prints what it found."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "vehicle.onboard_log.recovery", str(os.getpid()), *map(str, paths)],
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        text=True,
-        process_group=0,
-    )
+def start_mending(paths: Sequence[Path], told: Callable[[str], None]) -> Job[None]:
+    """Start a process that mends these files and reports what it found."""
+    return Job(mend_logs, list(paths), niceness=IDLE, report=told)
 
 
 class Mending:
@@ -56,7 +44,7 @@ class Mending:
         free: asks the free space of a folder, in bytes.
         keep: gives what must stay free next to the copy, in bytes: the next flight is to be logged.
         clock: s, steady.
-        begin: starts a process for these files.
+        begin: starts a process for these files, which reports each.
 
     Attributes:
         how: when a torn log is mended, in words that follow its name; from any thread.
@@ -69,13 +57,13 @@ class Mending:
         free: Callable[[Path], int],
         keep: Callable[[], int],
         clock: Callable[[], float] = time.monotonic,
-        begin: Callable[[Sequence[Path]], Process] = start_mending,
+        begin: Callable[[Sequence[Path], Callable[[str], None]], Job[None]] = start_mending,
     ) -> None:
         self.how = SOON
         self._data = data.absolute()
         self._say, self._free, self._keep = say, free, keep
         self._clock, self._begin = clock, begin
-        self._process: Process | None = None
+        self._process: Job[None] | None = None
         self._torn: list[Path] = []
         self._due_s: float | None = None
         self._cut = False  # by arming
@@ -102,14 +90,8 @@ class Mending:
     def close(self) -> None:
         """End the process; what it has not finished stays as it was."""
         process, self._process = self._process, None
-        if process is None:
-            return
-        process.terminate()
-        try:
-            process.communicate(timeout=PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
+        if process is not None:
+            process.stop(PATIENCE_S)
 
     def _try(self, now_s: float) -> None:
         self._due_s = now_s + PERIOD_S
@@ -132,22 +114,23 @@ class Mending:
             self.how, self._due_s = LATER, math.inf
             return
         try:
-            self._process, self._cut = self._begin(self._torn), False
-        except OSError:  # no memory or process left: later
+            self._process, self._cut = self._begin(self._torn, self._tell), False
+        except JobError:  # no memory or process left: later
             return
         self.how = NOW
 
-    def _look_at(self, process: Process, on_ground: bool) -> list[Path]:
-        if process.poll() is None:
+    def _tell(self, line: str) -> None:
+        if line not in self._said:
+            self._say(WARN if " not recovered: " in line else INFO, line)
+            self._said.add(line)
+
+    def _look_at(self, process: Job[None], on_ground: bool) -> list[Path]:
+        if not process.look():
             if not on_ground and not self._cut:
                 process.terminate()
                 self._cut, self.how = True, SOON
             return []
         self._process = None
-        for line in process.communicate()[0].splitlines():
-            if line not in self._said:
-                self._say(WARN if " not recovered: " in line else INFO, line)
-                self._said.add(line)
         self._tries += not self._cut
         self._due_s = self._clock() + PERIOD_S * 2 ** max(0, self._tries - 1)
         self.how = SOON

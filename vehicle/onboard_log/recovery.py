@@ -1,21 +1,16 @@
-"""Onboard logs that were not closed: found and mended, at the next start or on the ground.
-
-Run as `python -m vehicle.onboard_log.recovery PARENT_PID FILE…`: see `mending`.
-"""
+"""Onboard logs that were not closed: found and mended, at the next start or on the ground."""
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from flight_log import is_closed, recover
 from flight_log.file import is_being_written
 from flight_log.index import holds_nothing
 from quadrotor.errors import QuadlabError
-from vehicle.flight.realtime import die_with_parent
 
 FOLDER = "onboard"
 """Inside the data folder."""
@@ -43,15 +38,8 @@ def recover_logs(paths: list[Path]) -> Iterator[str]:
                 yield f"onboard log {path.name} recovered: {found.messages} messages"
 
 
-def main(parent: int, paths: list[Path]) -> int:
-    """Mend them behind everything else; SIGTERM ends it and leaves the torn file as it was."""
+def mend_logs(paths: list[Path], tell: Callable[[str], None]) -> None:
+    """Recover them in a process of its own; SIGTERM leaves a torn file as it was."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
-    die_with_parent(parent)
-    os.nice(19)
     for line in recover_logs(paths):
-        print(line, flush=True)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]), [Path(path) for path in sys.argv[2:]]))
+        tell(line)

@@ -33,6 +33,7 @@ from vehicle.processes.config import (
 )
 from vehicle.processes.terminal import say, speak_for
 from vehicle_link import clock
+from vehicle_link.jobs import how_it_ended
 from vehicle_link.process_instance import new_instance
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
@@ -207,13 +208,13 @@ def _watch(children: _Children, signals: _Signals, recovery: _Recovery) -> int:
     restart_at: float | None = None
     while not signals.stopping:
         if children.flight.poll() is not None:
-            say(f"flight process {_how_it_ended(children.flight.returncode)}; vehicle ends")
+            say(f"flight process {how_it_ended(children.flight.returncode)}; vehicle ends")
             return 1
         if restart_at is None and children.comms.poll() is not None:
             status, lived = children.comms.returncode, time.monotonic() - children.comms_started
             if status == GIVEN_UP and not children.comms_restarted:
                 return 1
-            say(f"comms process {_how_it_ended(status)}; starting it again")
+            say(f"comms process {how_it_ended(status)}; starting it again")
             restart_at = time.monotonic() + (SHORT_PAUSE_S if lived > STABLE_S else LONG_PAUSE_S)
         if restart_at is not None and time.monotonic() >= restart_at:
             restart_at = None
@@ -248,9 +249,3 @@ class _Recovery:
 
         for line in recover_logs(torn):
             say(line)
-
-
-def _how_it_ended(status: int) -> str:
-    if status < 0:
-        return f"was killed by {signal.Signals(-status).name}"
-    return f"ended with status {status}"

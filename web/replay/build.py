@@ -1,30 +1,19 @@
-"""The building of a replay's cache from a log, in a process of its own at low priority.
-
-`python -m web.replay.build LOG FOLDER` writes FOLDER (web.replay.cache_writer) and prints one line
-of JSON after each block: {"progress": 0 to 1}, at the end {"done": true} or {"error": reason}. It
-ends when its standard input is closed, so that none is left behind by a page's process that died.
-"""
+"""The building of a replay's cache from a log: the job of web.replay.store."""
 
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from flight_log.gathered import Topic
 from flight_log.run import read_run
 from flight_log.topic_columns import ColumnReader
-from quadrotor.errors import LogFormatError, QuadlabError
+from quadrotor.errors import LogFormatError, StorageError
 from web.replay import timeline
 from web.replay.cache_writer import COLUMNS, INDEX, Arrays, CacheWriter
 
-NICENESS = 10
-"""Below everything that flies; somebody waits for it all the same."""
 MOST_COLUMNS = 4000
 MOST_MESSAGES = 12_000_000
 """Their times and order are held."""
@@ -56,32 +45,11 @@ def build(log: Path, folder: Path, tell: Callable[[float], None]) -> None:
     (folder / INDEX).write_text(json.dumps(index, allow_nan=False, separators=(",", ":")))
 
 
-def _end_with_parent() -> None:
-    while os.read(0, 64):
-        pass
-    os._exit(1)
-
-
-def main() -> int:
-    log, folder = Path(sys.argv[1]), Path(sys.argv[2])
-    os.nice(NICENESS)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-    def say(**fields: Any) -> None:
-        print(json.dumps(fields), flush=True)
-
+def build_cache(log: Path, folder: Path, report: Callable[[float], None]) -> None:
+    """Build it in a job (vehicle_link.jobs). Raises LogFormatError or StorageError."""
     try:
-        build(log, folder, lambda share: say(progress=round(share, 3)))
-    except QuadlabError as error:
-        say(error=str(error))
+        build(log, folder, lambda share: report(round(share, 3)))
     except OSError as error:
-        say(error=f"the replay of {log.name} cannot be written: {error.strerror or error}")
-    else:
-        say(done=True)
-        return 0
-    shutil.rmtree(folder, ignore_errors=True)
-    return 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        raise StorageError(
+            f"the replay of {log.name} cannot be written: {error.strerror or error}"
+        ) from error

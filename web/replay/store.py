@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import subprocess
-import sys
 import threading
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -18,8 +16,9 @@ from pathlib import Path
 
 from console.runs.replay_caches import REPLAYS, folder_bytes, replay_name
 from flight_log.file import is_being_written
-from quadrotor.checkout import ROOT
-from quadrotor.errors import LogFormatError, RefusedError, StorageError
+from quadrotor.errors import JobError, LogFormatError, QuadlabError, RefusedError, StorageError
+from vehicle_link.jobs import run
+from web.replay.build import build_cache
 from web.replay.cache_writer import VERSION
 from web.replay.reader import Replay
 
@@ -32,7 +31,8 @@ STAMP = "stamp.json"
 ON_ITS_WAY = ".new"
 LOOK = 0.01
 """Of the progress, between two looks at how large it has become."""
-MODULE = "web.replay.build"
+NICENESS = 10
+"""Below everything that flies; somebody waits for it all the same."""
 
 
 @dataclass
@@ -131,7 +131,12 @@ class ReplayStore:
                 self._tidy(self._name(log))
                 self._run(log, building)
                 self._tidy(self._name(log))
-            except (StorageError, LogFormatError) as error:
+            except JobError as error:
+                problem = (
+                    f"the replay of {log.stem} could not be built: {error}; "
+                    "is there memory and room on the disk?"
+                )
+            except QuadlabError as error:
                 problem = str(error)
             except Exception as error:  # else it would be on its way for ever
                 problem = f"the replay of {log.stem} could not be built: {error!r}"
@@ -145,36 +150,21 @@ class ReplayStore:
     def _run(self, log: Path, building: Building) -> None:
         name = self._name(log)
         new = self._folder / f"{name}{ON_ITS_WAY}"
-        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
-        # Its standard input closes with this process, and then it ends too.
-        process = subprocess.Popen(
-            [sys.executable, "-m", MODULE, str(log), str(new)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": path},
-            text=True,
-        )
-        is_done, problem, looked = False, "", -1.0
-        with process:
-            assert process.stdout is not None
-            for line in process.stdout:
-                said = json.loads(line)
-                building.progress = said.get("progress", building.progress)
-                problem, is_done = said.get("error", problem), is_done or "done" in said
-                if is_done or building.progress >= looked + LOOK:
-                    looked = building.progress
-                    if not self._make_room(name):
-                        is_done, problem = False, _too_large(log)
-                        process.kill()
-                        break
-        if not is_done:
+        looked = -1.0
+
+        def report(share: float) -> None:
+            nonlocal looked
+            building.progress = share
+            if share >= looked + LOOK or share == 1.0:
+                looked = share
+                if not self._make_room(name):
+                    raise StorageError(_too_large(log))
+
+        try:
+            run(build_cache, log, new, niceness=NICENESS, report=report)
+        except QuadlabError:
             shutil.rmtree(new, ignore_errors=True)
-            raise StorageError(
-                problem
-                or f"the replay of {log.stem} could not be built "
-                f"(status {process.returncode}); is there memory and room on the disk?"
-            )
+            raise
         size, changed = building.stamp
         (new / STAMP).write_text(
             json.dumps({"version": VERSION, "bytes": size, "changed_ns": changed, "log": str(log)})

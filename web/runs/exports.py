@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -13,7 +14,8 @@ from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
 from web.runs.job_queue import Work, Workshop
 
-MODULE = "web.runs.viser_recording"
+SECONDS = 1800.0
+"""One recording may take."""
 REMEMBERED = 200
 
 
@@ -27,15 +29,22 @@ class Export(Work):
         return {"state": self.name, "progress": round(self.progress, 3), "reason": self.reason}
 
 
+def write_recording(log: Path, file: Path, report: Callable[[float], None]) -> None:
+    """Write the recording of a log: the job."""
+    from web.runs.viser_recording import record  # with the scene, of which the page needs nothing
+
+    record(log, file, report)
+
+
 class ViserExports:
     """Safe to use from several threads.
 
     Args:
-        module: run with the log and the file to write.
+        function: run with the log and the file to write.
     """
 
-    def __init__(self, module: str = MODULE) -> None:
-        self.workshop = Workshop(module, "recordings")
+    def __init__(self, function: Callable[..., None] = write_recording) -> None:
+        self.workshop = Workshop(function, "recordings", SECONDS)
         self._version = version("viser")  # a recording is of the client that plays it
         self._lock = threading.Lock()
         self._exports: dict[tuple[str, int], Export] = {}  # by run and age of its log
@@ -60,7 +69,7 @@ class ViserExports:
             if export is not None and export.name != "ready":
                 return export
             export = Export()
-            self.workshop.put(export, (str(log), str(file)), partial(_finish, log, file, export))
+            self.workshop.put(export, (log, file), partial(_finish, log, file, export))
             self._exports[key] = export
             while len(self._exports) > REMEMBERED:
                 self._exports.pop(next(iter(self._exports)))

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import os
+import math
 import queue
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
-from quadrotor.checkout import ROOT
-from quadrotor.errors import RefusedError
+from quadrotor.errors import QuadlabError, RefusedError
+from vehicle_link.jobs import run
 
 MOST_WAITING = 20
 """Works that may wait for their turn."""
@@ -36,7 +34,7 @@ class Work:
 
 class _Order(NamedTuple):
     work: Work
-    arguments: Sequence[str]
+    arguments: Sequence[Any]
     finish: Callable[[str], str]
 
 
@@ -44,27 +42,20 @@ class Workshop:
     """Thread-safe. Its thread starts with the first work.
 
     Args:
-        module: the program; it prints its progress, 0 to 1, a line each, and an error as a line
-            that does not begin with a digit.
+        function: the job (vehicle_link.jobs); reports its progress, 0 to 1.
         what: the works' name, in the plural.
-        seconds: one may take; 0 for no bound.
+        seconds: one may take.
     """
 
-    def __init__(self, module: str, what: str, seconds: float = 0.0) -> None:
-        self._module, self._what, self._seconds = module, what, seconds
+    def __init__(self, function: Callable[..., None], what: str, seconds: float = math.inf) -> None:
+        self._function, self._what, self._seconds = function, what, seconds
         self._lock = threading.Lock()
         self._orders: queue.Queue[_Order | None] = queue.Queue()
         self._worker: threading.Thread | None = None
-        self._process: subprocess.Popen[str] | None = None
         self._is_stopped = False
 
-    @property
-    def process(self) -> subprocess.Popen[str] | None:
-        """Return the process that is running."""
-        return self._process
-
     def put(
-        self, work: Work, arguments: Sequence[str], finish: Callable[[str], str] = lambda why: why
+        self, work: Work, arguments: Sequence[Any], finish: Callable[[str], str] = lambda why: why
     ) -> None:
         """Queue work behind that which waits; its state is written into `work`.
 
@@ -87,10 +78,7 @@ class Workshop:
 
     def stop(self) -> None:
         """End the process that is running, if one is."""
-        with self._lock:
-            self._is_stopped = True
-            if self._process is not None:
-                self._process.kill()
+        self._is_stopped = True
         self._orders.put(None)
 
     def _run(self) -> None:
@@ -105,37 +93,19 @@ class Workshop:
             else:
                 work.progress, work.name = 1.0, "ready"
 
-    def _work(self, work: Work, arguments: Sequence[str]) -> str:
+    def _work(self, work: Work, arguments: Sequence[Any]) -> str:
         """Do the work and return why it failed; "" when it did not."""
-        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
         work.name = "working"
-        with self._lock:
+
+        def check() -> None:
             if self._is_stopped:
-                return "stopped before its turn"
-            self._process = process = subprocess.Popen(
-                [sys.executable, "-m", self._module, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-                env={**os.environ, "PYTHONPATH": path},
-            )
-        late = threading.Timer(self._seconds, process.kill)
-        if self._seconds:
-            late.start()
-        said = ""
-        assert process.stdout is not None
-        for line in process.stdout:
-            try:
-                work.progress = float(line)
-            except ValueError:
-                said = line.strip() or said
-        status = process.wait()
-        is_late = bool(self._seconds) and not late.is_alive()
-        late.cancel()
-        with self._lock:
-            self._process = None
-        if status == 0:
-            return ""
-        slow = f"not done after {self._seconds:.0f} s"
-        return slow if is_late else said[:REASON_LENGTH] or f"its process ended with {status}"
+                raise RefusedError("stopped")
+
+        def report(share: float) -> None:
+            work.progress = share
+
+        try:
+            run(self._function, *arguments, seconds=self._seconds, check=check, report=report)
+        except QuadlabError as error:
+            return str(error)[:REASON_LENGTH]
+        return ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,6 @@ from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
 from web.runs.job_queue import Work, Workshop
 
-MODULE = "console.reports"
 SECONDS = 300.0
 """One report may take."""
 REMEMBERED = 200
@@ -32,15 +32,24 @@ class Making(Work):
         }
 
 
+def make_report(log: Path, report: Callable[[float], None]) -> None:
+    """Write a run's report beside its result: the job."""
+    from console.reports.report import write_report  # with matplotlib, which the page does not need
+
+    write_report(log, report_folder(log), tell=report)
+
+
 class ReportMaking:
     """Safe to use from several threads.
 
     Args:
-        module: run with the log; it may print its progress, 0 to 1, a line each.
+        function: run with the log.
     """
 
-    def __init__(self, module: str = MODULE, seconds: float = SECONDS) -> None:
-        self.workshop = Workshop(module, "reports", seconds)
+    def __init__(
+        self, function: Callable[..., None] = make_report, seconds: float = SECONDS
+    ) -> None:
+        self.workshop = Workshop(function, "reports", seconds)
         self._lock = threading.Lock()
         self._asked: dict[str, Making] = {}
 
@@ -59,7 +68,7 @@ class ReportMaking:
             if making is not None and making.is_under_way:
                 return making
             making = Making()
-            self.workshop.put(making, (str(log),))
+            self.workshop.put(making, (log,))
             self._asked.pop(run_id, None)
             self._asked[run_id] = making
             while len(self._asked) > REMEMBERED:

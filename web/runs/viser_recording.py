@@ -1,15 +1,8 @@
-"""A flight as a recording for viser: what the 3D view of the page would have shown.
-
-`python -m web.runs.viser_recording LOG FILE` writes it at low priority and prints its
-progress, 0 to 1, a line each; an error is one line that does not begin with a digit.
-"""
+"""A flight as a recording for viser: what the 3D view of the page would have shown."""
 
 from __future__ import annotations
 
 import math
-import os
-import signal
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -32,8 +25,6 @@ MOST_FRAMES = 12_000
 """Ten minutes at the full rate; a longer log has fewer frames a second. They are held."""
 SHOWN = ("state", "reference", "truth", "actuators", "status", "bearings", "bearing_pose")
 CHANGES = "parameter_changes"
-NICENESS = 15
-LONGEST = 1800  # s this process may take
 LEAST_PROGRESS = 0.01
 
 
@@ -134,19 +125,3 @@ def _station_values(log: Path) -> dict[str, Any]:
         return {}
     parts = (content.get(name) for name in ("vehicle", "station"))
     return {name: one for part in parts if isinstance(part, dict) for name, one in part.items()}
-
-
-def main() -> int:
-    log, file = map(Path, sys.argv[1:3])
-    os.nice(NICENESS)  # a flight on this computer comes first
-    signal.alarm(LONGEST)
-    try:
-        record(log, file, lambda share: print(f"{share:.3f}", flush=True))
-    except QuadlabError as error:
-        print(" ".join(str(error).split()), flush=True)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

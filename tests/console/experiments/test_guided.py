@@ -25,7 +25,7 @@ from console.runs.report_folders import read_result
 from console.runs.runs import RunKeeper
 from flight_log import read_attachments
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
-from quadrotor.errors import LinkError, MeasurementError, RefusedError, StorageError
+from quadrotor.errors import JobError, LinkError, MeasurementError, RefusedError, StorageError
 from vehicle_link.messages import header, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters, to_value
 from vehicle_link.topics import SERVICES
@@ -603,7 +603,7 @@ def test_a_pass_by_no_limit_at_all_is_not_judged(tmp_path: Path) -> None:
 
 def test_what_no_other_process_can_have_is_not_judged(tmp_path: Path) -> None:
     experiment = Judged(Result("passed", {}))  # keeps a function made in a method
-    with pytest.raises(StorageError, match="scripted cannot be given to the process that judges"):
+    with pytest.raises(JobError, match=r"scripted .*cannot be given to another process"):
         judge(Job(experiment, tmp_path / "run.mcap", 1.0), threading.Event())
 
 
@@ -708,7 +708,7 @@ def test_a_file_of_ones_own_is_listed_flown_judged_and_accepted_and_broken_ones_
     listed = dict(zip(names, zip(calibrations, problems, strict=True), strict=True))
     assert listed["mine"] == ("mine", "")
     assert "broken.py line 21: Mine cannot be called as it will be" in listed["broken.py"][1]
-    assert listed["leaves.py"][1] == "leaves.py line 1: it ended its process (status 3)"
+    assert listed["leaves.py"][1] == "leaves.py line 1: its process ended with status 3"
     assert (listed["hover"], listed["motor_bench"]) == (("", ""), ("motor", ""))
     assert "broken.py cannot run: broken.py line 21" in own.start("broken.py")
     assert "mine has no options, so not speed" in own.start("mine", speed=1.0)

@@ -370,7 +370,9 @@ def test_a_flight_is_commanded_in_the_starters_name_and_its_run_kept_when_it_can
     assert phases[-3:] == ["flying", "evaluating", "failed"]
     assert (done.name, done.requester, done.planned) == ("small", "ada", 3.0)
     # The process that judges cannot know an experiment of this file.
-    assert "not judged: the evaluation failed (status 1)" in done.reason
+    assert (
+        "not judged: the evaluation of small failed: its process ended with status 1" in done.reason
+    )
     assert f"run {done.run_id} is kept" in done.reason
     entry = bench.catalogue.get(done.run_id)
     assert (entry.complete, entry.operator) == (True, "ada")

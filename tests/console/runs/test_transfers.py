@@ -18,7 +18,6 @@ from console.catalogue.completeness import Completeness, completeness_of, keep_c
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import described
 from console.transfers import desk as desk_module
-from console.transfers import process
 from console.transfers.backfill import Backfill
 from console.transfers.desk import TransferDesk
 from console.transfers.download import download
@@ -86,10 +85,9 @@ def onboard(tmp_path: Path) -> Path:
     return tmp_path / "vehicle"
 
 
-def in_process(job: dict[str, Any], check: Any, progress: Any = lambda share: None) -> Any:
-    """As run_process, without the second a new interpreter takes."""
-    found = process.look(job) if job["act"] == "look" else process.fill(job, progress)
-    return json.loads(json.dumps(found))
+def in_process(function: Callable[..., Any], *arguments: Any, check: Any) -> Any:
+    """As jobs.run, without the second a new interpreter takes."""
+    return json.loads(json.dumps(function(*arguments)))
 
 
 def filler(run: Path, folder: Path, link: Link, **more: Any) -> Backfill:

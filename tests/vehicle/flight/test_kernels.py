@@ -50,13 +50,13 @@ class Beside:
     """A process that compiles until it is told that it has ended."""
 
     def __init__(self) -> None:
-        self.ended = self.terminated = False
+        self.ended = self.stopped = False
 
-    def poll(self) -> int | None:
-        return 0 if self.ended else None
+    def look(self) -> bool:
+        return self.ended
 
-    def terminate(self) -> None:
-        self.terminated = True
+    def stop(self) -> None:
+        self.stopped = True
 
 
 def test_what_is_compiled_beside_is_loaded_once_it_is_there(
@@ -67,9 +67,9 @@ def test_what_is_compiled_beside_is_loaded_once_it_is_there(
     parts = {name: (name, lambda name=name: loaded.append(name)) for name in "abc"}
     monkeypatch.setattr(kernels, "LATER", parts)
     monkeypatch.setattr(kernels, "kept", lambda module: module in present)
-    monkeypatch.setattr(kernels, "_in_another_process", lambda words: asked.append(words) or beside)
+    monkeypatch.setattr(kernels, "Job", lambda *job, niceness: asked.append(job[1]) or beside)
     later = kernels.Later()
-    assert asked == [[kernels.IDLE, "b", "c"]]
+    assert asked == [["b", "c"]]
     assert later.load() == ["a"]
     present.add("b")  # half of what is asked: not before it has ended
     assert not later.arrived
@@ -80,15 +80,15 @@ def test_what_is_compiled_beside_is_loaded_once_it_is_there(
     assert not later.arrived
     assert loaded == ["a", "b"]
     later.close()
-    assert not beside.terminated
+    assert not beside.stopped
 
 
 def test_compiling_beside_ends_with_the_flight_process(monkeypatch: pytest.MonkeyPatch) -> None:
     beside = Beside()
     monkeypatch.setattr(kernels, "kept", lambda module: False)
-    monkeypatch.setattr(kernels, "_in_another_process", lambda words: beside)
+    monkeypatch.setattr(kernels, "Job", lambda *job, niceness: beside)
     kernels.Later().close()
-    assert beside.terminated
+    assert beside.stopped
 
 
 def test_every_part_names_a_module_that_has_compiled_functions() -> None:

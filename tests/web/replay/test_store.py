@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -213,17 +211,3 @@ def test_replays_that_wait_are_bounded(
         store.get(other)
     ready(store, log, until)
     ready(store, other, until)
-
-
-def test_a_builder_ends_when_its_page_is_gone(log: Path) -> None:
-    read, write = os.pipe()
-    process = subprocess.Popen(
-        [sys.executable, "-m", "web.replay.build", str(log), str(log.parent / "cache")],
-        stdin=read,
-        stdout=subprocess.PIPE,
-    )
-    os.close(read)
-    os.close(write)
-    process.communicate(timeout=60.0)
-    # Ended at once, unless it was done before it looked.
-    assert process.returncode in (0, 1)

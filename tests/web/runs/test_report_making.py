@@ -9,32 +9,28 @@ from typing import Any
 import pytest
 
 from console.runs.report_folders import report_folder
-from quadrotor.errors import StorageError
+from quadrotor.errors import LogFormatError, StorageError
 from web.runs.report_making import ReportMaking
 
-PROGRAM = """
-import sys, pathlib
-log = pathlib.Path(sys.argv[1])
-print("0.25", flush=True)
-while log.with_suffix(".wait").exists(): pass
-if log.read_bytes() == b"torn":
-    print("the log is torn at byte 4")
-    sys.exit(1)
-folder = log.with_name(log.stem + "_report")
-folder.mkdir()
-for kind in ("pdf", "html", "html.new"):
-    (folder / f"{log.stem}.{kind}").write_text(kind)
-"""
+
+def program(log: Path, report: Callable[[float], None]) -> None:
+    report(0.25)
+    while log.with_suffix(".wait").exists():
+        pass
+    if log.read_bytes() == b"torn":
+        raise LogFormatError("the log is torn at byte 4")
+    folder = report_folder(log)
+    folder.mkdir()
+    for kind in ("pdf", "html", "html.new"):
+        (folder / f"{log.stem}.{kind}").write_text(kind)
 
 
 @pytest.fixture
-def making(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[float], Any]]:
-    (tmp_path / "report_program.py").write_text(PROGRAM)
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+def making() -> Iterator[Callable[[float], Any]]:
     made: list[ReportMaking] = []
 
     def make(seconds: float = 60.0) -> ReportMaking:
-        made.append(ReportMaking("report_program", seconds))
+        made.append(ReportMaking(program, seconds))
         return made[-1]
 
     yield make

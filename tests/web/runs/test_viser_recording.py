@@ -138,7 +138,7 @@ def test_a_run_deleted_meanwhile_leaves_no_recording_behind(
     exports: ViserExports, flight: Path, until: Callable[..., None]
 ) -> None:
     export = exports.ask("r1", flight)
-    until(lambda: exports.workshop.process is not None)
+    until(lambda: export.name == "working")
     flight.rename(flight.with_name("elsewhere"))
     until(lambda: export.name == "failed", 60.0)
     assert [path.name for path in flight.parent.iterdir()] == ["elsewhere"]
@@ -149,10 +149,9 @@ def test_stopping_ends_the_process_and_leaves_nothing_half(
 ) -> None:
     log = tmp_path / "r1.mcap"
     write_flight(log, 30.0)
-    exports.ask("r1", log)
-    until(lambda: exports.workshop.process is not None)
-    process = exports.workshop.process
-    assert process is not None
+    export = exports.ask("r1", log)
+    until(lambda: export.name == "working")
     exports.stop()
-    until(lambda: process.poll() is not None)
+    until(lambda: export.name == "failed")
+    assert export.reason == "stopped"
     assert [path.name for path in tmp_path.iterdir()] == ["r1.mcap"]

@@ -1,0 +1,234 @@
+"""A function of this checkout in a Python process of its own, and how it goes.
+
+Function and arguments travel pickled on the process's standard input. Its reports and its answer
+come back as lines of JSON: nothing that a person's file made is ever unpickled here. Whatever else
+it prints is its complaint, of which the last line explains a crash. A job ends when the thread
+that started it ends.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import json
+import math
+import os
+import pickle
+import selectors
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import IO, Any, Generic, TypeVar, cast, get_type_hints
+
+import msgspec
+
+from quadrotor import errors
+from quadrotor.checkout import ROOT
+
+NICENESS = 15
+"""Of a job that nothing flying waits for."""
+IDLE = 19
+POLL = 0.1
+"""s between two calls of `check`."""
+COMPLAINT = 4096
+"""Bytes of what a job printed that are kept."""
+PR_SET_PDEATHSIG = 1
+
+T = TypeVar("T")
+
+
+class Job(Generic[T]):
+    """A running process; not thread-safe.
+
+    Args:
+        function: of a module, not of `__main__`; its arguments can be pickled and its result is
+            plain data or a dataclass, made again here by the annotated type.
+        niceness: of the process, 0 to 19.
+        report: takes each value the function reports; the function's last argument is then what it
+            calls to do so.
+
+    Raises JobError when it cannot be started.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., T],
+        *arguments: Any,
+        niceness: int = NICENESS,
+        report: Callable[[Any], None] | None = None,
+    ) -> None:
+        self._function, self._report = function, report
+        self._complaint = self._partial = b""
+        self._answer: dict[str, Any] = {}
+        try:
+            order = pickle.dumps((function, arguments, report is not None))
+        except Exception as error:  # whatever a person's own object raises
+            raise errors.JobError(
+                f"cannot be given to another process ({error}); it must not keep a client, files "
+                "or functions made in its methods"
+            ) from error
+        path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]).strip(os.pathsep)
+        try:
+            self._process = process = subprocess.Popen(
+                [sys.executable, "-m", __name__, str(os.getpid()), str(niceness)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                env={**os.environ, "PYTHONPATH": path},
+                process_group=0,  # Ctrl-C in the terminal is for the parent
+            )
+        except OSError as error:
+            raise errors.JobError(f"cannot be started: {error}") from error
+        self._selector = selectors.DefaultSelector()
+        self._ended = os.pidfd_open(process.pid)
+        self._selector.register(self._ended, selectors.EVENT_READ)
+        for stream in (process.stdout, process.stderr):
+            os.set_blocking(cast(IO[bytes], stream).fileno(), False)
+            self._selector.register(cast(IO[bytes], stream), selectors.EVENT_READ)
+        with suppress(BrokenPipeError), cast(IO[bytes], process.stdin) as stdin:
+            stdin.write(order)
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def look(self, timeout: float = 0.0) -> bool:
+        """Receive what comes next within `timeout` (s); return whether the job has ended."""
+        if self._ended < 0:
+            return True
+        self._selector.select(timeout)
+        has_ended = self._process.poll() is not None
+        self._receive(cast(IO[bytes], self._process.stdout), self._lines)
+        self._receive(cast(IO[bytes], self._process.stderr), self._complain)
+        if has_ended:
+            self._close()
+        return has_ended
+
+    def result(self) -> T:
+        """Wait for the end and return what the function returned.
+
+        Raises the QuadlabError that the function raised, JobError when it was killed or crashed.
+        """
+        while not self.look(POLL):
+            pass
+        if "error" in self._answer:
+            kind, text = self._answer["error"]
+            raise cast(type[errors.QuadlabError], getattr(errors, kind))(text)
+        if "result" not in self._answer:
+            said = self._complaint.decode(errors="replace").strip().splitlines()
+            why = f": {said[-1]}" if said else ""
+            raise errors.JobError(f"its process {how_it_ended(self._process.returncode)}{why}")
+        kind = get_type_hints(self._function)["return"]
+        return cast(T, msgspec.convert(self._answer["result"], kind))
+
+    def terminate(self) -> None:
+        """Ask it to end, by SIGTERM."""
+        self._process.terminate()
+
+    def stop(self, patience: float = 0.0) -> None:
+        """End it, by SIGKILL after `patience` (s) of SIGTERM."""
+        if patience:
+            self.terminate()
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(patience)
+        self._process.kill()
+        self._process.wait()
+        self._close()
+
+    def _receive(self, stream: IO[bytes], take: Callable[[bytes], None]) -> None:
+        while not stream.closed and (data := stream.read(65536)) is not None:
+            if not data:
+                self._selector.unregister(stream)
+                stream.close()
+                return
+            take(data)
+
+    def _lines(self, data: bytes) -> None:
+        *lines, self._partial = (self._partial + data).split(b"\n")
+        for line in lines:
+            answer = json.loads(line)
+            if self._report is not None and "report" in answer:
+                self._report(answer["report"])
+            else:
+                self._answer = answer
+
+    def _complain(self, data: bytes) -> None:
+        self._complaint = (self._complaint + data)[-COMPLAINT:]
+
+    def _close(self) -> None:
+        if self._ended >= 0:
+            self._selector.close()
+            os.close(self._ended)
+            self._ended = -1
+            for stream in (self._process.stdout, self._process.stderr):
+                cast(IO[bytes], stream).close()
+
+
+def run(
+    function: Callable[..., T],
+    *arguments: Any,
+    seconds: float = math.inf,
+    niceness: int = NICENESS,
+    check: Callable[[], None] = lambda: None,
+    report: Callable[[Any], None] | None = None,
+) -> T:
+    """Run a job and return its result; what `check` or `report` raises ends it.
+
+    Raises JobTimeoutError after `seconds`, else as `Job` and `Job.result`.
+    """
+    job = Job(function, *arguments, niceness=niceness, report=report)
+    end = time.monotonic() + seconds
+    try:
+        while not job.look(min(POLL, max(0.0, end - time.monotonic()))):
+            check()
+            if time.monotonic() >= end:
+                raise errors.JobTimeoutError(f"not done after {seconds:.0f} s")
+        return job.result()
+    finally:
+        job.stop()
+
+
+def how_it_ended(code: int) -> str:
+    """Return what a process's return code tells, as what follows its name."""
+    if code < 0:
+        return f"was killed by {signal.Signals(-code).name}"
+    return f"ended with status {code}"
+
+
+def die_with_parent(parent_pid: int) -> None:
+    """Let the kernel send SIGTERM here when the thread that started this process ends."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(PR_SET_PDEATHSIG, signal.SIGTERM) != 0:
+        raise OSError(ctypes.get_errno(), "prctl(PR_SET_PDEATHSIG) failed")
+    if os.getppid() != parent_pid:  # it ended before the call above
+        sys.exit(1)
+
+
+def main(parent: int, niceness: int) -> None:
+    """Run the job that comes on standard input."""
+    die_with_parent(parent)
+    os.nice(niceness)
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)  # whatever the function prints must not come between
+
+    def tell(kind: str, value: Any) -> None:
+        print(json.dumps({kind: value}, default=dataclasses.asdict), file=answers, flush=True)
+
+    function, arguments, reports = pickle.load(sys.stdin.buffer)
+    if reports:
+        arguments = (*arguments, lambda value: tell("report", value))
+    try:
+        tell("result", function(*arguments))
+    except errors.QuadlabError as error:
+        known = next(one for one in type(error).__mro__ if one.__module__ == errors.__name__)
+        tell("error", (known.__name__, " ".join(str(error).split())))
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)  # threads that a person's file may have started do not hold it
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:]))
