@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from typing import NoReturn
 
-from quadlab.commands.table import COMMANDS
+from quadlab.commands.table import COMMANDS, Command
 from quadlab.up.supervise import follow_parent
 from quadrotor.errors import QuadlabError, UsageError
 
@@ -34,8 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if words in ([], *([name] for name in OF_SEVERAL)):
         words.append("--help")
     try:
-        command = parse(words)
-        return command.run()
+        return parse(words).run()
     except UsageError as error:
         print(f"quadlab: {error}", file=sys.stderr)
         return 2
@@ -66,14 +65,14 @@ def program() -> NoReturn:
     os._exit(status)
 
 
-def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
+def parse(words: Sequence[str]) -> Command:
     """Return the command with its options. Raises UsageError, or SystemExit(0) after --help."""
     import tyro
 
     complaint = io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint):
-            return tyro.extras.subcommand_cli_from_dict(
+            command: Command = tyro.extras.subcommand_cli_from_dict(
                 dict(COMMANDS),
                 prog="quadlab",
                 config=(tyro.conf.FlagCreatePairsOff,),
@@ -85,6 +84,7 @@ def parse(words: Sequence[str]):  # type: ignore[no-untyped-def]
         if stop.code in (0, None):
             raise
         raise UsageError(_one_line(complaint.getvalue())) from None
+    return command
 
 
 def _one_setting_each(words: Sequence[str]) -> list[str]:

@@ -18,7 +18,7 @@ class Quality(BaseModel):
 
     name: str = Field(max_length=64)
     value: float
-    unit: str = Field("", max_length=16)
+    unit: str = Field(default="", max_length=16)
     limit: float | None = None
     """The largest (of a residual) that is good; None where there is none."""
 
@@ -38,21 +38,21 @@ class CalibrationRecord(BaseModel):
 
     name: str = Field(min_length=1, max_length=32)
     """gyroscope, accelerometer, motor, mass, inertia or drag."""
-    values: dict[str, ParameterValue] = Field({}, max_length=100)
-    figures: tuple[Quality, ...] = Field((), max_length=50)
-    quality: tuple[Quality, ...] = Field((), max_length=50)
-    residuals: tuple[tuple[str, float], ...] = Field((), max_length=200)
+    values: dict[str, ParameterValue] = Field(default={}, max_length=100)
+    figures: tuple[Quality, ...] = Field(default=(), max_length=50)
+    quality: tuple[Quality, ...] = Field(default=(), max_length=50)
+    residuals: tuple[tuple[str, float], ...] = Field(default=(), max_length=200)
     """Of each pose, step or axis, with what it is and in which unit ('pose 3, m/s²')."""
-    warnings: tuple[str, ...] = Field((), max_length=20)
-    conditions: dict[str, str] = Field({}, max_length=50)
+    warnings: tuple[str, ...] = Field(default=(), max_length=20)
+    conditions: dict[str, str] = Field(default={}, max_length=50)
     """What it was made under: sensor, rate, battery, samples, simulated or not."""
-    run_id: str = Field("", max_length=128)
+    run_id: str = Field(default="", max_length=128)
     """The run it was made from; empty when it was made without one."""
-    requester: str = Field("", max_length=64)
+    requester: str = Field(default="", max_length=64)
     """Who accepted it; `start` when the vehicle made it by itself."""
     stamp_ns: int = 0
     """Of the acceptance, ns since 1970 by the vehicle's clock; written by the vehicle."""
-    previous: dict[str, ParameterValue] = Field({}, max_length=100)
+    previous: dict[str, ParameterValue] = Field(default={}, max_length=100)
     """The values before; written by the vehicle."""
 
     @property

@@ -149,6 +149,12 @@ TICK = np.dtype(
 """Everything one tick knew and decided: what leaves the flight process."""
 
 
+def offset_of(record: np.dtype[np.void], field: str) -> int:
+    """Return how many bytes of a record stand before one of its fields."""
+    assert record.fields is not None
+    return int(record.fields[field][1])
+
+
 def new_state() -> Record:
     """Return one state at the origin, level and at rest, shape (1,)."""
     state = np.zeros(1, STATE)

@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 
 from quadrotor.errors import LinkError
-from quadrotor.records import TICK, Record
+from quadrotor.records import TICK, Record, offset_of
 from vehicle_link.messages.cdr_layout import FixedLayout
 
 SAMPLES_A_PACKET = 5
@@ -24,7 +24,7 @@ _RUNS = {"state": 13, "reference": 18, "imu": 6, "actuators": 13}
 
 
 def _runs_dtype() -> np.dtype[np.void]:
-    offsets = {name: int(TICK.fields[name][1]) for name in _RUNS} if TICK.fields else {}
+    offsets = {name: offset_of(TICK, name) for name in _RUNS}
     offsets["imu"] += 8  # behind its stamp
     return np.dtype(
         {

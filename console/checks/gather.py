@@ -57,6 +57,7 @@ class Gatherer:
         board, recorder = self._alarms.keyed(), self._recorder.status()
         noticed = [line for key, line in board.items() if key in NOTICES]
         tracker = self._station.tracker
+        estimator, battery = observed.newest("estimator"), observed.newest("battery")
         return Facts(
             link=self._link.state(),
             clock_known=self._link.clock_known,
@@ -69,6 +70,10 @@ class Gatherer:
             tick_rate=0.0 if status is None else float(status.tick_rate),
             nominal_rate=(0.0 if status is None else float(status.nominal_rate)) or 500.0,
             missed_share=0.0 if status is None else float(status.missed_share),
+            position_innovation=_length(estimator.position_innovation) if estimator else None,
+            attitude_innovation=_length(estimator.attitude_innovation) if estimator else None,
+            pose_age=float(estimator.measurement_age) if estimator else None,
+            voltage=float(battery.voltage) if battery else None,
             tracker_rate=self._tracker.rate,
             bearings_rate=self._tracker.bearings_rate,
             tracker_nominal=tracker.rate * (1.0 - tracker.drop_out),
@@ -82,21 +87,8 @@ class Gatherer:
             notices=tuple(dict.fromkeys((*noticed, *recorder.alarms))),
             deflection=observed.deflection,
             sticks_dropped=self._sticks_dropped(),
-            **self._estimate(),
             **observed.motion(),
         )
-
-    def _estimate(self) -> dict[str, float]:
-        """Return the facts of estimator and battery, as the fields of `Facts`."""
-        found: dict[str, float] = {}
-        if (estimator := self._observed.newest("estimator")) is not None:
-            p, a = estimator.position_innovation, estimator.attitude_innovation
-            found["position_innovation"] = math.hypot(p.x, p.y, p.z)
-            found["attitude_innovation"] = math.hypot(a.x, a.y, a.z)
-            found["pose_age"] = float(estimator.measurement_age)
-        if (battery := self._observed.newest("battery")) is not None:
-            found["voltage"] = float(battery.voltage)
-        return found
 
     def _volume(self) -> Box | None:
         walls = [
@@ -121,3 +113,8 @@ class Gatherer:
 
 def _number(value: Any) -> float | None:
     return float(value) if isinstance(value, int | float) else None
+
+
+def _length(vector: Any) -> float:
+    """Of a geometry_msgs/Vector3."""
+    return math.hypot(vector.x, vector.y, vector.z)

@@ -48,9 +48,15 @@ class Observed:
 
     def telemetry(self, state: Record) -> None:
         """Take over the newest STATE of a packet."""
-        names = ("position_w", "velocity_w", "quaternion_wb", "angular_velocity_b")
+        sample = (
+            self._clock(),
+            state["position_w"],
+            state["velocity_w"],
+            state["quaternion_wb"],
+            state["angular_velocity_b"],
+        )
         with self._lock:
-            self._samples.append((self._clock(), *(state[name] for name in names)))
+            self._samples.append(sample)
 
     # ------------------------------------------------------------------ read
     def newest_status(self) -> Any | None:

@@ -13,6 +13,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -178,9 +179,13 @@ def _compared(check: Check, ours: str) -> Check:
     """Compare the vehicle's version with ours."""
     if check.name != "version":
         return check
-    state, theirs = ("ok" if check.found == ours else "warn"), _short(check.found)
-    advice = "bring the same version to both ends"
-    return Check("version", state, theirs, _short(ours), advice, "vehicle")
+    return replace(
+        check,
+        state="ok" if check.found == ours else "warn",
+        found=_short(check.found),
+        wanted=_short(ours),
+        advice="bring the same version to both ends",
+    )
 
 
 def _short(revision: str) -> str:

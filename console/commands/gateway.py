@@ -74,8 +74,7 @@ class CommandGateway:
         self._simulation = node.client("simulator/simulation", SERVICES["simulation"])
         node.serve("station/simulation", SERVICES["simulation"], self._simulate)
         # Only here: a repeated command must reach the vehicle when the first one did not.
-        record = Idempotent(self._start_or_stop)
-        node.serve("station/record", SERVICES["record"], record)
+        node.serve("station/record", SERVICES["record"], Idempotent(self._start_or_stop))
 
     def _forward(self, name: str, request: Any) -> Any:
         # Sent into a lost link it may be carried out late, which would surprise.

@@ -61,7 +61,16 @@ class EstimatorComparison:
         self._shadows: dict[str, Shadow] = {}
         self._armed = self._starting = False
         self._flown = False  # since the vehicle was started, or this was
-        self._begin_anew()
+        self._begin_anew(SampleQueue())
+
+    def _begin_anew(self, samples: SampleQueue) -> None:
+        self._samples = samples
+        self._merge = TruthMerge()
+        self._rows: deque[Row] = deque(maxlen=ROWS)
+        self._frames: deque[Frame] = deque(maxlen=FRAMES)
+        self._compared: tuple[Row, Pose] | None = None
+        self._told_ns = -(1 << 62)
+        self._statistics = {word: ErrorStatistics() for word in (VEHICLE, *self._words)}
 
     # ------------------------------------------------------------------ the set
     def choose(self, words: Sequence[str]) -> None:
@@ -229,19 +238,8 @@ class EstimatorComparison:
         others.
         """
         self._reset()
-        queue = self._samples  # it has noticed by itself and holds what comes next
-        self._begin_anew()
-        self._samples = queue
+        self._begin_anew(self._samples)  # they noticed by themselves and hold what comes next
         self._armed = self._flown = False
-
-    def _begin_anew(self) -> None:
-        self._samples = SampleQueue()
-        self._merge = TruthMerge()
-        self._rows: deque[Row] = deque(maxlen=ROWS)
-        self._frames: deque[Frame] = deque(maxlen=FRAMES)
-        self._compared: tuple[Row, Pose] | None = None
-        self._told_ns = -(1 << 62)
-        self._statistics = {word: ErrorStatistics() for word in (VEHICLE, *self._words)}
 
 
 def _numbers(state: Record) -> Array:

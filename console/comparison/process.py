@@ -96,7 +96,7 @@ class Worker:
         from estimation import registry
         from estimation.parameters import PRESETS, EstimationParameters
 
-        parameters = EstimationParameters(**PRESETS.get(choice.preset, {}))
+        parameters = EstimationParameters.model_validate(PRESETS.get(choice.preset, {}))
         self._comparison.start(choice.word, registry.create(choice.name, parameters))
         return True
 

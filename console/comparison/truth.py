@@ -41,6 +41,11 @@ class TruthMerge:
         self._rows: deque[Row] = deque(maxlen=KEPT)
         self._begin_track()
 
+    def _begin_track(self) -> None:
+        self._poses: deque[tuple[int, Array, Array]] = deque(maxlen=KEPT)
+        self._track = PoseTrack()
+        self._after_ns = self._until_ns = self._newest_ns = -(1 << 62)
+
     @property
     def source(self) -> str:
         """Return whose poses count now, empty before the first."""
@@ -78,8 +83,3 @@ class TruthMerge:
             self._rows.popleft()
             if row.stamp_ns > self._after_ns:
                 yield row, self._track.at(row.stamp_ns)
-
-    def _begin_track(self) -> None:
-        self._poses: deque[tuple[int, Array, Array]] = deque(maxlen=KEPT)
-        self._track = PoseTrack()
-        self._after_ns = self._until_ns = self._newest_ns = -(1 << 62)

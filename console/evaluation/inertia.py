@@ -121,7 +121,7 @@ class InertiaFlight:
                     f"{low:g} to {high:g} kg m²"
                 )
         values = self.parameters.vehicle
-        warnings = ()
+        warnings: tuple[str, ...] = ()
         if self.missing > 0.0:
             warnings = (f"{100.0 * self.missing:.2g} % of the ticks are not in the log",)
         each = list(zip("xyz", self.spread_b, self.torque_b, self.settled_b, strict=True))

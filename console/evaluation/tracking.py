@@ -74,5 +74,6 @@ def tracking_errors(log: Path, vehicle: str, start: float, end: float) -> Tracki
     yaw_error = np.arctan2(true_at[:, 4], true_at[:, 3]) - np.arctan2(
         wanted_at[:, 4], wanted_at[:, 3]
     )
-    wrapped = (yaw_error + np.pi) % (2 * np.pi) - np.pi
-    return TrackingErrors(stamps[known] * 1e-9, true_at[:, :3] - wanted_at[:, :3], wrapped)
+    wrapped: Array = (yaw_error + np.pi) % (2 * np.pi) - np.pi
+    times = stamps[known].astype(np.float64) * 1e-9
+    return TrackingErrors(times, true_at[:, :3] - wanted_at[:, :3], wrapped)

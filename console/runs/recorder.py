@@ -303,9 +303,9 @@ class Recorder:
         else:
             self._alarms.pop("folder", None)
         if self._open is not None:
-            problem = self._open.problem(self._folder, self._free)
-            if problem is not None:
-                self._fail(self._open.run, problem)
+            failure = self._open.problem(self._folder, self._free)
+            if failure is not None:
+                self._fail(self._open.run, failure)
         self._ask_again()
 
     def _ask_again(self) -> None:

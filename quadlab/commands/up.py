@@ -292,7 +292,7 @@ class _StopRequest:
 class _Handlers:
     def __init__(self, request: _StopRequest) -> None:
         self._request = request
-        self._previous: dict[int, object] = {}
+        self._previous: dict[int, signal._HANDLER] = {}
 
     def __enter__(self) -> _StopRequest:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -301,7 +301,7 @@ class _Handlers:
 
     def __exit__(self, *_: object) -> None:
         for number, handler in self._previous.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+            signal.signal(number, handler)
 
     def _on_signal(self, _number: int, _frame: FrameType | None) -> None:
         self._request.count += 1

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from flight_log import LogMessage
 from quadrotor.errors import LogFormatError
-from quadrotor.records import Record
 
 AT_ONCE = 4096
 """Messages decoded together."""
@@ -19,7 +20,8 @@ MOST_BYTES = 200_000_000
 MESSAGE_BYTES = 400
 """Size of one that is held whole, or as an object, besides its payload."""
 
-Decode = Callable[[list[bytes]], list[Record]]
+Columns = list[npt.NDArray[Any]]
+Decode = Callable[[list[bytes]], Columns]
 
 
 class Gathered:
@@ -30,7 +32,7 @@ class Gathered:
         self._decode = decode
         self._waiting: dict[str, list[bytes]] = defaultdict(list)
         self._records: dict[str, list[bytearray]] = {}
-        self._types: dict[str, list[np.dtype[np.void]]] = {}
+        self._types: dict[str, list[np.dtype[Any]]] = {}
         self._size = 0
         self.whole: dict[str, list[LogMessage]] = defaultdict(list)
 
@@ -45,7 +47,7 @@ class Gathered:
         if len(waiting) >= AT_ONCE:
             self._flush(name)
 
-    def records(self, name: str) -> list[Record]:
+    def records(self, name: str) -> Columns:
         """Return the decoded messages of a topic as columns; (N,) each, N may be 0."""
         self._flush(name)
         made = zip(self._records[name], self._types[name], strict=True)

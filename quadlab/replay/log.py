@@ -16,7 +16,7 @@ from flight_log import LogMessage, read_attachments, read_log
 from flight_log.attached import json_value, literal_value
 from flight_log.records import ReadState
 from quadlab.replay.errors import rotated
-from quadlab.replay.gathered import Gathered
+from quadlab.replay.gathered import Columns, Gathered
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
@@ -178,7 +178,7 @@ def _parameters(path: Path) -> FlightParameters:
     return parameters
 
 
-def _samples(payloads: list[bytes], vehicle: str) -> list[Record]:
+def _samples(payloads: list[bytes], vehicle: str) -> Columns:
     """Return IMU_SAMPLE (N,)."""
     imu = layout("sensor_msgs/Imu", body_frame(vehicle)).decode_many(payloads)
     samples = np.zeros(len(imu), IMU_SAMPLE)
@@ -188,7 +188,7 @@ def _samples(payloads: list[bytes], vehicle: str) -> list[Record]:
     return [samples]
 
 
-def _odometries(payloads: list[bytes], vehicle: str) -> list[Record]:
+def _odometries(payloads: list[bytes], vehicle: str) -> Columns:
     """Return stamps (N,) and STATE (N,)."""
     states = np.zeros(len(payloads), STATE)
     if not payloads:
@@ -212,7 +212,7 @@ def _stamps(messages: Record) -> Stamps:
     return stamps
 
 
-def _newest(stamps_ns: Stamps, rows: Record) -> Record:
+def _newest(stamps_ns: Stamps, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Return the rows newer than all before them; the vehicle's tick passes over the others too."""
     newest = np.maximum.accumulate(stamps_ns)
     newer = np.concatenate([np.ones(min(1, len(newest)), bool), newest[1:] > newest[:-1]])

@@ -172,11 +172,13 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 def _consistency(name: str, found: Consistency | None) -> dict[str, Value]:
     values: dict[str, Value] = {
-        name: found and found.mean,
-        f"{name}_low": found and found.low,
-        f"{name}_high": found and found.high,
+        name: found.mean if found else None,
+        f"{name}_low": found.low if found else None,
+        f"{name}_high": found.high if found else None,
     }
-    return values if name == "nis" else {**values, f"{name}_inside_share": found and found.inside}
+    if name != "nis":
+        values[f"{name}_inside_share"] = found.inside if found else None
+    return values
 
 
 def _range(low: Value, high: Value) -> str:

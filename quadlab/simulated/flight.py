@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
@@ -23,6 +21,7 @@ from quadlab.simulated.guide import REQUESTER, SimulatedGuide
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record
 from vehicle.comms.bearing_pose import BearingPose
 from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
@@ -255,7 +254,7 @@ class TrueState:
 
     def initialize(self, pose: object) -> None: ...
 
-    def predict(self, imu: object, dt: float, state: np.ndarray) -> None:  # type: ignore[type-arg]
+    def predict(self, imu: object, dt: float, state: Record) -> None:
         state[:] = self._truth
 
     def correct(self, pose: object, estimate: object) -> None: ...
@@ -265,5 +264,5 @@ class TrueState:
     def warnings(self, rate: float) -> list[str]:
         return []
 
-    def report(self, estimate: np.ndarray) -> None:  # type: ignore[type-arg]
+    def report(self, estimate: Record) -> None:
         estimate["measurement_age"] = 0.0

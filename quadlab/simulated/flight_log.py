@@ -65,7 +65,7 @@ class FlightLog:
         self._others: dict[tuple[str, int], list[tuple[bytes, int, int]]] = {}
         self._now_ns = 0
         # The publisher of the comms process decides which slow topic is due; nothing is sent.
-        self._publisher = Publisher(None, self, self, vehicle)  # type: ignore[arg-type]
+        self._publisher = Publisher(None, self, self, vehicle)
         self._publisher.estimator = str(store.values()[FLOWN_ON])
 
     def now_ns(self) -> int:
@@ -108,7 +108,7 @@ class FlightLog:
     def bearings(self, frame: BearingMeasurement, log_ns: int) -> None:
         """Log a frame of emulated bearings that arrived at `log_ns`."""
         payload = topics.encode_bearings(
-            frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma, self._vehicle
+            frame.stamp_ns, frame.beacon_ids.tolist(), frame.bearings_b, frame.sigma, self._vehicle
         )
         self._put("bearings", payload, frame.stamp_ns, log_ns)
 

@@ -63,7 +63,7 @@ def word(s: Words) -> np.uint64:
     """Return the next 64 random bits of one generator (4,), which moves on."""
     a, b, c, d = s[0], s[1], s[2], s[3]
     sum_ = a + d
-    out = ((sum_ << _R23) | (sum_ >> _R41)) + a
+    out: np.uint64 = ((sum_ << _R23) | (sum_ >> _R41)) + a
     c ^= a
     d ^= b
     s[0], s[1], s[2] = a ^ d, b ^ c, c ^ (b << _R17)
@@ -74,7 +74,8 @@ def word(s: Words) -> np.uint64:
 @compiled
 def uniform(s: Words) -> float:
     """Return a number in 0..1, 1 excluded."""
-    return np.int64(word(s) >> np.uint64(11)) * 2.0**-53
+    out: float = np.int64(word(s) >> np.uint64(11)) * 2.0**-53
+    return out
 
 
 @compiled
@@ -84,7 +85,7 @@ def normal(s: Words) -> float:
         bits = word(s)
         layer = np.int64(bits & np.uint64(LAYERS - 1))
         u = (np.int64(bits) >> 11) * 2.0**-52  # -1..1, from other bits than the layer's
-        x = u * EDGES[layer]
+        x: float = u * EDGES[layer]
         if abs(u) < INNER[layer]:
             return x
         if layer == 0:

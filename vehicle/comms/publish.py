@@ -15,10 +15,8 @@ import numpy as np
 
 from control.behaviors.table import BehaviorName
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import TICK, Record
-from vehicle.comms.vehicle_clock import VehicleClock
+from quadrotor.records import TICK, Record, offset_of
 from vehicle.flight.modes import ControlMode, Flag, Mode
-from vehicle.onboard_log.onboard_log import OnboardLog
 from vehicle.processes import mailbox
 from vehicle.processes.config import PACKETS_A_SECOND
 from vehicle_link import telemetry, topics
@@ -36,13 +34,27 @@ _PERIOD_NS = {name: round(1e9 / topic.rate) for name, topic in topics.TOPICS.ite
 # mode, behavior, armed, airborne, flags, parameter_revision: unpacked at once, because reading a
 # structured record field by field takes 2 µs.
 _STATUS = struct.Struct("<5B3x2I")
-_STATUS_OFFSET = int(TICK.fields["status"][1])
+_STATUS_OFFSET = offset_of(TICK, "status")
 
 
 class Radio(Protocol):
     """One publisher a topic; `put` may take a millisecond."""
 
     def put(self, topic: str, payload: bytes, source_ns: int) -> None: ...
+
+
+class Log(Protocol):
+    """Keeps every message; `topic` without namespace."""
+
+    def message(
+        self, topic: str, type_name: str, payload: bytes, source_ns: int, log_ns: int
+    ) -> None: ...
+
+
+class Clock(Protocol):
+    """The vehicle's clock."""
+
+    def now_ns(self) -> int: ...
 
 
 class Publisher:
@@ -57,8 +69,8 @@ class Publisher:
     def __init__(
         self,
         radio: Radio | None,
-        log: OnboardLog,
-        clock: VehicleClock,
+        log: Log,
+        clock: Clock,
         vehicle: str,
         packets: int = PACKETS_A_SECOND,
     ) -> None:

@@ -8,7 +8,7 @@ to bearings only on request.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from control.behaviors.machine import BehaviorMachine
@@ -20,7 +20,7 @@ from quadrotor.records import Record
 from vehicle.estimators.choice import SOURCE, hands_over
 from vehicle.estimators.estimator_runner import BEARINGS, POSES
 from vehicle.estimators.navigation import Navigation
-from vehicle.flight.modes import Flag, Mode
+from vehicle.flight.modes import Flag
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
 from vehicle.safety.ground_contact import GroundContact
@@ -30,50 +30,50 @@ STEADY = (BehaviorName.HOVER, BehaviorName.VELOCITY, BehaviorName.BRAKE)
 """From these bearings may be taken over: what they fly stays within walls set anew."""
 
 
-class Setter(Protocol):
-    """Applies parameters that were checked."""
+class Apply(Protocol):
+    """Applies parameters that were checked, in the requester's name; returns those that changed."""
 
-    def apply(
+    def __call__(
         self, values: Mapping[str, ParameterValue], requester: str
     ) -> dict[str, ParameterValue]: ...
 
 
-class Guarded(Protocol):
-    """The part of the flight stack that the guard needs."""
-
-    mode: Mode
-    ground: GroundContact
-    parameters: VehicleParameters
-    navigation: Navigation
-    behaviors: BehaviorMachine
-    state: Record
-
-    @property
-    def commands(self) -> Setter: ...
-
-    def say(self, text: str, level: int = mailbox.INFO) -> None: ...
-
-    def land_now(self, why: str) -> None: ...
-
-
 class BearingsGuard:
     """Gate, walls and way back.
+
+    Args:
+        say: puts a line with its level into the log.
+        apply: a change of parameters.
+        land: now, and why.
 
     Attributes:
         on: bearings are used, alone or next to poses; then `step` is due each tick.
         flags: bits of vehicle.flight.modes.Flag.
     """
 
-    def __init__(self, stack: Guarded) -> None:
-        self._stack = stack
+    def __init__(
+        self,
+        parameters: VehicleParameters,
+        state: Record,
+        navigation: Navigation,
+        behaviors: BehaviorMachine,
+        ground: GroundContact,
+        *,
+        say: Callable[[str, int], None],
+        apply: Apply,
+        land: Callable[[str], None],
+    ) -> None:
+        self._parameters, self._state = parameters, state
+        self._navigation, self._behaviors, self._ground = navigation, behaviors, ground
+        self._say, self._apply, self._land = say, apply, land
         self._alone = False
         self.on, self.flags = False, 0
 
     # ------------------------------------------------------------------ gates
     def check_take_off(self) -> None:
         """Raise RefusedError when the vehicle would take off on bearings."""
-        if self._stack.navigation.source == BEARINGS:
-            height = self._stack.parameters.beacons.height_min
+        if self._navigation.source == BEARINGS:
+            height = self._parameters.beacons.height_min
             raise RefusedError(
                 f"not armed: {SOURCE} is bearings, and these are too weak near the ground; take "
                 f"off on the tracker ({SOURCE} = poses), then set it to bearings above "
@@ -82,8 +82,7 @@ class BearingsGuard:
 
     def check(self, values: Mapping[str, ParameterValue], armed: bool) -> None:
         """Raise RefusedError when a change of parameters may not act now."""
-        stack = self._stack
-        p, source = stack.parameters.beacons, stack.navigation.source
+        p, source = self._parameters.beacons, self._navigation.source
         if not armed:
             return
         if values.get(LAYOUT, p.layout) != p.layout and source != POSES:
@@ -94,11 +93,10 @@ class BearingsGuard:
             self._check_place()
 
     def _check_place(self) -> None:
-        stack = self._stack
-        p = stack.parameters.beacons
-        position = stack.state["position_w"][0].tolist()
-        height = position[2] - stack.ground.ground_z
-        if not stack.ground.airborne or not height >= p.height_min:
+        p = self._parameters.beacons
+        position = self._state["position_w"][0].tolist()
+        height = position[2] - self._ground.ground_z
+        if not self._ground.airborne or not height >= p.height_min:
             raise RefusedError(
                 f"hand-over refused: {max(height, 0.0):.2f} m above take-off; bearings are flown "
                 f"on from {p.height_min:g} m (beacons.height_min)"
@@ -110,27 +108,26 @@ class BearingsGuard:
                     f"bearings; allowed {low:.2f} to {high:.2f} m (beacons.envelope_xy, "
                     "beacons.envelope_z_max)"
                 )
-        if stack.behaviors.name not in STEADY:
+        if self._behaviors.name not in STEADY:
             raise RefusedError(
-                f"hand-over refused during {stack.behaviors.name.name.lower()}, whose way may "
+                f"hand-over refused during {self._behaviors.name.name.lower()}, whose way may "
                 "leave the envelope for bearings; request brake and wait for hover"
             )
 
     # ------------------------------------------------------------------ walls
     def configure(self) -> None:
         """Follow changed parameters, perhaps another source in use: walls and flags are set."""
-        stack = self._stack
-        source = stack.navigation.source
+        source = self._navigation.source
         alone, before = source == BEARINGS, self._alone
         self.on, self._alone = source != POSES, alone
         if alone:
             self.flags = int(Flag.ON_BEARINGS)
         else:
             self.flags &= ~int(Flag.ON_BEARINGS)
-        walls = stack.parameters.behavior
-        stack.behaviors.parameters = self._shrunk(walls) if alone else walls
-        if alone != before and stack.behaviors.name is BehaviorName.VELOCITY:
-            stack.behaviors.request("velocity", {}, stack.state, armed=True, airborne=True)
+        walls = self._parameters.behavior
+        self._behaviors.parameters = self._shrunk(walls) if alone else walls
+        if alone != before and self._behaviors.name is BehaviorName.VELOCITY:
+            self._behaviors.request("velocity", {}, self._state, armed=True, airborne=True)
 
     def begin_flight(self) -> None:
         """Forget at arming what happened in the last flight."""
@@ -138,8 +135,8 @@ class BearingsGuard:
 
     def _envelope(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
         """Return lowest and highest x, y, z (m, world axes) to fly on bearings."""
-        p = self._stack.parameters.beacons
-        far, low = p.envelope_xy, self._stack.ground.ground_z + p.height_min
+        p = self._parameters.beacons
+        far, low = p.envelope_xy, self._ground.ground_z + p.height_min
         return (-far, far), (-far, far), (low, p.envelope_z_max)
 
     def _shrunk(self, walls: BehaviorParameters) -> BehaviorParameters:
@@ -150,24 +147,22 @@ class BearingsGuard:
         return walls.model_copy(update=updates)
 
     # ------------------------------------------------------------------ the way back
-    def step(self) -> None:
-        """Make one tick while bearings are used."""
-        stack = self._stack
-        navigation = stack.navigation
+    def step(self, armed: bool) -> None:
+        """Make one tick while bearings are used; `armed` is the mode, in which the vehicle obeys."""
+        navigation = self._navigation
         verdict = navigation.watch.verdict
-        if not stack.ground.airborne:
+        if not self._ground.airborne:
             return
         if verdict is not None:
             if navigation.reserve_ready:
                 self._back(f"fell back to the tracker: {verdict}", mailbox.ERROR)
                 self.flags |= int(Flag.FELL_BACK)
-            elif self._alone and stack.mode is Mode.ARMED:
+            elif self._alone and armed:
                 navigation.deaf = True
-                stack.land_now(f"no tracker to fall back to: {verdict}")
-        elif self._alone and stack.behaviors.name is BehaviorName.LAND and navigation.reserve_ready:
+                self._land(f"no tracker to fall back to: {verdict}")
+        elif self._alone and self._behaviors.name is BehaviorName.LAND and navigation.reserve_ready:
             self._back("back to the tracker for landing", mailbox.INFO)
 
     def _back(self, why: str, level: int) -> None:
-        stack = self._stack
-        stack.say(why, level)
-        stack.commands.apply(stack.navigation.fallen_back(), "vehicle")
+        self._say(why, level)
+        self._apply(self._navigation.fallen_back(), "vehicle")

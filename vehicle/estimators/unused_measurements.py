@@ -7,6 +7,7 @@ its reason. A clock that is off, or a link that is slow, shows here only.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 from estimation.outcome import AHEAD_NS, Outcome
 
@@ -34,8 +35,8 @@ class UnusedMeasurements:
         if now_ns - self._looked_ns < LOOK_EVERY_NS:
             return None
         self._looked_ns = now_ns
-        counts: Counter[Outcome] = getattr(estimator, "ignored", Counter())
-        found = Counter({outcome: counts[outcome] for outcome in REASONS})
+        counts: Mapping[Outcome, int] = getattr(estimator, "ignored", {})
+        found = Counter({outcome: counts.get(outcome, 0) for outcome in REASONS})
         if any(found[outcome] < self._told[outcome] for outcome in REASONS):  # it was reset
             self._told = Counter()
         new = found - self._told

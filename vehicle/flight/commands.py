@@ -28,7 +28,6 @@ class Commanded(Protocol):
     """The part of the flight stack that commands need."""
 
     mode: Mode
-    airborne: bool
     obstacle: str
     parameters: VehicleParameters
     store: ParameterStore
@@ -42,6 +41,9 @@ class Commanded(Protocol):
     status: Record
     outbox: list[mailbox.Told]
     bench: Bench
+
+    @property
+    def airborne(self) -> bool: ...
 
     @property
     def stamp_ns(self) -> int: ...

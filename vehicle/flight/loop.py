@@ -127,8 +127,8 @@ class FlightLoop:
         self._orders.send(None)  # a command between ticks may want another motor state
         self._orders.keep(monotonic())
         if self._mcu.failures:
-            for line in self._mcu.failures:
-                self._report(line)
+            for failure in self._mcu.failures:
+                self._report(failure)
             self._mcu.failures.clear()
         if self._part is not None:
             for line, milliseconds in enumerate(self._mcu.newest_ms):

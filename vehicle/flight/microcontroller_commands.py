@@ -25,7 +25,8 @@ class Ordering(Protocol):
 class Ordered(Protocol):
     """The part of vehicle.microcontroller.microcontroller.Microcontroller that is called here."""
 
-    lost_ports: int
+    @property
+    def lost_ports(self) -> int: ...
 
     @property
     def obstacle(self) -> str: ...

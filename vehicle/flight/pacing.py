@@ -76,7 +76,8 @@ class Pacer(Protocol):
 class Ports(Protocol):
     """The part of vehicle.microcontroller.microcontroller.Microcontroller that is read here."""
 
-    lost_ports: int
+    @property
+    def lost_ports(self) -> int: ...
 
     def filenos(self) -> Sequence[int]: ...
 

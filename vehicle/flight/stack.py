@@ -18,6 +18,7 @@ from control.controller import Controller
 from estimation.estimator import Estimator
 from estimation.outcome import Agreement
 from quadrotor.vehicle_model import GRAVITY
+from vehicle.estimators.bearings_guard import BearingsGuard
 from vehicle.flight.commands import CommandHandler
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
 from vehicle.flight.modes import FLYING, ControlMode, Mode
@@ -54,6 +55,16 @@ class FlightStack(StackOnGround):
     ) -> None:
         super().__init__(parameters, estimator, controller)
         self.commands = CommandHandler(self)
+        self.guard = BearingsGuard(
+            parameters,
+            self.state,
+            self.navigation,
+            self.behaviors,
+            self.ground,
+            say=self.say,
+            apply=self.commands.apply,
+            land=self.land_now,
+        )
         self.configure()
 
     # ------------------------------------------------------------------ the tick
@@ -87,7 +98,7 @@ class FlightStack(StackOnGround):
         if verdict is not None and self.mode in FLYING:
             self.react(verdict)
         if self.guard.on:
-            self.guard.step()
+            self.guard.step(armed=self.mode is Mode.ARMED)
         if self.mode in FLYING:
             self.heed(sample)
 

@@ -42,7 +42,10 @@ class StackParts:
         outbox: what others are to be told, taken by the caller between ticks.
         lost_ports: of the microcontroller, told by the caller; so is
         obstacle: why it would not start the motors, empty when it would.
+        guard: made by the whole, whose commands it gives.
     """
+
+    guard: BearingsGuard
 
     def __init__(
         self,
@@ -104,7 +107,6 @@ class StackParts:
         self._situation = Situation()
         self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
         self._armed_ns = 0
-        self.guard = BearingsGuard(self)  # type: ignore[arg-type] - of FlightStack, not of a part
 
     def say(self, text: str, level: int = mailbox.INFO) -> None:
         """Put one line into the log and on the page."""

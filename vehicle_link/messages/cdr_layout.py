@@ -84,7 +84,8 @@ class FixedLayout:
         Raises:
             LinkError: other texts or lengths than this layout's (decode it with `messages`).
         """
-        return self.decode_many([payload])[0]  # type: ignore[no-any-return]
+        record: np.void = self.decode_many([payload])[0]
+        return record
 
     def decode_many(self, payloads: list[bytes]) -> Records:
         """Decode the records of N payloads, shape (N,). Raises LinkError as `decode`."""

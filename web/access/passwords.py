@@ -38,7 +38,7 @@ class Passwords:
     """
 
     def __init__(self, time_cost: int = 3, memory_cost: int = 64 * 1024) -> None:
-        self._costs = {"time_cost": time_cost, "memory_cost": memory_cost, "parallelism": 1}
+        self._time_cost, self._memory_cost = time_cost, memory_cost
         self._made: PasswordHasher | None = None
 
     @property
@@ -46,7 +46,7 @@ class Passwords:
         if self._made is None:
             from argon2 import PasswordHasher
 
-            self._made = PasswordHasher(**self._costs)
+            self._made = PasswordHasher(self._time_cost, self._memory_cost, parallelism=1)
         return self._made
 
     def hash(self, password: str) -> str:
@@ -71,8 +71,8 @@ class Passwords:
         return self._hasher.check_needs_rehash(encoded)
 
     def _of_nobody(self) -> str:
-        costs = self._costs
-        head = f"m={costs['memory_cost']},t={costs['time_cost']},p={costs['parallelism']}"
+        costs = self._hasher
+        head = f"m={costs.memory_cost},t={costs.time_cost},p={costs.parallelism}"
         return f"$argon2id$v=19${head}${_random(16)}${_random(32)}"
 
 

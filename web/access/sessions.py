@@ -9,10 +9,11 @@ from __future__ import annotations
 import secrets
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Select, delete, or_, select, update
+from sqlalchemy import delete, or_, select, update
+from sqlalchemy.orm import Session as Transaction
 
 from quadrotor.errors import RefusedError
 from web.access.database import AccessDatabase, AccountRow, SessionRow
@@ -106,7 +107,7 @@ class Sessions:
         """Return everyone with open sessions, by label."""
         self.write_seen()
         with self._database.reading() as transaction:
-            rows = transaction.scalars(self._valid()).all()
+            rows = _valid(transaction)
         found: dict[tuple[str, bool], list[SessionRow]] = {}
         for row in rows:
             found.setdefault((row.label, row.generation > 0), []).append(row)
@@ -133,21 +134,22 @@ class Sessions:
                         .values(last_seen=when)
                     )
 
-    def _valid(self) -> Select[tuple[SessionRow]]:
-        of_account = SessionRow.label == AccountRow.name
-        same = (SessionRow.generation == AccountRow.generation) & (
-            SessionRow.role == AccountRow.role
-        )
-        return (
-            select(SessionRow)
-            .outerjoin(AccountRow, of_account & (SessionRow.generation > 0))
-            .where(or_(SessionRow.generation == 0, same))
-        )
-
     def _read(self) -> dict[str, Session]:
         with self._database.reading() as transaction:
-            rows = transaction.scalars(self._valid()).all()
+            rows = _valid(transaction)
         return {
             row.id: Session(row.label, Role(row.role), row.id, row.generation, row.issued)
             for row in rows
         }
+
+
+def _valid(transaction: Transaction) -> Sequence[SessionRow]:
+    """Return the sessions of guests, and those of accounts that have not changed since."""
+    of_account = SessionRow.label == AccountRow.name
+    same = (SessionRow.generation == AccountRow.generation) & (SessionRow.role == AccountRow.role)
+    query = (
+        select(SessionRow)
+        .outerjoin(AccountRow, of_account & (SessionRow.generation > 0))
+        .where(or_(SessionRow.generation == 0, same))
+    )
+    return transaction.scalars(query).all()

@@ -88,7 +88,7 @@ class ParameterFollower:
             return
         self._shown = values
         with contextlib.suppress(QuadlabError, ValueError):  # of a station of another version
-            sensor = BearingParameters(**values)
+            sensor = BearingParameters.model_validate(values)
             self._scene.beacons.set_beacons(
                 parse_layout(sensor.layout),
                 math.radians(sensor.sigma),

@@ -35,7 +35,7 @@ def add_replay(app: FastAPI, catalogue: Catalogue, store: ReplayStore) -> None:
 
     def onboard_logs() -> dict[str, Path]:
         """Return the onboard logs by id."""
-        found = {}
+        found: dict[str, Path] = {}
         for pattern, wheres in (
             ("onboard", "onboard"),
             ("onboard/*", "onboard:{name}"),
