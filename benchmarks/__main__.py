@@ -68,7 +68,7 @@ def main() -> int:
         parser.error("--count and --seed belong to fuzz_logs alone")
     conditions = machine()
     reports: list[Report] = []
-    asked = options.names or NAMES
+    asked: list[str] = options.names or list(NAMES)
     for name in asked:
         print(f"{name} …", file=sys.stderr, flush=True)
         began = time.perf_counter()

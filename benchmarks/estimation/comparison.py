@@ -87,7 +87,7 @@ def _fly(
     comparison.choose([one.word for one in choices])
     for word, name, preset in choices:
         registry.prepare(name, bearings=True)
-        parameters = EstimationParameters(**PRESETS.get(preset, {}))
+        parameters = EstimationParameters.model_validate(PRESETS.get(preset, {}))
         comparison.start(word, registry.create(name, parameters))
     true = np.roll(Rotation.from_matrix(flown.R_wb[::SAMPLES_A_PACKET]).as_quat(), 1, axis=1)
     waiting, told = list(reversed(frames)), None

@@ -109,7 +109,8 @@ def error_state() -> ErrorStateEstimator:
 
 
 def complementary(preset: str, kind: type[ComplementaryEstimator]) -> Callable[[], Estimator]:
-    parameters = EstimationParameters(**PRESETS[preset], measurement_timeout=0.2)
+    parameters = EstimationParameters.model_validate(PRESETS[preset])
+    parameters.measurement_timeout = 0.2
     parameters.pose_position_noise, parameters.pose_attitude_noise = 0.1, 5.0  # of one frame
     return lambda: kind(parameters)
 

@@ -107,10 +107,7 @@ def flight(seed: int, duration: float) -> Flight:
     for time, p, R_wb in zip(at, path.position(at), path.attitude(at), strict=True):
         away = (BEACONS - p) @ R_wb
         away /= np.linalg.norm(away, axis=1)[:, None]
-        seen = [
-            perturbed(tuple(d), *(SIGMA * random.normal(0, 1, 2)))  # type: ignore[arg-type]
-            for d in away.tolist()
-        ]
+        seen = [perturbed(tuple(d), *(SIGMA * random.normal(0, 1, 2))) for d in away.tolist()]
         frames.append(Frame(float(time), p, R_wb, np.array(seen)))
     return Flight(
         t,

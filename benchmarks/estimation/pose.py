@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -125,7 +126,7 @@ def poselib_pose(beacons: Array, polish: bool) -> Method:
     """Return v. Larsson and contributors' PoseLib: p3p on bearings, the fourth chooses; `polish`
     refines it on image points of a camera aimed along the bearings.
     """
-    import poselib  # type: ignore[import-not-found, unused-ignore]
+    import poselib
 
     camera = {"model": "PINHOLE", "width": 1, "height": 1, "params": [1.0, 1.0, 0.0, 0.0]}
 
@@ -202,7 +203,7 @@ def run(quick: bool = False) -> Report:
     add("quadlab", ours(SQUARE), lambda x: solver.solve(x, SIGMA))
     for steps, name in ((0, "homography alone"), (2, "homography + at most 2 Gauss–Newton steps")):
         fewer = PlanarPoseSolver(SQUARE, steps=steps)
-        add(name, ours(SQUARE, steps), lambda x, one=fewer: one.solve(x, SIGMA))
+        add(name, ours(SQUARE, steps), partial(fewer.solve, sigma=SIGMA))
     add("print as it stands", as_printed(SQUARE))
     for kind in ("SQPNP", "IPPE"):
         for polish in ("", "LM", "VVS"):
@@ -290,7 +291,7 @@ def _more_beacons(report: Report, count: int) -> None:
             samples = [frames(beacons, count, seed) for seed in SEEDS]
             found = [accuracy(ours(beacons), one) for one in samples]
             solver, some = PlanarPoseSolver(beacons), samples[0].bearings[:400]
-            call = cycled(lambda x, one=solver: one.solve(x, SIGMA), some)
+            call = cycled(partial(solver.solve, sigma=SIGMA), some)
             time = time_in_turns({"quadlab": (call, 1)})["quadlab"].median / len(some)
             row: dict[str, float | str] = {"µs": time * 1e6}
             row.update({key: max(one[key] for one in found) for key in found[0]})

@@ -58,5 +58,6 @@ def fly(
         finally:
             log.close()
         result = experiment.evaluate(path)
-        calibrates = isinstance(experiment, Calibrating)
-        return Flown(result, experiment.proposal(path) if calibrates else None)
+        if not isinstance(experiment, Calibrating):
+            return Flown(result, None)
+        return Flown(result, experiment.proposal(path))

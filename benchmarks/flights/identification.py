@@ -221,12 +221,7 @@ def _accelerometer(report: Report, seeds: range, quick: bool) -> None:
     )
 
 
-def _judge_accelerometer(
-    report: Report,
-    what: str,
-    errors: np.ndarray,
-    bias_max: float,  # type: ignore[type-arg]
-) -> None:
+def _judge_accelerometer(report: Report, what: str, errors: np.ndarray, bias_max: float) -> None:
     """Judge `errors` (N, 2), of b (m/s²) and T (share), the worst of which counts."""
     bias, matrix = errors.max(axis=0).tolist()
     report.rows.append(
@@ -238,16 +233,13 @@ def _judge_accelerometer(
     ]
 
 
-def _off(matrix: np.ndarray, bias: np.ndarray) -> tuple[float, float]:  # type: ignore[type-arg]
+def _off(matrix: np.ndarray, bias: np.ndarray) -> tuple[float, float]:
     """Return largest entries, of b and T."""
     return float(np.abs(bias).max()), float(np.abs(matrix).max())
 
 
 def _computed(
-    ups: np.ndarray,
-    matrix: np.ndarray,
-    bias: np.ndarray,  # type: ignore[type-arg]
-    random: np.random.Generator,
+    ups: np.ndarray, matrix: np.ndarray, bias: np.ndarray, random: np.random.Generator
 ) -> tuple[float, float]:
     """Return errors of one calibration from poses whose attitudes are wrong by 0.2° on each
     axis.

@@ -126,7 +126,8 @@ class Laboratory:
 
     def new_link(self) -> str:
         """Return a link to sign another page in: each works once."""
-        return self.until(lambda: self._links()[1:])[-1]
+        links: list[str] = self.until(lambda: self._links()[1:])
+        return links[-1]
 
     def _links(self) -> list[str]:
         return re.findall(r"http://\S+token=\S+", "".join(self.lines))
@@ -216,13 +217,14 @@ def judge(flight: Flight, run: Path) -> None:
             flight.false_events += [a for a in told.alarms if any(word in a for word in TOLD)]
     flown = [stamp for stamp, behavior in behaviors if behavior == "follow_trajectory"]
     after = [behavior for stamp, behavior in behaviors if flown and stamp > flown[-1]]
-    truth, reference = (np.array(rows[name], float) for name in ("truth", "reference"))
-    if not flown or not len(truth) or not len(reference):
+    truth = np.array(rows["truth"], np.float64)
+    asked = np.array(rows["reference"], np.float64)
+    if not flown or not len(truth) or not len(asked):
         return
-    times, wanted_ns = truth[:, 0], reference[:, 0]
+    times, wanted_ns = truth[:, 0], asked[:, 0]
     inside = (times >= flown[0]) & (times <= flown[-1])
     apart = np.column_stack(
-        [truth[inside, k] - np.interp(times[inside], wanted_ns, reference[:, k]) for k in (1, 2, 3)]
+        [truth[inside, k] - np.interp(times[inside], wanted_ns, asked[:, k]) for k in (1, 2, 3)]
     )
     distances = np.linalg.norm(apart, axis=1)
     flight.error, flight.largest = float(np.sqrt(np.mean(distances**2))), float(distances.max())

@@ -90,7 +90,8 @@ def beside(rows: Rows, udp: Rows, most: float) -> Rows:
     before, after = np.maximum(after - 1, 0), np.minimum(after, len(sent) - 1)
     took = delays(sent)
     near = sent[after, 0] == sent[before, 0] + 1  # none lost in between
-    return rows[inside & near & (took[before] <= most) & (took[after] <= most)]
+    found: Rows = rows[inside & near & (took[before] <= most) & (took[after] <= most)]
+    return found
 
 
 def lost(rows: Rows) -> float:

@@ -15,9 +15,10 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from benchmarks.impairment.link import ROOT, A, B, ImpairedLink
+from benchmarks.impairment.link import A, B, ImpairedLink
 from benchmarks.link.ends import Plan
 from benchmarks.link.notes import Found
+from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
 from vehicle_link.security.authority import ensure_certificates
 

@@ -23,12 +23,13 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Target
-from benchmarks.impairment.link import ROOT, A, B, ImpairedLink
+from benchmarks.impairment.link import A, B, ImpairedLink
 from benchmarks.link.outages import BETWEEN, COUNT, LONGEST, QUICK_COUNT, SHORTEST, Outage
 from console.catalogue.catalogue import Catalogue
 from console.catalogue.completeness import Completeness, completeness_of
 from flight_log import read_log
 from quadlab.station_client import StationClient, station
+from quadrotor.checkout import ROOT
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from vehicle_link.security.authority import ensure_certificates
 

@@ -109,7 +109,7 @@ def _within(notes: Notes, began_ns: int, ended_ns: int) -> npt.NDArray[np.int64]
     return ticks[(ticks[:, 1] >= began_ns) & (ticks[:, 1] < ended_ns)]
 
 
-def _figures(late_us: npt.NDArray[np.float64] | npt.NDArray[np.int64]) -> dict[str, float | str]:
+def _figures(late_us: npt.NDArray[np.floating | np.signedinteger]) -> dict[str, float | str]:
     return {
         "p50, µs": float(np.median(late_us)),
         "p99, µs": float(np.percentile(late_us, 99)),

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import numpy as np
 
@@ -74,8 +75,8 @@ class RecordedLoop(FlightLoop):
 def main() -> int:
     """Exit status as of vehicle.flight.process."""
     RecordedLoop.out = Path(sys.argv[2])
-    flight.FlightLoop = RecordedLoop  # type: ignore[misc]
-    return flight.main(sys.argv[1])
+    with mock.patch.object(flight, "FlightLoop", RecordedLoop):
+        return flight.main(sys.argv[1])
 
 
 if __name__ == "__main__":

@@ -14,10 +14,11 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 
-from vehicle.simulator import process
+from vehicle.simulator import process, simulated_vehicle
 from vehicle.simulator.firmware.firmware import Firmware
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -83,15 +84,18 @@ def main() -> int:
     notes = RecordedFirmware.notes
 
     def connect(*_: object) -> Callable[[], tuple[Put, Callable[[], None]]]:
-        def put(payload: bytes, stamp_ns: int) -> None:
+        def put(payload: bytes, stamp_ns: int, topic: str = "truth", /) -> None:
+            assert topic == "truth", "no motor is turned on the bench here"
             os.write(truth, HEADER.pack(stamp_ns, len(payload)) + payload)
 
         return lambda: (put, lambda: None)
 
-    process.connect_to_station = connect
-    process.SimulatedVehicle = RecordedVehicle  # type: ignore[misc]
-    sys.modules[SimulatedVehicle.__module__].Firmware = RecordedFirmware  # type: ignore[attr-defined]
-    statistics = process.run(SimulatorParameters(), folder, 0)
+    with (
+        mock.patch.object(process, "connect_to_station", connect),
+        mock.patch.object(process, "SimulatedVehicle", RecordedVehicle),
+        mock.patch.object(simulated_vehicle, "Firmware", RecordedFirmware),
+    ):
+        statistics = process.run(SimulatorParameters(), folder, 0)
     np.savez(
         out,
         samples=notes.samples[: notes.sample_count],

@@ -34,8 +34,9 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Report, Row, Target
-from benchmarks.onboard.flight_under_test import ROOT, FlightUnderTest, Notes
+from benchmarks.onboard.flight_under_test import FlightUnderTest, Notes
 from benchmarks.onboard.recorded_simulator import HEADER
+from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
 from vehicle.processes import mailbox
 from vehicle.simulator.firmware.firmware import START_MS
@@ -176,7 +177,8 @@ def _sample_ms(stamps_ns: Table, clock: Table) -> Table:
     """
     epoch_ns, elapsed_ms, last_ms = clock.tolist()
     carried_ms = last_ms - elapsed_ms + (stamps_ns - epoch_ns) // MS
-    return carried_ms - START_MS + _minutes(elapsed_ms, last_ms) * TIME_PERIOD_MS
+    told_ms: Table = carried_ms - START_MS + _minutes(elapsed_ms, last_ms) * TIME_PERIOD_MS
+    return told_ms
 
 
 def _minutes(elapsed_ms: int, last_ms: int) -> int:

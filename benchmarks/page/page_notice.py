@@ -70,7 +70,7 @@ def run(quick: bool = False) -> Report:
         page.goto(url)
         page.wait_for_selector("#behaviors button")
         page.evaluate(WATCH)
-        _until(lambda: "no telemetry" not in page.text_content("#flags"))
+        _until(lambda: "no telemetry" not in (page.text_content("#flags") or ""))
         page.wait_for_timeout(5000)
         page.evaluate(SAID)
         for _ in range(count):

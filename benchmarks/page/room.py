@@ -32,7 +32,8 @@ import websockets
 from websockets.asyncio.client import connect
 
 from benchmarks.harness import CHROMIUM
-from benchmarks.page.laboratory import ROOT, cpu_seconds, processes, until
+from benchmarks.page.laboratory import cpu_seconds, processes, until
+from quadrotor.checkout import ROOT
 
 CHARGE = 20
 """A h, of a battery that outlasts a soak."""
@@ -163,7 +164,7 @@ async def pages(base: str, cookie: str, count: int, seconds: float) -> None:
     print(
         json.dumps(
             {
-                "frames_hz": float(statistics.median(1e3 / np.mean(g) for g in gaps)),
+                "frames_hz": float(statistics.median(1e3 / float(np.mean(g)) for g in gaps)),
                 "gap_p50_ms": float(np.median(together)),
                 "gap_p99_ms": float(np.percentile(together, 99)),
                 "gap_max_ms": float(np.max(together)),
@@ -296,7 +297,8 @@ def main() -> None:
     parser.add_argument("--be-pages", nargs=2, metavar=("URL", "COOKIE"), help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.be_pages:
-        asyncio.run(pages(*options.be_pages, options.pages, options.seconds))
+        url, cookie = options.be_pages
+        asyncio.run(pages(url, cookie, options.pages, options.seconds))
         return
     with tempfile.TemporaryDirectory() as folder:
         room = Room(folder, options.port, options.link_port)

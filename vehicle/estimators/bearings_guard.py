@@ -148,7 +148,7 @@ class BearingsGuard:
 
     # ------------------------------------------------------------------ the way back
     def step(self, armed: bool) -> None:
-        """Make one tick while bearings are used; `armed` is the mode, in which the vehicle obeys."""
+        """Make one tick while bearings are used; `armed` is the mode the vehicle flies in."""
         navigation = self._navigation
         verdict = navigation.watch.verdict
         if not self._ground.airborne:
