@@ -43,7 +43,7 @@ class _Layout(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> _Layout:
-        """Raise MeasurementError."""
+        """Parse a layout. Raises MeasurementError."""
         beacons = parse_layout(text)
         places = [(x, y, z) for x, y, z in beacons.positions_w.tolist()]
         return cls(text, beacons, tuple(zip(beacons.ids.tolist(), places, strict=True)))

@@ -18,7 +18,7 @@ LONGEST = 100_000
 
 
 def json_value(data: bytes | str) -> Any:
-    """Raise ValueError when it is no JSON."""
+    """Parse an attachment. Raises ValueError when it is no JSON."""
     try:
         return json.loads(data)
     except RecursionError:

@@ -108,7 +108,7 @@ class LogFile:
             return False
 
     def close(self) -> None:
-        """Raise StorageError when the disk tells only now that it could not."""
+        """Close the file. Raises StorageError when the disk tells only now that it could not."""
         with suppress(OSError):
             self._aside.close()
         with self._closing:

@@ -115,7 +115,9 @@ class SchemaLayouts:
         )
 
     def of(self, payload: bytes) -> PayloadLayout:
-        """Raise LogFormatError when the bytes are no such message."""
+        """Return the layout of a payload. Raises LogFormatError when the bytes are no such
+        message.
+        """
         if len(payload) < 4 or payload[1] != 1:
             raise LogFormatError(f"{self._name}: only little-endian CDR is read")
         walk = _Walk(payload, self._types)

@@ -225,7 +225,7 @@ def _one(opcode: int, data: bytes) -> Iterator[LogRecord]:
 
 
 def _message(data: bytes, begin: int, end: int) -> RawMessage:
-    """Raise ValueError when there is no room for its head."""
+    """Return the message of a record. Raises ValueError when there is no room for its head."""
     if end - begin < MESSAGE.size:
         raise ValueError("message shorter than its head")
     channel, sequence, log_ns, publish_ns = MESSAGE.unpack_from(data, begin)

@@ -139,7 +139,7 @@ def _by_index(path: Path, file: int) -> LogSummary | None:
 
 
 def _metadata(read: Read, index: MetadataIndex) -> Metadata:
-    """Raise one of UNREADABLE."""
+    """Read a metadata record. Raises one of UNREADABLE."""
     opcode, length = RECORD.unpack(read(index.offset, RECORD.size))
     if opcode != Opcode.METADATA or length > MOST_DESCRIPTION:
         raise ValueError("no metadata")

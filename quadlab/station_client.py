@@ -118,7 +118,7 @@ def _user() -> str:
 
 @contextmanager
 def station(loopback_port: int, vehicle: str) -> Iterator[StationClient]:
-    """Raise LinkError when none runs."""
+    """Yield a client of the running station. Raises LinkError when none runs."""
     try:
         session: Any = loopback_session(loopback_port, REACH)
     except LinkError:

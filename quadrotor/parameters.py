@@ -97,7 +97,7 @@ class ParameterStore:
         return tuple(self._places)
 
     def description(self, name: str) -> ParameterDescription:
-        """Raise UnknownParameterError."""
+        """Return a parameter's description. Raises UnknownParameterError."""
         self._require(name)
         return self._descriptions[name]
 
@@ -105,7 +105,7 @@ class ParameterStore:
         return tuple(self._descriptions.values())
 
     def get(self, name: str) -> ParameterValue:
-        """Raise UnknownParameterError."""
+        """Return a parameter's value. Raises UnknownParameterError."""
         self._require(name)
         owner, field = self._places[name]
         value: ParameterValue = getattr(owner, field)

@@ -52,7 +52,7 @@ class _Module:
 
 
 def join_modules(entry: str, read: Read, map_address: str, place: str) -> Joined:
-    """Raise JoinError.
+    """Join the modules of a page into one script. Raises JoinError.
 
     Args:
         entry: name of the module that the page loads.

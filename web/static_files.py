@@ -70,7 +70,9 @@ class KeptFiles(StaticFiles):
         return (self._folder / name).read_text(encoding="utf-8")
 
     def _join(self, name: str, version: str) -> bytes:
-        """Raise FileNotFoundError for what no page of the folder has, or JoinError."""
+        """Return a joined page. Raises FileNotFoundError for what no page of the folder has, or
+        JoinError.
+        """
         made, content = self._joined.get(name, ("", b""))
         if made == version:
             return content

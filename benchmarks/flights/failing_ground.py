@@ -184,7 +184,7 @@ class Ground:
         self.do("start_behavior", name=behavior, arguments=to_parameters(arguments))
 
     def change_simulator(self, **values: Any) -> None:
-        """Raise LinkError."""
+        """Change parameters of the simulator. Raises LinkError."""
         request = messages.new(
             "quadlab_msgs/srv/ChangeParameters_Request",
             request_id=secrets.token_hex(6),

@@ -93,7 +93,7 @@ class Pilot:
 
 
 def run(quick: bool = False) -> Report:
-    """Raise QuadlabError when the vehicles do not come up."""
+    """Fly a fleet. Raises QuadlabError when the vehicles do not come up."""
     count, hover = (QUICK_COUNT, QUICK_HOVER) if quick else (COUNT, HOVER)
     report = Report(
         "fleet",

@@ -106,7 +106,7 @@ class Laboratory:
         self.until(lambda: self.status().get("mode") == "ready")
 
     def until(self, look: Any) -> Any:
-        """Raise QuadlabError."""
+        """Wait until `look` gives something true. Raises QuadlabError."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end and self._up.poll() is None:
             if found := look():
@@ -269,7 +269,7 @@ def page(address: str) -> Iterator[None]:
 
 
 def flights(count: int, words: tuple[str, ...], *, starved: bool) -> list[Flight]:
-    """Raise QuadlabError."""
+    """Fly and judge the flights. Raises QuadlabError."""
     found = []
     with tempfile.TemporaryDirectory(prefix="quadlab-starved-") as data:
         laboratory = Laboratory(Path(data), *words)
@@ -294,7 +294,9 @@ def run(quick: bool = False) -> Report:
 
 
 def measure(count: int, words: tuple[str, ...]) -> Report:
-    """Raise QuadlabError when a laboratory or the page does not come up."""
+    """Measure flights of laboratories. Raises QuadlabError when a laboratory or the page does not
+    come up.
+    """
     report = Report(
         "starved",
         "Figure 8s on a machine with too much to do",

@@ -60,7 +60,9 @@ def run(quick: bool = False) -> Iterator[Report]:
 
 
 def links(quick: bool = False) -> Report:
-    """Raise StorageError where namespaces are not allowed, QuadlabError when an end fails."""
+    """Measure links under all conditions. Raises StorageError where namespaces are not allowed,
+    QuadlabError when an end fails.
+    """
     seconds = QUICK_SECONDS if quick else SECONDS
     report = Report(
         "link",

@@ -66,7 +66,9 @@ class Running:
 
 @contextmanager
 def running(plan: Plan, seed: int = 11) -> Iterator[Running]:
-    """Raise StorageError where namespaces are not allowed, QuadlabError when an end fails."""
+    """Run both ends over an impaired link. Raises StorageError where namespaces are not allowed,
+    QuadlabError when an end fails.
+    """
     with tempfile.TemporaryDirectory() as name, ImpairedLink(seed) as link:
         ensure_certificates(Path(name), [A])
         yield Running(link, Path(name), plan)

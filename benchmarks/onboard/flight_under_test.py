@@ -123,7 +123,7 @@ class FlightUnderTest:
         self.ask(lambda id: mailbox.StartBehavior(id, "benchmark", behavior, dict(arguments)))
 
     def ask(self, command: Callable[[str], mailbox.Command]) -> None:
-        """Raise RefusedError."""
+        """Send a command and wait for its acceptance. Raises RefusedError."""
         self._asked += 1
         request = str(self._asked)
         self._rings.inbox.push(mailbox.encode(command(request)))

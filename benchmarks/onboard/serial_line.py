@@ -85,7 +85,7 @@ class PipedTruth:
 
 
 def run(quick: bool = False) -> Report:
-    """Raise QuadlabError when the vehicle does not fly."""
+    """Fly over serial lines. Raises QuadlabError when the vehicle does not fly."""
     seconds = QUICK_SECONDS if quick else SECONDS
     with tempfile.TemporaryDirectory() as name:
         flight, robot, window, rights = _fly(Path(name), seconds)

@@ -111,7 +111,7 @@ class Catalogue:
             _update(self.existing(session, run_id), values)
 
     def get(self, run_id: str) -> RunEntry:
-        """Raise StorageError for an unknown or deleted run."""
+        """Return a run's entry. Raises StorageError for an unknown or deleted run."""
         with self.session() as session:
             return _entry(self.existing(session, run_id))
 

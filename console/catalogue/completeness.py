@@ -48,7 +48,7 @@ class Completeness:
 
 
 def keep_completeness(catalogue: Catalogue, run_id: str, found: Completeness) -> None:
-    """Raise StorageError."""
+    """Keep the completeness of a run. Raises StorageError."""
     with catalogue.session() as session:
         session.merge(CompletenessRow(run_id=run_id, stamp_ns=time.time_ns(), **asdict(found)))
 

@@ -148,7 +148,7 @@ class CommandGateway:
         )
 
     def _change_simulator(self, request: Any, names: Iterable[str]) -> Any:
-        """Raise ParameterError, LinkError."""
+        """Change parameters of the simulator. Raises ParameterError, LinkError."""
         others = [name for name in names if authority_of(name) != SIMULATOR]
         if others:
             raise ParameterError(

@@ -33,7 +33,9 @@ class BenchRecording:
 
 
 def read_bench_file(path: Path) -> BenchRecording:
-    """Raise StorageError for no file, MeasurementError that names the line for a bad one."""
+    """Read a bench recording. Raises StorageError for no file, MeasurementError that names the line
+    for a bad one.
+    """
     try:
         if path.stat().st_size > LARGEST:
             raise StorageError(f"{path} has more than {LARGEST // 1_000_000} MB; cut it")

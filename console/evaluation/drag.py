@@ -84,7 +84,9 @@ class DragFlight:
         return {**known, "spread_N_s_m": SPREAD_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Raise MeasurementError when the model takes no such coefficient."""
+        """Return the record of the coefficient. Raises MeasurementError when the model takes no
+        such coefficient.
+        """
         low, high = DRAG_BOUNDS
         if not low - SPREAD_MAX <= self.found <= high:
             raise MeasurementError(
@@ -122,7 +124,9 @@ class DragFlight:
 
 
 def read_drag(log: Path, vehicle: str) -> DragFlight:
-    """Raise LogFormatError without the topics, MeasurementError without circles in it."""
+    """Read a drag flight from its log. Raises LogFormatError without the topics, MeasurementError
+    without circles in it.
+    """
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     start, end = _circled(columns["status"])

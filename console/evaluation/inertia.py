@@ -157,7 +157,9 @@ class InertiaFlight:
 
 
 def read_inertia(log: Path, vehicle: str) -> InertiaFlight:
-    """Raise LogFormatError without the topics, MeasurementError when nothing was excited."""
+    """Read an inertia flight from its log. Raises LogFormatError without the topics,
+    MeasurementError when nothing was excited.
+    """
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     start, end = _excited(columns["status"])

@@ -112,7 +112,9 @@ class MassFlight:
         return {**known, "erratic_std_kg": DEVIATION_MAX, "within_1_percent_s": WITHIN_MAX}
 
     def record(self) -> CalibrationRecord:
-        """Raise MeasurementError when the model takes no such mass."""
+        """Return the record of the mass. Raises MeasurementError when the model takes no such
+        mass.
+        """
         low, high = MASS_BOUNDS
         if not low <= self.found <= high:
             raise MeasurementError(
@@ -165,7 +167,9 @@ class MassFlight:
 
 
 def read_mass(log: Path, vehicle: str) -> MassFlight:
-    """Raise LogFormatError without the topics, MeasurementError when it never left the ground."""
+    """Read a mass flight from its log. Raises LogFormatError without the topics, MeasurementError
+    when it never left the ground.
+    """
     parameters = read_parameters(log)
     columns = read_columns(log, vehicle, WANTED)
     estimator, status = columns["estimator"], columns["status"]

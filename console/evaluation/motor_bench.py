@@ -88,7 +88,7 @@ def from_log(
 
 
 def from_file(recording: BenchRecording) -> BenchResult:
-    """Raise MeasurementError."""
+    """Evaluate a bench recording. Raises MeasurementError."""
     steps = held_steps(recording.time, recording.reference, recording.force, recording.torque)
     return _identify(steps, recording.time, recording.reference, recording, Battery(), math.nan)
 

@@ -67,7 +67,7 @@ class SimulatedHand:
             self._hold("bench", {}, requester)
 
     def let_go(self, requester: str) -> None:
-        """Raise RefusedError."""
+        """Let the vehicle go. Raises RefusedError."""
         if self._held != FREE:
             self._hold(FREE, {}, requester)
 

@@ -99,7 +99,7 @@ class VehicleFeed:
             return "" if self._status is None or old else str(self._status.mode).lower()
 
     def view(self) -> VehicleView:
-        """Raise LinkError before the first status."""
+        """Return the present view. Raises LinkError before the first status."""
         mass, mass_deviation = self._flown_mass()
         with self._news:
             status = self._status
@@ -136,7 +136,9 @@ class VehicleFeed:
             self._behind_since = None
 
     def parameter(self, name: str) -> ParameterValue:
-        """Raise UnknownParameterError, or LinkError when a missed change cannot be fetched."""
+        """Return a parameter's value. Raises UnknownParameterError, or LinkError when a missed
+        change cannot be fetched.
+        """
         with self._news:
             since = self._behind_since
         if since is not None and monotonic() - since > MISSED:

@@ -124,7 +124,9 @@ class Accelerometer:
 
     # ------------------------------------------------------------------ the procedure
     def fly(self, client: Client) -> None:
-        """Raise RefusedError when motors are on, or no pose comes in time."""
+        """Guide through the poses. Raises RefusedError when motors are on, or no pose comes in
+        time.
+        """
         client.wait_until(lambda v: v.mode == "ready", what="the vehicle to be ready", timeout=20)
         self._in_force, self._held = InForce.of(client), []
         self._simulated = client.simulated
@@ -249,7 +251,9 @@ class Accelerometer:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Raise LogFormatError, or MeasurementError with what is missing."""
+        """Judge the calibration. Raises LogFormatError, or MeasurementError with what is
+        missing.
+        """
         found = identify(log, self._vehicle, self._in_force, self._held, self._noise)
         metrics = {
             "residual_rms_m_s2": found.rms,
@@ -262,7 +266,7 @@ class Accelerometer:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Raise as `evaluate`."""
+        """Return the calibration found. Raises as `evaluate` does."""
         found = identify(log, self._vehicle, self._in_force, self._held, self._noise)
         conditions = {
             "method": self.parameters.method,

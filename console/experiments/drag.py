@@ -92,7 +92,9 @@ class DragExperiment:
         come_down(client)
 
     def evaluate(self, log: Path) -> Result:
-        """Raise LogFormatError without what it needs, MeasurementError without circles."""
+        """Judge the drag found. Raises LogFormatError without what it needs, MeasurementError
+        without circles.
+        """
         flight = read_drag(log, self._vehicle)
         return judged(flight.metrics(), flight.limits())
 

@@ -185,7 +185,9 @@ class InertiaExperiment:
 
     # ------------------------------------------------------------------ judgement
     def evaluate(self, log: Path) -> Result:
-        """Raise LogFormatError without what it needs, MeasurementError when never excited."""
+        """Judge the inertia found. Raises LogFormatError without what it needs, MeasurementError
+        when never excited.
+        """
         flight = read_inertia(log, self._vehicle)
         return judged(flight.metrics(), flight.limits())
 

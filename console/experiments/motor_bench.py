@@ -188,7 +188,9 @@ class MotorBench:
 
     # ------------------------------------------------------------------ the log
     def evaluate(self, log: Path) -> Result:
-        """Raise LogFormatError, StorageError, or MeasurementError with what is missing."""
+        """Judge the motor law found. Raises LogFormatError, StorageError, or MeasurementError with
+        what is missing.
+        """
         found = self._found(log)
         law, lag = found.law, found.lag
         torque_miss = law.torque_residual / max(float(abs(law.steps.torque).max()), 1e-9)
@@ -213,7 +215,7 @@ class MotorBench:
         return judged(metrics, limits)
 
     def proposal(self, log: Path) -> CalibrationRecord:
-        """Raise as `evaluate`."""
+        """Return the motor law found. Raises as `evaluate` does."""
         p = self.parameters
         conditions = {"motor": MOTORS[p.motor - 1]}
         if p.csv:

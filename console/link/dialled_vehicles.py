@@ -13,7 +13,7 @@ FILE = "station.json"
 
 
 def remember_dialled(data: Path, names: Sequence[str]) -> None:
-    """Raise StorageError."""
+    """Write the names of the dialled vehicles. Raises StorageError."""
     part = data / f".{FILE}.part"
     try:
         part.write_text(json.dumps({"vehicles": list(names)}))

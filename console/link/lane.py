@@ -37,7 +37,7 @@ class LaneDoor:
         self._request = new(f"{TYPE}_Request", requester=node.full_name, instance=instance)
 
     def ask(self) -> Message:
-        """Raise LinkError."""
+        """Ask the vehicle for keys of a lane. Raises LinkError."""
         door = self._pilot if self._pilot.wait(SHOWN_WITHIN) else self._observer
         return door.call(self._request)
 

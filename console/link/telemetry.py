@@ -38,7 +38,7 @@ class TelemetryIn:
         self._experiments, self._newest = experiments, heard
 
     def received(self, received: Received) -> None:
-        """Raise LinkError for what is no telemetry."""
+        """Take a packet of telemetry. Raises LinkError for what is none."""
         sequence, ticks = unpack(received.payload)
         stamp_ns = int(ticks["imu"]["stamp_ns"][-1])
         shown = self._link.telemetry(sequence, stamp_ns, received.received_ns, time_ns())

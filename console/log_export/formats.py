@@ -148,7 +148,7 @@ class MatFile:
         self._size = 0
 
     def write(self, piece: Piece) -> None:
-        """Raise StorageError when it is more than can be held."""
+        """Write a piece. Raises StorageError when it is more than can be held."""
         self._pieces.setdefault(piece.topic, []).append(piece)
         self._size += sum(map(_held, piece.columns.values()))
         if self._size > MAT_BYTES:

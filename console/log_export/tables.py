@@ -140,7 +140,7 @@ class _Growing:
         self._units: dict[str, str] = {}
 
     def add(self, piece: Piece) -> None:
-        """Raise OSError."""
+        """Add a piece. Raises OSError."""
         if not piece.rows:
             return
         for name, values in piece.columns.items():

@@ -73,7 +73,7 @@ class ParameterPresets:
             return [_preset(row) for row in session.scalars(query.order_by(PresetRow.name))]
 
     def get(self, preset_id: int) -> Preset:
-        """Raise RefusedError for one that is not there."""
+        """Return a preset. Raises RefusedError for one that does not exist."""
         with self._session() as session:
             return _preset(self._row(session, preset_id, deleted=False))
 
@@ -107,7 +107,7 @@ class ParameterPresets:
             return _preset(row)
 
     def delete(self, preset_id: int) -> None:
-        """Raise RefusedError for one that is not there."""
+        """Delete a preset. Raises RefusedError for one that does not exist."""
         with self._session() as session:
             self._row(session, preset_id, deleted=False).deleted = True
 

@@ -156,7 +156,7 @@ class Pages:
 
 
 def write_pdf(report: Report, path: Path) -> None:
-    """Raise OSError."""
+    """Write the report as a PDF. Raises OSError."""
     import matplotlib
     from matplotlib.backends.backend_pdf import PdfPages
 

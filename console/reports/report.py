@@ -179,7 +179,7 @@ def _duration(seconds: float) -> str:
 
 
 def _check_ours(path: Path) -> None:
-    """Raise StorageError when something else stands there."""
+    """Raise StorageError when something else is there."""
     try:
         if path.exists() and (not path.is_file() or MARK not in path.read_bytes()):
             raise StorageError(

@@ -145,7 +145,9 @@ class RunLog:
 
 
 def read_run(path: Path, wanted: Mapping[str, tuple[str, ...]] = WANTED) -> RunLog:
-    """Raise StorageError or LogFormatError when there is nothing in it to report on."""
+    """Read a log for a report. Raises StorageError or LogFormatError when there is nothing in it to
+    report on.
+    """
     reader = ColumnReader(path, LINES, wanted)
     found = run.read_run(reader, most_payloads=MOST_LINES, most_bytes=MOST_BYTES)
     lines: list[Line] = []

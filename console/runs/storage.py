@@ -37,7 +37,7 @@ class Storage:
 
 
 def storage(catalogue: Catalogue) -> Storage:
-    """Raise StorageError."""
+    """Return the disk's use by runs. Raises StorageError."""
     size = func.coalesce(func.sum(RunRow.bytes), 0)
     listed = select(func.count(), size).select_from(RunRow).where(NOT_DELETED)
     deleted = select(func.count(), size).select_from(RunRow)

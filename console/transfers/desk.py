@@ -121,7 +121,7 @@ class TransferDesk:
         self._wake.set()
 
     def cancel(self, name: str) -> None:
-        """Raise RefusedError when nothing of that name is under way."""
+        """Cancel a transfer. Raises RefusedError when nothing of that name is under way."""
         with self._lock:
             found = [job for job in self._jobs if job.name == name and not job.is_over]
             for job in found:

@@ -67,7 +67,7 @@ class Collection:
         return (self._next_ns - self._start_ns) / max(1, self._end_ns - self._start_ns)
 
     def add(self, answer: Any) -> None:
-        """Raise StorageError when it does not fit what was asked."""
+        """Add an answer. Raises StorageError when it does not fit what was asked."""
         stamps = np.asarray(answer.stamps_ns, np.int64)
         width = len(self.columns)
         values = np.asarray(answer.values, np.float32)

@@ -71,7 +71,7 @@ class Evaluation:
 
 
 def evaluate(samples: Samples, plan: Plan) -> Evaluation:
-    """Raise StorageError when there is no edge in it."""
+    """Evaluate a step test. Raises StorageError when there is no edge in it."""
     time, actual, setpoint = samples.time, _actual(samples), _setpoint(samples)
     along = AXES.index(plan.axis)
     at = _edges_of(setpoint[along], plan)

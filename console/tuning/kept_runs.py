@@ -98,7 +98,7 @@ class KeptRuns:
             return [run for run in found if run is not None]
 
     def run(self, name: str) -> KeptRun:
-        """Raise StorageError for an unknown one."""
+        """Return a kept test. Raises StorageError for an unknown one."""
         with self._lock:
             self._known(name, self._folder)
             run = self._read(name)
@@ -107,7 +107,7 @@ class KeptRuns:
         return run
 
     def samples(self, name: str) -> Samples:
-        """Raise StorageError."""
+        """Return the samples of a kept test. Raises StorageError."""
         run = self.run(name)
         try:
             with np.load(self._path(name, ".npz")) as content:

@@ -63,7 +63,9 @@ class MotorCalibration:
 
 
 def identify_motor(steps: BenchSteps, usable: tuple[float, float] = USABLE) -> MotorCalibration:
-    """Raise MeasurementError when the steps are too few or their forces do not rise."""
+    """Fit the motor law to the steps. Raises MeasurementError when the steps are too few or their
+    forces do not rise.
+    """
     inside = (steps.reference >= usable[0]) & (steps.reference <= usable[1])
     used = BenchSteps(
         steps.reference[inside],

@@ -37,7 +37,9 @@ class Gathered:
         self.whole: dict[str, list[LogMessage]] = defaultdict(list)
 
     def add(self, name: str, message: LogMessage) -> None:
-        """Raise LogFormatError when it is more than is held, and as the decoder does."""
+        """Add a message. Raises LogFormatError when it is more than is held, and as the decoder
+        does.
+        """
         if name not in self._decode:
             self.whole[name].append(message)
             self._hold(len(message.payload) + MESSAGE_BYTES)

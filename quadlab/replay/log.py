@@ -88,7 +88,9 @@ class Recording:
 
 
 def read_recording(path: Path) -> Recording:
-    """Raise StorageError or LogFormatError that say what is missing or how to mend it."""
+    """Read a log for a replay. Raises StorageError or LogFormatError that say what is missing or
+    how to mend it.
+    """
     vehicle, found = _messages(path)
     [samples] = found.records("imu")
     samples = _newest(samples["stamp_ns"], samples)

@@ -42,7 +42,7 @@ class SimulatedFleet:
     link_port: int
 
     def check(self) -> None:
-        """Raise UsageError."""
+        """Check the options of the fleet. Raises UsageError."""
         if not 1 <= self.count <= MOST:
             raise UsageError(f"--vehicles {self.count} is not possible; allowed are 1 to {MOST}")
         if self.count > 1 and self.name != THE_VEHICLE:

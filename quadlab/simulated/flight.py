@@ -119,7 +119,7 @@ class SimulatedFlight(SimulatedGuide):
             self._simulated.configure(self.parameters.simulator)
 
     def parameter(self, name: str) -> ParameterValue:
-        """Raise UnknownParameterError."""
+        """Return a parameter's value. Raises UnknownParameterError."""
         return self.stack.store.get(name)
 
     def sticks(self, axes: Sequence[float]) -> None:

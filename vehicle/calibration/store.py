@@ -147,7 +147,7 @@ def encoded(record: CalibrationRecord) -> bytes:
 
 
 def parse_stored(line: bytes) -> CalibrationRecord:
-    """Raise MeasurementError that says why it is no record."""
+    """Parse a stored line. Raises MeasurementError that says why it is no record."""
     if len(line) > RECORD_BYTES_MAX:
         raise MeasurementError(
             f"no calibration record: {len(line)} bytes long, at most {RECORD_BYTES_MAX}"

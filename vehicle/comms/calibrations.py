@@ -61,7 +61,7 @@ class Calibrations:
         self._is_found = threading.Condition()
 
     def answer(self, request: Message) -> Message:
-        """Raise QuadlabError: refused."""
+        """Answer a request. Raises QuadlabError when it is refused."""
         action = str(request.action)
         if action == "history":
             records = _as_many_as_fit(self._store.newest_first())

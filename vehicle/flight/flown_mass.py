@@ -36,7 +36,7 @@ class FlownMassParameters(MassParameters):
     )
 
     def check_together(self) -> None:
-        """Raise OutOfBoundsError."""
+        """Check the values against each other. Raises OutOfBoundsError."""
         if self.initial and not self.mass_min <= self.initial <= self.mass_max:
             raise OutOfBoundsError(
                 f"mass.initial = {self.initial:g} kg is not between mass.mass_min = "

@@ -86,7 +86,7 @@ class OnboardFiles:
             node.serve(service, SERVICES[service], _Answering(SERVICES[service], answer))
 
     def files(self, request: Message) -> Message:
-        """Raise StorageError."""
+        """Answer which logs there are. Raises StorageError."""
         found = [facts.message() for facts in self._newest()]
         return new(
             f"{SERVICES['onboard_files']}_Response",
@@ -96,7 +96,7 @@ class OnboardFiles:
         )
 
     def part(self, request: Message) -> Message:
-        """Raise RefusedError or StorageError."""
+        """Answer with a part of a log. Raises RefusedError or StorageError."""
         name, offset, length = str(request.name), int(request.offset), int(request.length)
         if length > PART_BYTES:
             raise RefusedError(f"{length} bytes at once are too many; allowed are {PART_BYTES}")
@@ -117,7 +117,7 @@ class OnboardFiles:
         )
 
     def index(self, request: Message) -> Message:
-        """Raise RefusedError or StorageError."""
+        """Answer with the index of a log. Raises RefusedError or StorageError."""
         start_ns, end_ns = int(request.start_ns), int(request.end_ns)
         if end_ns < start_ns:
             raise RefusedError(f"from {start_ns} to {end_ns} ns is no stretch of a log")
@@ -158,7 +158,7 @@ class OnboardFiles:
 
     @contextmanager
     def _open(self, name: str) -> Iterator[int]:
-        """Raise RefusedError when no such log is in the folder."""
+        """Open a log. Raises RefusedError when no such log is in the folder."""
         try:
             if Path(name).name != name or not name.endswith(".mcap"):
                 raise FileNotFoundError

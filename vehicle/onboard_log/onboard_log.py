@@ -206,7 +206,7 @@ class OnboardLog:
                 self._finish()
 
     def _start(self, stamp_ns: int) -> None:
-        """Raise StorageError."""
+        """Start a file. Raises StorageError."""
         self._check_space(stamp_ns)
         instant = datetime.fromtimestamp(stamp_ns / 1e9, UTC)
         stem = f"{self._vehicle}_{instant:%Y%m%dT%H%M%S}_{instant.microsecond // 1000:03d}Z"
@@ -237,7 +237,7 @@ class OnboardLog:
                 self._say(WARN, f"onboard log without {name}: {error}")
 
     def _add_ticks(self, batch: Batch) -> None:
-        """Raise StorageError."""
+        """Add queued ticks to the file. Raises StorageError."""
         if self._file is None or not len(batch.ticks):
             return
         stamps = batch.ticks["imu"]["stamp_ns"]

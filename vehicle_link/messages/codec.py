@@ -18,7 +18,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(payload: bytes | memoryview, type_name: str) -> Message:
-    """Raise LinkError when the bytes are no message of this type."""
+    """Decode a message from CDR. Raises LinkError when the bytes are no message of this type."""
     try:
         return typestore().deserialize_cdr(payload, stored_name(type_name))
     except (SerdeError, AssertionError, IndexError, TypeError, UsageError) as error:

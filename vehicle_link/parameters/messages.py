@@ -38,7 +38,9 @@ def to_value(value: object) -> Message:
 
 
 def from_value(message: Message) -> ParameterValue:
-    """Raise WrongTypeError for a value that is not set, or an array."""
+    """Return the value of a ParameterValue. Raises WrongTypeError for a value that is not
+    set, or an array.
+    """
     if message.type == BOOL:
         return bool(message.bool_value)
     if message.type == INTEGER:
@@ -60,7 +62,7 @@ def to_parameters(values: Mapping[str, ParameterValue]) -> list[Message]:
 
 
 def from_parameters(messages: Iterable[Message]) -> dict[str, ParameterValue]:
-    """Raise WrongTypeError, naming the parameter."""
+    """Return values by name. Raises WrongTypeError, naming the parameter."""
     values = {}
     for message in messages:
         try:

@@ -147,7 +147,7 @@ class ParameterClient:
         return list(self._list.call(request, self._timeout).result.names)
 
     def describe(self) -> list[ParameterDescription]:
-        """Raise LinkError."""
+        """Fetch the descriptions of all parameters. Raises LinkError."""
         descriptions: list[ParameterDescription] = []
         for names in _portions(self.names()):
             request = new("rcl_interfaces/srv/DescribeParameters_Request", names=names)
@@ -156,7 +156,7 @@ class ParameterClient:
         return descriptions
 
     def values(self) -> dict[str, ParameterValue]:
-        """Raise LinkError."""
+        """Fetch the values of all parameters. Raises LinkError."""
         values: dict[str, ParameterValue] = {}
         for names in _portions(self.names()):
             request = new("rcl_interfaces/srv/GetParameters_Request", names=names)

@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 
 
 def signing_key(files: TlsFiles) -> EllipticCurvePrivateKey:
-    """Raise LinkError: there is none here, or it is not that of this ca.pem."""
+    """Return the key that signs. Raises LinkError when there is none, or it is not that of this
+    ca.pem.
+    """
     if not is_there(files.authority_key):
         raise LinkError(
             f"{files.folder} has no authority's key (it is a copy of another machine's); "
@@ -29,7 +31,7 @@ def signing_key(files: TlsFiles) -> EllipticCurvePrivateKey:
 
 
 def authority_key(files: TlsFiles) -> EllipticCurvePrivateKey:
-    """Raise LinkError: it cannot be used."""
+    """Read the authority's key. Raises LinkError when it cannot be used."""
     from cryptography.hazmat.primitives.asymmetric import ec
 
     remedy = (

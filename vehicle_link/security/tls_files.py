@@ -79,7 +79,9 @@ def readable_keys(files: TlsFiles) -> list[str]:
 
 
 def read_certificate(path: Path, remedy: str) -> Certificate:
-    """Raise LinkError: the file, what is wrong with it, and `remedy`."""
+    """Read a certificate. Raises LinkError that says the file, what is wrong with it, and
+    `remedy`.
+    """
     from cryptography.exceptions import UnsupportedAlgorithm
 
     text = _content(path, remedy)
@@ -92,7 +94,9 @@ def read_certificate(path: Path, remedy: str) -> Certificate:
 
 
 def read_key(path: Path, remedy: str) -> PrivateKeyTypes:
-    """Raise LinkError: the file, what is wrong with it, and `remedy`."""
+    """Read a private key. Raises LinkError that says the file, what is wrong with it, and
+    `remedy`.
+    """
     from cryptography.exceptions import UnsupportedAlgorithm
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 

@@ -245,6 +245,6 @@ def encode_heartbeat(sequence: int, stamp_ns: int, instance: int = 0, holder: in
 
 
 def decode_heartbeat(payload: bytes) -> Heartbeat:
-    """Raise LinkError."""
+    """Decode a heartbeat. Raises LinkError."""
     record = _heartbeat_layout().decode(payload)
     return Heartbeat(*(int(record[name]) for name in Heartbeat._fields))

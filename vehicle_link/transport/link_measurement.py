@@ -157,7 +157,7 @@ class _Test:
         self._heartbeats = node.advertise(TOPICS["station_heartbeat"])
 
     def introduce(self) -> None:
-        """Raise LinkError when no one answers who the vehicle is."""
+        """Ask who the vehicle is. Raises LinkError when no one answers."""
         deadline = time.monotonic() + CONNECT
         while True:
             try:

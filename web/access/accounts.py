@@ -30,7 +30,7 @@ class Account:
 
 
 def check_name(name: str) -> None:
-    """Raise UsageError."""
+    """Check the name of an account. Raises UsageError."""
     if not NAME.fullmatch(name):
         raise UsageError(
             f"{name!r:.60} is no name for a user; allowed are up to 32 small letters, digits "
@@ -76,7 +76,7 @@ class Accounts:
             return _role_of_new(session, name, role)
 
     def add(self, name: str, role: Role | None, password: str) -> Account:
-        """Raise as `check_new` and `web.access.passwords.check_password` do."""
+        """Add an account. Raises as `check_new` and `web.access.passwords.check_password` do."""
         self.check_new(name, role)
         check_password(name, password)
         encoded = self._passwords.hash(password)
@@ -93,12 +93,12 @@ class Accounts:
             return _account(row)
 
     def existing(self, name: str) -> Account:
-        """Raise RefusedError, which names those there are."""
+        """Return an existing account. Raises RefusedError, which names those there are."""
         with self._database.reading() as session:
             return _account(_existing(session, name))
 
     def remove(self, name: str) -> None:
-        """Raise RefusedError for the last admin of several accounts."""
+        """Remove an account. Raises RefusedError for the last admin of several accounts."""
         with self._database.session() as session:
             row = _existing(session, name)
             _keep_an_admin(session, row, "removed")
@@ -106,7 +106,7 @@ class Accounts:
             _end_sessions(session, name)
 
     def set_role(self, name: str, role: Role) -> None:
-        """Raise RefusedError for the last admin."""
+        """Set the role of an account. Raises RefusedError for the last admin."""
         with self._database.session() as session:
             row = _existing(session, name)
             if row.role == role.value:

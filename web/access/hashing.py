@@ -26,7 +26,9 @@ class Hashing:
         self._under_way = 0
 
     async def run(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-        """Raise BusyError rather than letting a queue grow."""
+        """Run a function in the hashing threads. Raises BusyError rather than letting a queue
+        grow.
+        """
         if self._under_way >= WAITING:
             raise BusyError("too many people sign in at once; try again in a few seconds")
         self._under_way += 1

@@ -17,7 +17,7 @@ LONGEST = 500
 
 
 def check_password(name: str, password: str) -> None:
-    """Raise RefusedError with the reason."""
+    """Check a new password. Raises RefusedError with the reason."""
     plain = _normal(password)
     if len(plain) < SHORTEST:
         came = f"it has {len(plain)}" if plain else "it is empty"

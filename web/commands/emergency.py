@@ -149,7 +149,7 @@ class EmergencyDesk:
             self._finish(press, "acknowledged")
 
     async def _try(self, press: Press) -> None:
-        """Raise RefusedError, or the last LinkError."""
+        """Try to send a press until it is answered. Raises RefusedError, or the last LinkError."""
         # A cut under the id of a landing would get the landing's answer, and not be done.
         request_id = uuid.uuid5(uuid.NAMESPACE_OID, f"{press.action} {press.id}").hex
         for number in range(1, TRIES + 1):

@@ -62,7 +62,7 @@ class Frame:
 
 
 def read_frame(raw: bytes) -> Frame:
-    """Raise ValueError for what is no frame."""
+    """Read a frame of the sticks. Raises ValueError for what is no frame."""
     if len(raw) != _FRAME.size:
         raise ValueError(f"{len(raw)} bytes; a stick frame has {_FRAME.size}")
     *axes, button, number, cause = _FRAME.unpack(raw)

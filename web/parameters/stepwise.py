@@ -84,7 +84,7 @@ async def _back(
     pause: float,
     error: QuadlabError,
 ) -> None:
-    """Raise the error, said with where the values are now."""
+    """Go back to the start, and raise the error with where the values are now."""
     try:
         for k in range(reached - 1, -1, -1):
             await asyncio.sleep(pause)

@@ -21,7 +21,7 @@ READING = 0.8  # of the progress; the rest is sorting
 
 
 def build(log: Path, folder: Path, tell: Callable[[float], None]) -> None:
-    """Raise LogFormatError, StorageError or OSError."""
+    """Build the cache of a log. Raises LogFormatError, StorageError or OSError."""
     scratch = folder / "scratch"
     shutil.rmtree(folder, ignore_errors=True)
     scratch.mkdir(parents=True)
