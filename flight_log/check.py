@@ -22,15 +22,7 @@ GAP = 5.0
 """Periods of a topic without a message that are a gap."""
 SHORTEST_GAP_S = 0.1
 """A shorter one is told only of faster topics than this would be five periods of."""
-OVERTAKEN = frozenset(
-    {
-        "tracker_pose",
-        "bearings",
-        "joy",
-        "external_reference",
-        *(row.name for row in TOPICS.values() if row.sender == "vehicle" and not row.qos.reliable),
-    }
-)
+OVERTAKEN = frozenset(row.name for row in TOPICS.values() if row.on_radio and not row.qos.reliable)
 """What crosses the radio each for itself may be overtaken; the receiver records it as it comes."""
 RATE_MIN = 1.0
 """Hz: what comes more seldom comes on change."""

@@ -21,22 +21,16 @@ from flight_log.tick_columns import TICK_TOPICS
 from flight_log.writer import RUN_METADATA
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
+from vehicle_link.topics.table import TOPICS
 
 Stamps = npt.NDArray[np.int64]
 
-OTHER_TOPICS = (
-    "status",
-    "estimator",
-    "battery",
-    "pressure",
-    "bearing_pose",
-    "parameter_events",
-    "parameter_changes",
-    "events",
+OTHER_TOPICS = tuple(
+    row.name for row in TOPICS.values() if row.sender == "vehicle" and row.recorded
 )
 """The vehicle's besides those of every tick."""
 FILLED_TOPICS = (*TICK_TOPICS, *OTHER_TOPICS)
-REGULAR_TOPICS = ("estimator", "status", "pressure", "battery", "bearing_pose")
+REGULAR_TOPICS = tuple(name for name in OTHER_TOPICS if TOPICS[name].rate)
 AT_TIMES = ("bearing_pose",)
 """The vehicle itself has long pauses of these: a gap above PAUSE_NS is one."""
 PAUSE_NS = 1_000_000_000

@@ -21,21 +21,10 @@ from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node
 
-RECORDED = (
-    "tracker_pose",
-    "bearings",
-    "joy",
-    "station_status",
-    "link_status",
-    "comparison",
-    "experiment_status",
-    "preflight",
-    "control",
-)
+RECORDED = tuple(name for name, row in TOPICS.items() if row.recorded and row.sender == "station")
 """As they are sent. Heartbeats are not; telemetry's topics are recorded at full rate elsewhere."""
 
 LOOK = 0.2  # s
-STEERING = ("tracker_pose", "bearings", "joy")
 
 Record = Callable[[str, str, bytes, int, int], None]
 """Topic, type name, payload, log_ns, publish_ns."""
@@ -81,7 +70,7 @@ class Outbox:
 
         Poses, bearings and sticks are neither while the vehicle takes them from another.
         """
-        if name in STEERING and not self._standing.speaks:
+        if TOPICS[name].one_source and not self._standing.speaks:
             return
         self._publishers[name].put(payload, source_ns)
         if name in RECORDED:

@@ -16,22 +16,10 @@ from vehicle_link.topics import TOPICS
 from vehicle_link.topics.table import SHARED
 from vehicle_link.transport.node import Node, Publisher, Received
 
-AS_IT_COMES = (
-    "status",
-    "estimator",
-    "battery",
-    "pressure",
-    "bearing_pose",
-    "truth",
-    "parameter_events",
-    "parameter_changes",
-    "events",
-    "bench_reading",
+AS_IT_COMES = tuple(
+    name for name, row in TOPICS.items() if row.recorded and row.sender != "station"
 )
 """Recorded as received; our own parameter changes and events come this way too."""
-NEWEST = {"truth": 50}
-"""Of what is worthless when late, so many wait at most: a station held up for a moment, at its
-start for instance, would measure old poses for as long as it has no time to catch up."""
 
 Act = Callable[[Received], None]
 
@@ -76,7 +64,7 @@ class Subscriptions:
                 TOPICS[name].type_name,
                 callback,
                 qos=TOPICS[name].qos,
-                newest=NEWEST.get(name, 0),
+                newest=TOPICS[name].newest,
             )
 
     def close(self) -> None:

@@ -30,7 +30,6 @@ from vehicle_link.process_instance import spoken
 
 OLDEST_NS = 200_000_000
 SAID_EVERY_NS = 5_000_000_000
-ONE_SOURCE = ("tracker_pose", "bearings", "joy", "external_reference")
 
 Say = Callable[[int, str], None]
 
@@ -87,7 +86,9 @@ class Inbound:
         self._heard_ns: int | None = None
         self._say = say
         self._station = FirstHeard[int]()
-        self._sources = {name: FirstHeard[bytes]() for name in ONE_SOURCE}
+        self._sources = {
+            name: FirstHeard[bytes]() for name, row in topics.TOPICS.items() if row.one_source
+        }
         self.newest_state: Record | None = None
         self.handlers: dict[str, Callable[[bytes], None]] = {
             "tracker_pose": self._tracker_pose,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 from vehicle_link.clock import time_ns
 from vehicle_link.lane.replay_window import ReplayWindow
+from vehicle_link.topics.table import TOPICS
 from vehicle_link.transport.node import Received
 from vehicle_link.transport.rmw_keys import GID_SIZE
 
@@ -27,15 +28,11 @@ LARGEST = 1200
 HELLO = "hello"
 """Of the station, without payload: where it is, and that it listens."""
 A_HELLO = Received(b"", 0, 0, 0)
-TO_STATION = ("telemetry", "vehicle_heartbeat")
-TO_VEHICLE = (HELLO, "tracker_pose", "bearings", "joy", "station_heartbeat")
+_ROWS = [row for row in TOPICS.values() if row.lane]
+TO_STATION = tuple(row.name for row in _ROWS if row.sender == "vehicle")
+TO_VEHICLE = (HELLO, *(row.name for row in _ROWS if row.sender == "station"))
 
-_TOPICS = {0: HELLO, 1: "telemetry", 2: "vehicle_heartbeat"} | {
-    3: "tracker_pose",
-    4: "bearings",
-    5: "joy",
-    6: "station_heartbeat",
-}
+_TOPICS = {0: HELLO} | {row.lane: row.name for row in _ROWS}
 _NUMBERS = {name: number for number, name in _TOPICS.items()}
 _HEADER = struct.Struct("<BIQ")
 _NONCE = struct.Struct("<4xQ")

@@ -19,78 +19,174 @@ class Topic:
     type_name: str
     sender: Sender
     rate: float  # Hz; 0 = on change
-    qos: Qos = SENSOR_DATA
     priority: Priority = "data"
-    express: bool = False  # not batched with what follows
-    drop: bool = True  # on congestion; False waits
+    qos: Qos = SENSOR_DATA
+    lane: int = 0  # its number in datagrams beside QUIC; 0: it has none
+    one_source: bool = False  # the vehicle follows one sender at a time
+    recorded: bool = False  # by the station: what it sends as sent, what others send as received
+    newest: int = 0  # so many wait at most at the station, late ones are worthless; 0: all
+    stale: float = 0.0  # s until the page shows its values grey; 0: the page keeps none
+    page: Literal["always", "seen", "chart"] = "always"  # when the page takes it
+
+    @property
+    def on_radio(self) -> bool:
+        """Return whether it crosses the radio; other topics stay on the station's loopback."""
+        return self.sender == "vehicle" or self.one_source or self.lane > 0
+
+    @property
+    def express(self) -> bool:
+        """Return whether it is not batched with what follows."""
+        return self.priority == "real_time"
+
+    @property
+    def drop(self) -> bool:
+        """Return whether it is dropped on congestion; else it waits."""
+        return not self.qos.reliable
 
 
 _ROWS = (
+    # On loopback: telemetry expanded; first, as the page lists them first.
+    Topic("state", "nav_msgs/Odometry", "station", 100, stale=0.3, page="seen"),
+    Topic("reference", "quadlab_msgs/Reference", "station", 100, stale=0.3, page="seen"),
+    Topic("actuators", "quadlab_msgs/Actuators", "station", 100, stale=0.3, page="seen"),
+    Topic("imu", "sensor_msgs/Imu", "station", 100, stale=0.3, page="chart"),
     # On the radio, from the vehicle.
+    Topic("telemetry", "quadlab_msgs/Telemetry", "vehicle", 100, "real_time", lane=1),
     Topic(
-        "telemetry", "quadlab_msgs/Telemetry", "vehicle", 100, priority="real_time", express=True
-    ),
-    Topic("status", "quadlab_msgs/VehicleStatus", "vehicle", 10, priority="interactive_high"),
-    Topic("estimator", "quadlab_msgs/EstimatorStatus", "vehicle", 50),
-    Topic("battery", "sensor_msgs/BatteryState", "vehicle", 2),
-    Topic("pressure", "sensor_msgs/FluidPressure", "vehicle", 25),
-    Topic("bearing_pose", "geometry_msgs/PoseWithCovarianceStamped", "vehicle", 30),
-    Topic("parameter_events", "rcl_interfaces/ParameterEvent", "vehicle", 0, RELIABLE, drop=False),
-    Topic("parameter_changes", "quadlab_msgs/ParameterChange", "vehicle", 0, RELIABLE, drop=False),
-    Topic("events", "rcl_interfaces/Log", "vehicle", 0, RELIABLE, drop=False),
-    Topic(
-        "vehicle_heartbeat",
-        "quadlab_msgs/Heartbeat",
+        "status",
+        "quadlab_msgs/VehicleStatus",
         "vehicle",
-        20,
-        priority="real_time",
-        express=True,
+        10,
+        "interactive_high",
+        recorded=True,
+        stale=1.0,
     ),
+    Topic(
+        "estimator",
+        "quadlab_msgs/EstimatorStatus",
+        "vehicle",
+        50,
+        recorded=True,
+        stale=0.3,
+        page="seen",
+    ),
+    Topic("battery", "sensor_msgs/BatteryState", "vehicle", 2, recorded=True, stale=3.0),
+    Topic(
+        "pressure",
+        "sensor_msgs/FluidPressure",
+        "vehicle",
+        25,
+        recorded=True,
+        stale=0.5,
+        page="chart",
+    ),
+    Topic(
+        "bearing_pose",
+        "geometry_msgs/PoseWithCovarianceStamped",
+        "vehicle",
+        30,
+        recorded=True,
+        stale=0.3,
+        page="seen",
+    ),
+    Topic(
+        "parameter_events",
+        "rcl_interfaces/ParameterEvent",
+        "vehicle",
+        0,
+        qos=RELIABLE,
+        recorded=True,
+    ),
+    Topic(
+        "parameter_changes",
+        "quadlab_msgs/ParameterChange",
+        "vehicle",
+        0,
+        qos=RELIABLE,
+        recorded=True,
+    ),
+    Topic("events", "rcl_interfaces/Log", "vehicle", 0, qos=RELIABLE, recorded=True),
+    Topic("vehicle_heartbeat", "quadlab_msgs/Heartbeat", "vehicle", 20, "real_time", lane=2),
     # On the radio, from the station; stamps are of the vehicle's clock.
     Topic(
         "tracker_pose",
         "geometry_msgs/PoseStamped",
         "station",
         100,
-        priority="real_time",
-        express=True,
+        "real_time",
+        lane=3,
+        one_source=True,
+        recorded=True,
+        stale=0.3,
+        page="chart",
     ),
     Topic(
-        "bearings", "quadlab_msgs/BearingArray", "station", 30, priority="real_time", express=True
+        "bearings",
+        "quadlab_msgs/BearingArray",
+        "station",
+        30,
+        "real_time",
+        lane=4,
+        one_source=True,
+        recorded=True,
+        stale=0.5,
+        page="seen",
     ),
-    Topic("joy", "sensor_msgs/Joy", "station", 50, priority="real_time", express=True),
+    Topic(
+        "joy",
+        "sensor_msgs/Joy",
+        "station",
+        50,
+        "real_time",
+        lane=5,
+        one_source=True,
+        recorded=True,
+        stale=0.3,
+        page="chart",
+    ),
     Topic(  # from ROS 2 nodes alone, as often as they like
-        "external_reference",
-        "quadlab_msgs/Reference",
+        "external_reference", "quadlab_msgs/Reference", "station", 0, "real_time", one_source=True
+    ),
+    Topic("station_heartbeat", "quadlab_msgs/Heartbeat", "station", 20, "real_time", lane=6),
+    # On loopback: what the station knows.
+    Topic("station_status", "quadlab_msgs/StationStatus", "station", 5, recorded=True, stale=1.5),
+    Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5, recorded=True, stale=1.5),
+    Topic(
+        "comparison",
+        "quadlab_msgs/EstimatorComparison",
         "station",
-        0,
-        priority="real_time",
-        express=True,
+        10,
+        recorded=True,
+        stale=0.5,
+        page="seen",
     ),
     Topic(
-        "station_heartbeat",
-        "quadlab_msgs/Heartbeat",
-        "station",
-        20,
-        priority="real_time",
-        express=True,
-    ),
-    # On loopback: telemetry expanded, and what the station knows.
-    Topic("state", "nav_msgs/Odometry", "station", 100),
-    Topic("reference", "quadlab_msgs/Reference", "station", 100),
-    Topic("imu", "sensor_msgs/Imu", "station", 100),
-    Topic("actuators", "quadlab_msgs/Actuators", "station", 100),
-    Topic("station_status", "quadlab_msgs/StationStatus", "station", 5),
-    Topic("link_status", "quadlab_msgs/LinkStatus", "station", 5),
-    Topic("comparison", "quadlab_msgs/EstimatorComparison", "station", 10),
-    Topic("experiment_status", "quadlab_msgs/ExperimentStatus", "station", 1),  # 5 while one runs
-    Topic("preflight", "quadlab_msgs/Preflight", "station", 2),
-    Topic("control", "quadlab_msgs/ControlStatus", "station", 2),
-    Topic("transfers", "quadlab_msgs/Transfers", "station", 2),
-    Topic("marks", "quadlab_msgs/Mark", "station", 0, RELIABLE, drop=False),
+        "experiment_status", "quadlab_msgs/ExperimentStatus", "station", 1, recorded=True, stale=2.5
+    ),  # 5 while one runs
+    Topic("preflight", "quadlab_msgs/Preflight", "station", 2, recorded=True, stale=2.0),
+    Topic("control", "quadlab_msgs/ControlStatus", "station", 2, recorded=True, stale=2.0),
+    Topic("transfers", "quadlab_msgs/Transfers", "station", 2, stale=3.0),
+    Topic("marks", "quadlab_msgs/Mark", "station", 0, qos=RELIABLE),
     Topic("presence", "quadlab_msgs/Presence", "web", 1),
-    Topic("truth", "nav_msgs/Odometry", "simulator", 100),
-    Topic("bench_reading", "quadlab_msgs/BenchReading", "simulator", 200),
+    Topic(
+        "truth",
+        "nav_msgs/Odometry",
+        "simulator",
+        100,
+        recorded=True,
+        newest=50,
+        stale=0.3,
+        page="seen",
+    ),
+    Topic(
+        "bench_reading",
+        "quadlab_msgs/BenchReading",
+        "simulator",
+        200,
+        recorded=True,
+        stale=0.3,
+        page="seen",
+    ),
     Topic("stick", "sensor_msgs/Joy", "web", 50),
     Topic("stick_status", "quadlab_msgs/StickStatus", "station", 50),
 )

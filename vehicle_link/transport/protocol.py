@@ -15,9 +15,8 @@ from quadrotor.records import TICK
 from vehicle_link.messages import type_hash
 from vehicle_link.topics import SERVICES, TOPICS
 
-FROM_STATION = ("tracker_pose", "bearings", "joy", "external_reference", "station_heartbeat")
-"""Its other topics, and the services below, stay on its loopback."""
 AT_STATION = ("record", "mark", "experiment", "control", "transfer", "simulation")
+"""These services stay on the station's loopback, as its other topics do."""
 
 
 @cache
@@ -25,7 +24,7 @@ def protocol() -> str:
     """Return eight digits, of the definitions of every topic and service on the radio."""
     rows = [f"tick {TICK.descr}"]  # what telemetry packs is no ROS type
     for row in TOPICS.values():
-        if row.sender == "vehicle" or row.name in FROM_STATION:
+        if row.on_radio:
             rows.append(f"{row.name} {type_hash(row.type_name)}")
     for name, srv_type in SERVICES.items():
         if name not in AT_STATION:

@@ -14,52 +14,14 @@ from typing import Any
 from vehicle_link.clock import monotonic
 from vehicle_link.topics.table import TOPICS
 
-STALE: dict[str, float] = {
-    "state": 0.3,
-    "reference": 0.3,
-    "actuators": 0.3,
-    "estimator": 0.3,
-    "truth": 0.3,
-    "imu": 0.3,
-    "tracker_pose": 0.3,
-    "joy": 0.3,
-    "pressure": 0.5,
-    "status": 1.0,
-    "battery": 3.0,
-    "station_status": 1.5,
-    "link_status": 1.5,
-    "bearings": 0.5,
-    "bearing_pose": 0.3,
-    "bench_reading": 0.3,
-    "comparison": 0.5,
-    "experiment_status": 2.5,
-    "preflight": 2.0,
-    "control": 2.0,
-    "transfers": 3.0,
-}
+STALE = {name: row.stale for name, row in TOPICS.items() if row.stale}
 """The topics of which the newest message is kept, with the age (s) above which its values are shown
 grey and charts show a gap."""
 
-FAST = frozenset(
-    {
-        "state",
-        "reference",
-        "actuators",
-        "estimator",
-        "truth",
-        "imu",
-        "tracker_pose",
-        "joy",
-        "pressure",
-        "bearings",
-        "bearing_pose",
-        "bench_reading",
-        "comparison",
-    }
-)
+FAST = frozenset(name for name in STALE if TOPICS[name].page != "always")
 """Those among them that come many times a second, or are made only for who looks."""
 
-CHARTED = ("imu", "tracker_pose", "joy", "pressure")
+CHARTED = tuple(name for name in STALE if TOPICS[name].page == "chart")
 """Those among them that are for charts only."""
 
 
