@@ -141,7 +141,7 @@ def _sure(topic: Topic) -> Topic:
     """
     from vehicle_link.transport.rmw_keys import RELIABLE
 
-    return topic if clock.page() is None else replace(topic, qos=RELIABLE, drop=False)
+    return topic if clock.page() is None else replace(topic, qos=RELIABLE)
 
 
 def connect_to_station(
