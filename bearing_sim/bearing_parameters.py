@@ -8,9 +8,9 @@ from pydantic import ConfigDict, field_validator
 
 from bearing_sim.beacon_set import ID_MAX
 from bearing_sim.beacons import parse_layout
-from bearing_sim.quaternions import Triple
 from quadrotor.errors import MeasurementError, OutOfBoundsError
 from quadrotor.parameters import Parameters, parameter
+from quadrotor.plain_rotations import Triple
 
 EVERY_BEACON = "all"
 BIAS_MAX = 20.0

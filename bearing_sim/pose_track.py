@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from bearing_sim.quaternions import Array, Quadruple, Triple
+from quadrotor.plain_rotations import Array, Quadruple, Triple
 
 GAP_NS = 100_000_000
 """Poses farther apart than this are not joined: between them the pose is not known."""

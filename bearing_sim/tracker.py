@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from bearing_sim.chance import Draws
-from bearing_sim.quaternions import Array, Triple, turned
 from bearing_sim.sampling import SECOND_NS, DelayLine, SampleGrid
 from quadrotor.parameters import Parameters, parameter
+from quadrotor.plain_rotations import Array, Triple, turned
 
 
 class TrackerParameters(Parameters):

@@ -20,7 +20,7 @@ from bearing_sim import (
     SimulatedTracker,
     TrackerParameters,
 )
-from bearing_sim.quaternions import Array
+from quadrotor.plain_rotations import Array
 from vehicle_link.clock import monotonic
 
 RATE_WINDOW = 1.0

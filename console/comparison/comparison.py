@@ -19,13 +19,13 @@ from bearing_sim.beacons import Beacons
 from bearing_sim.emulator import BearingMeasurement
 from bearing_sim.observability import frame_bound
 from bearing_sim.pose_track import Pose
-from bearing_sim.quaternions import rows_of
 from console.comparison.bearings import Frame, residuals
 from console.comparison.results import Comparison, Result
 from console.comparison.samples import Event, SampleQueue
 from console.comparison.shadow import Shadow
 from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
 from console.comparison.truth import Row, Source, TruthMerge
+from quadrotor.plain_rotations import rows_of
 from quadrotor.records import STATE, Record
 
 if TYPE_CHECKING:

@@ -20,6 +20,7 @@ from flight_log.attached import literal_value
 from flight_log.gathered import Topic, read_topics
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
+from quadrotor.plain_rotations import rotation_vectors_between
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_bearings
 
@@ -78,25 +79,8 @@ class BearingsFlight:
 
     @property
     def turns(self) -> Array:
-        """Return (N, 3) rad, world axes: rotation vector from the estimated attitude to the true
-        one.
-        """
-        w, x, y, z = self.truth[:, 6:].T
-        a, b, c, d = self.estimate[:, 6:].T
-        scalar = w * a + x * b + y * c + z * d
-        vector = np.stack(
-            [
-                -w * b + x * a - y * d + z * c,
-                -w * c + x * d + y * a - z * b,
-                -w * d - x * c + y * b + z * a,
-            ],
-            axis=1,
-        )
-        length = np.linalg.norm(vector, axis=1)
-        angle = 2.0 * np.arctan2(length, np.abs(scalar))
-        sign = np.where(scalar < 0.0, -1.0, 1.0)
-        turns: Array = vector * (sign * angle / np.maximum(length, 1e-12))[:, None]
-        return turns
+        """Return the rotation vectors (N, 3), rad, world axes, from estimated to true attitude."""
+        return rotation_vectors_between(self.estimate[:, 6:], self.truth[:, 6:])
 
     def metrics(self) -> dict[str, float]:
         """Return tracking and estimation errors in the window: m, m/s, deg, shares."""

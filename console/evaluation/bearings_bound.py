@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.quaternions import matrix_of
 from estimation.error_state.parameters import ErrorStateParameters, noise_record
 from quadrotor.constants import GRAVITY
+from quadrotor.plain_rotations import matrix_of
 
 Array = npt.NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from quadrotor.errors import (
     WrongTypeError,
 )
 from quadrotor.parameters import ParameterValue
+from quadrotor.plain_rotations import roll_pitch_yaw
 from vehicle_link.messages import new
 from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.topics import SERVICES
@@ -122,8 +123,5 @@ def euler_degrees(quaternion_wb: Sequence[float]) -> tuple[float, float, float]:
         raise MeasurementError(
             f"an attitude is a unit quaternion (w, x, y, z), not {quaternion_wb!r:.80}"
         )
-    w, x, y, z = w / length, x / length, y / length, z / length
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    roll, pitch, yaw = roll_pitch_yaw(w / length, x / length, y / length, z / length)
     return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)

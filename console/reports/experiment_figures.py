@@ -22,8 +22,9 @@ from console.reports.paper_figures import (
 from console.reports.plots import styled
 from console.reports.run_log import RunLog
 from quadrotor.errors import LogFormatError, QuadlabError
+from quadrotor.plain_rotations import rotation_vectors_between
 
-Array = npt.NDArray[np.floating[Any]]
+Array = npt.NDArray[np.float64]
 
 
 def experiment_pictures(
@@ -148,7 +149,7 @@ def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
     estimated = angles - flight.estimation_error[2][rows]
     position = truth.position_w[rows], estimate.position_w[rows]
     error = flight.estimation_error[0][rows]
-    off = rotation_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
+    off = rotation_vectors_between(estimate.quaternion_wb[rows], truth.quaternion_wb[rows])
 
     def draw(figure: Any) -> None:
         state_estimation(figure, time, position, (angles, estimated), error, off, (), truth.name)
@@ -164,19 +165,6 @@ def _bearings(log: RunLog, flight: Flight, judged: Judgement) -> list[Picture]:
             styled(draw),
         )
     ]
-
-
-def rotation_between(estimated: Array, true: Array) -> Array:
-    """Return (N, 3) rad: rotation vector, world axes, from attitudes (N, 4) to attitudes (N, 4)."""
-    w, v = true[:, :1], true[:, 1:]
-    a, b = estimated[:, :1], estimated[:, 1:]
-    scalar = w * a + np.sum(v * b, axis=1, keepdims=True)
-    vector = v * a - w * b - np.cross(v, b)
-    length = np.linalg.norm(vector, axis=1, keepdims=True)
-    angle = 2.0 * np.arctan2(length, np.abs(scalar))
-    sign = np.where(scalar < 0.0, -1.0, 1.0)
-    turn: Array = vector * (sign * angle / np.maximum(length, 1e-12))
-    return turn
 
 
 def _around(time: Array, log: RunLog, behavior: str) -> npt.NDArray[np.bool_]:

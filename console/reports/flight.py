@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from console.reports.run_log import ODOMETRY, RunLog
+from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
 
 Array = npt.NDArray[np.floating[Any]]
 Flags = npt.NDArray[np.bool_]
@@ -109,14 +110,11 @@ def flight_of(log: RunLog) -> Flight:
 
 
 def roll_pitch_yaw(quaternion_wb: Array) -> Array:
-    """Return (N, 3) rad of quaternions (N, 4); yaw without jumps."""
-    w, x, y, z = quaternion_wb.T
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    known = np.isfinite(yaw)
-    yaw[known] = np.unwrap(yaw[known])
-    return np.stack([roll, pitch, yaw], axis=1)
+    """Return the angles (rad), shape (N, 3), of quaternions (N, 4); yaw without jumps."""
+    angles = roll_pitch_yaw_of_rows(quaternion_wb)
+    known = np.isfinite(angles[:, 2])
+    angles[known, 2] = np.unwrap(angles[known, 2])
+    return angles
 
 
 def wrapped(angle: Array) -> Array:

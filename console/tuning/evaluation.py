@@ -12,6 +12,7 @@ from console.tuning.collection import Gap, Samples
 from console.tuning.step_response import FIGURES, step_response
 from control.trajectories.multistep import AXES, LEVELS, POSITION
 from quadrotor.errors import StorageError
+from quadrotor.plain_rotations import roll_pitch_yaw_of_rows
 
 Array = npt.NDArray[np.float64]
 
@@ -218,8 +219,8 @@ def _problems(
 def _actual(samples: Samples) -> Array:
     """Return x, y, z (m) and yaw (rad, without jumps), shape (4, N)."""
     v = samples.values
-    x, y, z, w = (v[f"{_STATE}.orientation.{i}"].astype(float) for i in range(4))
-    yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    q = np.stack([v[f"{_STATE}.orientation.{i}"].astype(float) for i in (3, 0, 1, 2)], axis=1)
+    yaw = roll_pitch_yaw_of_rows(q)[:, 2]
     positions = [v[f"{_STATE}.position.{i}"].astype(float) for i in range(len(POSITION))]
     return np.stack([*positions, np.unwrap(yaw)])
 

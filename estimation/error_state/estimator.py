@@ -19,6 +19,7 @@ from estimation.parameters import EstimationParameters
 from estimation.poses.planar_pose import planar_pose
 from estimation.refusals import refuse_bearings, refuse_pose
 from quadrotor.errors import DegenerateGeometryError, MeasurementError, UndeterminedStartError
+from quadrotor.plain_rotations import rotate
 from quadrotor.records import POSE_SAMPLE, Record
 
 Array = npt.NDArray[np.float64]
@@ -340,18 +341,10 @@ class ErrorStateEstimator:
 
 
 def _moved_along(x: Array, quaternion_wb: Array) -> Array:
-    """Return the velocity (3,) of a nominal state (16,) in a world turned so that this is its
-    attitude.
-    """
-    velocity_b = _rotated(x[6:10] * (1.0, -1.0, -1.0, -1.0), x[3:6])
-    return _rotated(quaternion_wb, velocity_b)
-
-
-def _rotated(quaternion: Array, v: Array) -> Array:
-    """Rotate in plain numpy: what was never called would be compiled in the middle of a flight."""
-    across = 2.0 * np.cross(quaternion[1:], v)
-    turned: Array = v + quaternion[0] * across + np.cross(quaternion[1:], across)
-    return turned
+    """Return the velocity (3,) of a nominal state (16,), its world turned to that attitude."""
+    # Not compiled: what was never called would be compiled in the middle of a flight.
+    velocity_b = rotate((x[6:10] * (1.0, -1.0, -1.0, -1.0)).tolist(), x[3:6].tolist())
+    return np.array(rotate(quaternion_wb.tolist(), velocity_b))
 
 
 assert len(START) == ERRORS

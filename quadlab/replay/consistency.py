@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from quadlab.replay.errors import Array, Stamps, Truth
+from quadrotor.plain_rotations import rotation_vectors_between
 
 BOUNDS = (0.025, 0.975)
 POSE, ALL = 6, 9
@@ -62,7 +63,9 @@ def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
     count = ALL if np.isfinite(velocity).all() else POSE
     error = np.zeros((len(chosen), ALL))
     error[:, :3] = position - np.array([one.position_w for one in chosen])
-    error[:, 3:6] = turns(quaternion, np.array([one.quaternion_wb for one in chosen]))
+    error[:, 3:6] = rotation_vectors_between(
+        np.array([one.quaternion_wb for one in chosen]), quaternion
+    )
     error[:, 6:] = velocity - np.array([one.velocity_w for one in chosen])
     covariance = np.array([one.covariance for one in chosen])[:, :count, :count]
     error = error[:, :count]
@@ -71,28 +74,6 @@ def of_errors(truth: Truth, posteriors: list[Posterior]) -> Consistency | None:
     low, high = _bounds(count)
     inside = float(((nees >= low) & (nees <= high)).mean())
     return Consistency(float(nees.mean()), low, high, inside)
-
-
-def turns(true_wb: Array, estimated_wb: Array) -> Array:
-    """Return rotation vectors (N, 3), world axes, that turn the estimated attitudes into the true
-    ones.
-    """
-    w, x, y, z = true_wb.T
-    a, b, c, d = estimated_wb.T  # its conjugate is multiplied from the right
-    scalar = w * a + x * b + y * c + z * d
-    vector = np.stack(
-        [
-            x * a - w * b - y * d + z * c,
-            y * a - w * c - z * b + x * d,
-            z * a - w * d - x * c + y * b,
-        ],
-        axis=1,
-    )
-    sine = np.linalg.norm(vector, axis=1)
-    angle = 2.0 * np.arctan2(sine, np.abs(scalar)) * np.where(scalar < 0.0, -1.0, 1.0)
-    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
-    found: Array = vector * scale[:, None]
-    return found
 
 
 def _bounds(degrees: int) -> tuple[float, float]:

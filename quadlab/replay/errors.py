@@ -110,14 +110,6 @@ def angles(one: Array, other: Array) -> Array:
     return found
 
 
-def rotated(quaternions: Array, vectors: Array) -> Array:
-    """Rotate vectors (N, 3) from body to world by unit quaternions (N, 4)."""
-    axis = quaternions[:, 1:]
-    across = 2.0 * np.cross(axis, vectors)
-    turned: Array = vectors + quaternions[:, :1] * across + np.cross(axis, across)
-    return turned
-
-
 def _between(quaternions: Array, k: Stamps, s: Array) -> Array:
     """Return the rotation by share s (M, 1) of the turn from quaternion k to the next, (M, 4)."""
     start, end = quaternions[k], quaternions[k + 1]

@@ -15,11 +15,11 @@ import numpy.typing as npt
 from flight_log import LogMessage, read_attachments, read_log
 from flight_log.attached import json_value, literal_value
 from flight_log.records import ReadState
-from quadlab.replay.errors import rotated
 from quadlab.replay.gathered import Columns, Gathered
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
 from quadrotor.parameters import ParameterStore, ParameterValue
+from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record
 from vehicle.processes import mailbox
 from vehicle_link.messages import decode, stamp_of
@@ -203,7 +203,9 @@ def _odometries(payloads: list[bytes], vehicle: str) -> Columns:
         return [stamps, np.concatenate([one for _, one in each])]
     states["position_w"] = read["pose.pose.position"]
     states["quaternion_wb"] = read["pose.pose.orientation"][:, FROM_ROS]
-    states["velocity_w"] = rotated(states["quaternion_wb"], read["twist.twist.linear"])
+    states["velocity_w"] = np.column_stack(
+        rotate(states["quaternion_wb"].T, read["twist.twist.linear"].T)
+    )
     states["angular_velocity_b"] = read["twist.twist.angular"]
     return [_stamps(read), states]
 

@@ -12,9 +12,9 @@ import pytest
 
 from bearing_sim import PAPER_BEACONS, BearingEmulator, BearingMeasurement, BearingParameters
 from bearing_sim.bearing_parameters import parse_lost
-from bearing_sim.quaternions import matrix_of, turned
 from quadrotor.errors import OutOfBoundsError, ParameterError
 from quadrotor.parameters import ParameterStore
+from quadrotor.plain_rotations import matrix_of, turned
 
 Array = npt.NDArray[np.float64]
 Motion = Callable[[float], tuple[Array, Array]]

@@ -16,7 +16,7 @@ from bearing_sim.beacons import PAPER_BEACONS, PRESETS, Beacons
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.emulator import BearingEmulator
 from bearing_sim.observability import LARGEST_MAP, Sight, bound_map, frame_bound
-from bearing_sim.quaternions import matrix_of
+from quadrotor.plain_rotations import matrix_of
 
 Array = npt.NDArray[np.float64]
 SIGMA = math.radians(1.5)

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bearing_sim.pose_track import GAP_NS, PoseTrack, slerp
-from bearing_sim.quaternions import turned
 from bearing_sim.sampling import SECOND_NS, InstantGrid
+from quadrotor.plain_rotations import turned
 
 Array = npt.NDArray[np.float64]
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bearing_sim import PoseMeasurement, SimulatedTracker, TrackerParameters
-from bearing_sim.quaternions import matrix_of, turned
+from quadrotor.plain_rotations import matrix_of, turned
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 HERE = np.array([0.3, -0.2, 1.1])

@@ -17,7 +17,7 @@ from estimation.complementary import ComplementaryEstimator
 from flight_log import LogWriter, read_attachments, read_log
 from quadlab.__main__ import main
 from quadlab.replay import gathered
-from quadlab.replay.errors import Truth, angles, errors, rotated
+from quadlab.replay.errors import Truth, angles, errors
 from quadlab.replay.flown import flown_choices
 from quadlab.replay.lines import plan_runs
 from quadlab.replay.log import Recording, read_recording
@@ -27,6 +27,7 @@ from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadlab.simulated.flight_log import FlightLog
 from quadrotor.errors import LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterStore
+from quadrotor.plain_rotations import rotate
 from quadrotor.records import STATE
 from vehicle.flight.kernels import prepare
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -449,7 +450,7 @@ def test_angles_are_exact_near_zero_and_blind_to_the_sign() -> None:
 
 def test_body_axes_turn_into_the_world_as_their_quaternion_says() -> None:
     quarter = np.array([[np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]])  # 90 deg about z
-    assert rotated(quarter, np.array([[1.0, 0.0, 0.0]]))[0] == pytest.approx([0.0, 1.0, 0.0])
+    assert np.ravel(rotate(quarter.T, (1.0, 0.0, 0.0))) == pytest.approx([0.0, 1.0, 0.0])
 
 
 # ---------------------------------------------------------------------- which measurements

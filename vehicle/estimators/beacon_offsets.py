@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from bearing_sim.quaternions import matrix_of
+from quadrotor.plain_rotations import matrix_of
 
 Array = npt.NDArray[np.float64]
 

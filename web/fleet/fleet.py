@@ -14,8 +14,9 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, QuadlabError
+from quadrotor.plain_rotations import roll_pitch_yaw
 from web.live.latest import FAST, Live
-from web.view.angles import roll_pitch_yaw
+from web.signals.signal import quaternion
 
 if TYPE_CHECKING:
     from web.live.vehicle_side import VehicleSide
@@ -133,7 +134,7 @@ def _position(live: Live) -> list[float] | None:
     if state is None:
         return None
     at = state.pose.pose.position
-    _, _, yaw = roll_pitch_yaw(state.pose.pose.orientation)
+    _, _, yaw = roll_pitch_yaw(*quaternion(state.pose.pose.orientation))
     where = (float(at.x), float(at.y), float(at.z), yaw)
     return [round(v, 3) for v in where] if all(map(math.isfinite, where)) else None
 

@@ -10,6 +10,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from quadrotor.plain_rotations import roll_pitch_yaw_of_rows, rotate
+
 Array = npt.NDArray[np.float64]
 Column = Callable[[str], npt.NDArray[np.float32]]
 Columns = dict[str, Array]
@@ -22,23 +24,12 @@ REFERENCE = tuple(f"position.{axis}" for axis in "xyz")
 
 
 def of_odometry(column: Column) -> Columns:
-    """Return roll, pitch, yaw and the velocity in world axes of a pose with a twist in body
-    axes.
-    """
-    w, x, y, z = (column(name).astype(float) for name in ROTATION)
-    velocity = [column(name).astype(float) for name in VELOCITY]
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )  # R_wb
-    found = {
-        f"@velocity.{axis}": r[0] * velocity[0] + r[1] * velocity[1] + r[2] * velocity[2]
-        for axis, r in zip("xyz", rows, strict=True)
-    }
-    found["@roll"] = np.arctan2(rows[2][1], rows[2][2])
-    found["@pitch"] = np.arcsin(np.clip(-rows[2][0], -1.0, 1.0))
-    found["@yaw"] = np.arctan2(rows[1][0], rows[0][0])
+    """Return angles and world-axes velocity of a pose with a twist in body axes."""
+    q = np.stack([column(name).astype(float) for name in ROTATION], axis=1)
+    velocity_w = rotate(q.T, [column(name).astype(float) for name in VELOCITY])
+    found = {f"@velocity.{axis}": part for axis, part in zip("xyz", velocity_w, strict=True)}
+    angles = roll_pitch_yaw_of_rows(q).T
+    found |= {f"@{name}": one for name, one in zip(("roll", "pitch", "yaw"), angles, strict=True)}
     return found
 
 

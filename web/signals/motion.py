@@ -6,17 +6,17 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from web.signals.signal import Source, one, vector, xyz
-from web.view.angles import roll_pitch_yaw, rotate
+from quadrotor.plain_rotations import roll_pitch_yaw, rotate
+from web.signals.signal import Source, one, quaternion, vector, xyz
 
 
 def _state(m: Any) -> Sequence[float]:
     pose, twist = m.pose.pose, m.twist.twist
-    angles = roll_pitch_yaw(pose.orientation)
+    q = quaternion(pose.orientation)
     return (
         *vector(pose.position),
-        *rotate(pose.orientation, twist.linear),  # body axes to world axes
-        *(math.degrees(a) for a in angles),
+        *rotate(q, vector(twist.linear)),  # body axes to world axes
+        *(math.degrees(a) for a in roll_pitch_yaw(*q)),
         *(math.degrees(a) for a in vector(twist.angular)),
     )
 
@@ -28,14 +28,14 @@ def _reference(m: Any) -> Sequence[float]:
 def _tracking(state: Any, reference: Any) -> Sequence[float]:
     p, r = state.pose.pose.position, reference.position
     error = (p.x - r.x, p.y - r.y, p.z - r.z)
-    yaw = roll_pitch_yaw(state.pose.pose.orientation)[2] - reference.yaw
+    yaw = roll_pitch_yaw(*quaternion(state.pose.pose.orientation))[2] - reference.yaw
     return (*error, math.hypot(*error), math.degrees(math.remainder(yaw, math.tau)))
 
 
 def _truth(state: Any, truth: Any) -> Sequence[float]:
     p, t = state.pose.pose.position, truth.pose.pose.position
-    v = rotate(state.pose.pose.orientation, state.twist.twist.linear)
-    u = rotate(truth.pose.pose.orientation, truth.twist.twist.linear)
+    v = rotate(quaternion(state.pose.pose.orientation), vector(state.twist.twist.linear))
+    u = rotate(quaternion(truth.pose.pose.orientation), vector(truth.twist.twist.linear))
     return (*vector(t), 1e3 * math.dist((p.x, p.y, p.z), (t.x, t.y, t.z)), math.dist(v, u))
 
 

@@ -39,6 +39,11 @@ def vector(v: Any) -> tuple[float, float, float]:
     return (v.x, v.y, v.z)
 
 
+def quaternion(q: Any) -> tuple[float, float, float, float]:
+    """Return w, x, y, z of a geometry_msgs/Quaternion."""
+    return (q.w, q.x, q.y, q.z)
+
+
 def norm(v: Any) -> float:
     return math.sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
 

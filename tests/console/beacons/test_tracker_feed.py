@@ -7,8 +7,8 @@ import threading
 import numpy as np
 
 from bearing_sim import BearingMeasurement, BearingParameters, PoseMeasurement, TrackerParameters
-from bearing_sim.quaternions import matrix_of
 from console.tracker_feed import TrackerFeed
+from quadrotor.plain_rotations import matrix_of
 
 HERE, LEVEL = np.array([0.1, 0.2, 1.0]), np.array([1.0, 0, 0, 0])
 MS = 1_000_000

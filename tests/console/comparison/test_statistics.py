@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bearing_sim.pose_track import Pose
-from bearing_sim.quaternions import quaternion_of
 from console.comparison.comparison import EstimatorComparison
 from console.comparison.statistics import ErrorStatistics, errors
+from quadrotor.plain_rotations import quaternion_of
 from quadrotor.records import TICK
 
 MS = 1_000_000

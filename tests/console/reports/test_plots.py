@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from console.reports.bench_steps import law_figures
-from console.reports.experiment_figures import rotation_between
 from console.reports.plots import POINTS, broken, thinned
 from console.reports.run_log import read_run
 from console.reports.tables import figure, number
 from flight_log import LogWriter
+from quadrotor.plain_rotations import rotation_vectors_between
 from vehicle_link.messages import encode, new
 
 
@@ -52,7 +52,7 @@ def test_the_rotation_between_attitudes_is_the_turn_from_the_estimate_to_the_tru
         ]
     )
     for sign in (1.0, -1.0):
-        found = rotation_between(estimated, sign * true)
+        found = rotation_vectors_between(estimated, sign * true)
         assert found == pytest.approx(np.array([[0.02, 0.0, 0.0]] * 2), abs=1e-9)
 
 
