@@ -17,9 +17,10 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Triple = tuple[float, float, float]
 Quadruple = tuple[float, float, float, float]
+Rows = tuple[Any, Any, Any]
 
 
-def rows_of(q: Sequence[Any] | Array) -> tuple[tuple[Any, Any, Any], ...]:
+def rows_of(q: Sequence[Any] | Array) -> tuple[Rows, Rows, Rows]:
     """Return the three rows of R_wb.
 
     Args:
@@ -58,7 +59,7 @@ def roll_pitch_yaw(w: float, x: float, y: float, z: float) -> Triple:
     )
 
 
-def roll_pitch_yaw_of_rows(quaternion_wb: Array) -> Array:
+def roll_pitch_yaw_of_rows(quaternion_wb: npt.NDArray[np.floating[Any]]) -> Array:
     """Return the ZYX Euler angles (rad), shape (N, 3), of unit quaternions (N, 4)."""
     w, x, y, z = quaternion_wb.T
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -67,7 +68,9 @@ def roll_pitch_yaw_of_rows(quaternion_wb: Array) -> Array:
     return np.stack([roll, pitch, yaw], axis=1)
 
 
-def rotation_vectors_between(estimated_wb: Array, true_wb: Array) -> Array:
+def rotation_vectors_between(
+    estimated_wb: npt.NDArray[np.floating[Any]], true_wb: npt.NDArray[np.floating[Any]]
+) -> Array:
     """Return the rotation vectors (rad, world axes) from estimated to true attitudes.
 
     Args:

@@ -24,7 +24,7 @@ from console.reports.run_log import RunLog
 from quadrotor.errors import LogFormatError, QuadlabError
 from quadrotor.plain_rotations import rotation_vectors_between
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[np.floating[Any]]
 
 
 def experiment_pictures(
