@@ -49,6 +49,7 @@ from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics
 from vehicle_link.lockstep import STATION_PROCESS, Part
 from vehicle_link.messages import decode
+from vehicle_link.parameters.messages import decode_change
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.process_instance import new_instance
 from vehicle_link.topics import TOPICS
@@ -311,7 +312,7 @@ class BaseStation:
     def _on_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)
         self.checks.observed.status(status)
-        self._vehicle_parameters.shown_revision = int(status.parameter_revision)
+        self._vehicle_parameters.shown = (int(status.instance), int(status.parameter_revision))
         self.runs.status(bool(status.armed))
         self._witness.status(bool(status.armed), self._recorder.run_id)
         self.experiments.feed.status(status)
@@ -341,7 +342,7 @@ class BaseStation:
         self.runs.asked(command, requester)
 
     def _on_parameter_change(self, received: Received) -> None:
-        change = decode(received.payload, TOPICS["parameter_changes"].type_name)
+        change = decode_change(received.payload)
         self.experiments.feed.parameter_changed(change)
         self._witness.changed(change, received.received_ns)
 

@@ -40,23 +40,23 @@ class Calibrations:
         self._records: dict[str, tuple[CalibrationRecord, ...]] | None = None
         self._problem = NOT_READ
         self._due = 0.0  # s of the monotonic clock; inf: read
-        self._revision = -1
+        self._instance: int | None = None  # of the vehicle asked last
         self._is_starting = False
         self._awaited_until = -math.inf
         node.serve("station/calibrate", SERVICE, self._answer)
 
     # ------------------------------------------------------------------ the station tells
-    def look(self, revision: int) -> None:
+    def look(self, instance: int) -> None:
         """Read the calibrations when due; called once a second while the vehicle is connected, and
         may wait for its answer.
 
         Args:
-            revision: of the vehicle's parameters; a lower one is a vehicle that started again.
+            instance: of the vehicle's process; another one has started again.
         """
         with self._lock:
-            if revision < self._revision:
+            if instance != self._instance:
                 self._due = 0.0
-            self._revision = revision
+            self._instance = instance
             is_due = time.monotonic() >= self._due
         if is_due:
             try:

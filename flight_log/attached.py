@@ -35,15 +35,6 @@ def literal_value(text: str) -> Any:
         raise ValueError(str(error) or "it is nested too deep") from None
 
 
-def plain_value(text: Any) -> Any:
-    """Return the value that `repr` wrote, or the text itself where it wrote none."""
-    try:
-        value = literal_value(text)
-    except (ValueError, TypeError):
-        return text
-    return value if isinstance(value, bool | int | float | str) else text
-
-
 def parameters_of(attachment: bytes | None) -> dict[str, ParameterValue]:
     """Name → value at the start; a station's own begin with `station.`. Empty: not recorded."""
     try:

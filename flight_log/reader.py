@@ -16,6 +16,7 @@ from flight_log.format import CHUNK_INDEX, INDEX_PLACE, RECORD, UNREADABLE, open
 from flight_log.index import index_records, reading
 from flight_log.limits import Kept, check_record
 from flight_log.records import RawMessage, ReadState, records, split_chunk
+from flight_log.versions import decodable_name
 from quadrotor.errors import LogFormatError, StorageError
 
 
@@ -51,7 +52,7 @@ def read_log(
                     *channel, record.payload, record.log_ns, record.publish_ns, record.sequence
                 )
         elif isinstance(record, Schema):
-            schemas[record.id] = record.name
+            schemas[record.id] = decodable_name(record)
         elif isinstance(record, Channel) and (topics is None or record.topic in topics):
             channels[record.id] = (record.topic, schemas.get(record.schema_id, ""))
 

@@ -7,6 +7,7 @@ its type (by path, `pose.pose.position.x`), and for each text the places where i
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,6 +19,7 @@ from mcap.records import Schema
 from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at, rows_at
 from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
+from flight_log.versions import decodable_name, logged_value
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
 
@@ -130,11 +132,12 @@ class ColumnReader:
                 paths = None
                 if self._wanted is not None:
                     paths = frozenset(self._wanted.get(channel.topic.rsplit("/", 1)[-1], ()))
+                is_whole = channel.topic.endswith(self._whole)
                 reader = _TopicReader(
                     channel.topic,
-                    schema.name,
+                    decodable_name(schema) if is_whole else schema.name,
                     layouts,
-                    channel.topic.endswith(self._whole),
+                    is_whole,
                     paths,
                     self._dtype,
                 )
@@ -311,8 +314,9 @@ def _joined(rows: Bytes, pieces: list[tuple[int, int]]) -> npt.NDArray[Any]:
 
 
 def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
-    """Return a message's own fields that are texts or numbers, by name; empty when it is
-    unreadable.
+    """Return a message's own texts, numbers and parameter values, by name.
+
+    It is empty when the message is unreadable.
     """
     try:
         message = decode(payload, type_name)
@@ -321,6 +325,9 @@ def text_fields(payload: bytes, type_name: str) -> dict[str, Any]:
     found = {}
     for name in message.__dataclass_fields__:
         value = getattr(message, name)
+        if name in ("old_value", "new_value"):
+            with suppress(LogFormatError):
+                value = logged_value(value)
         if isinstance(value, str | bool | int | float) and not name.isupper():
             found[name] = value
     return found

@@ -21,6 +21,7 @@ from flight_log import LogWriter
 from flight_log.writer import Batch
 from quadrotor.records import TICK
 from vehicle_link.messages import encode, header, new
+from vehicle_link.parameters.messages import to_value
 from vehicle_link.topics import ticks as topic_ticks
 
 RATE = 500  # Hz
@@ -273,8 +274,8 @@ def _single(kind: str, content: Any, head: Any, number: int, at: float) -> tuple
             "quadlab_msgs/ParameterChange",
             header=head,
             name=name,
-            old_value=repr(old),
-            new_value=repr(value),
+            old_value=to_value(old),
+            new_value=to_value(value),
             requester="anna",
             revision=number,
         )

@@ -16,8 +16,8 @@ from console.evaluation.alignment import between
 from console.evaluation.bearings_bound import Frame, PoseBound, posterior_bound
 from console.evaluation.log_columns import read_parameters
 from estimation.error_state.parameters import ErrorStateParameters
-from flight_log.attached import literal_value
 from flight_log.gathered import Topic, read_topics
+from flight_log.versions import logged_value
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import rotation_vectors_between
@@ -187,7 +187,7 @@ def _phase(changes: Topic) -> list[int]:
     for ns, payload in _payloads(changes):
         change = decode(payload, changes.type_name)
         if change.name == "estimation.source":
-            on = change.new_value.strip("'\"") == "bearings"
+            on = logged_value(change.new_value) == "bearings"
             if on is (len(phase) == 0) and len(phase) < 2:
                 phase.append(ns)
     return phase
@@ -277,8 +277,8 @@ def _values(log: Path, changes: Topic, until: float) -> dict[str, ParameterValue
     for ns, payload in _payloads(changes):
         if ns * 1e-9 <= until:
             change = decode(payload, changes.type_name)
-            with suppress(ValueError):
-                values[change.name] = literal_value(change.new_value)
+            with suppress(LogFormatError):
+                values[change.name] = logged_value(change.new_value)
     return values
 
 

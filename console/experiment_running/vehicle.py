@@ -4,7 +4,6 @@ it.
 
 from __future__ import annotations
 
-import ast
 import math
 import threading
 from contextlib import suppress
@@ -19,6 +18,7 @@ from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
+from vehicle_link.parameters.messages import AppliedChange
 from vehicle_link.topics import TOPICS
 
 MISSED = 0.5
@@ -66,12 +66,12 @@ class VehicleFeed:
         """Take a quadlab_msgs/EstimatorStatus as received; decoded when it is looked at."""
         self._estimate = payload
 
-    def parameter_changed(self, change: Any) -> None:
-        """Take a quadlab_msgs/ParameterChange; the station's own come on the same topic."""
+    def parameter_changed(self, change: AppliedChange) -> None:
+        """Take a change of the vehicle's; the station's own come on the same topic."""
         if not change.name.startswith(PREFIX):
-            with self._news, suppress(ValueError, SyntaxError):
-                self._values[change.name] = ast.literal_eval(change.new_value)
-                self._revision = max(self._revision, int(change.revision))
+            with self._news:
+                self._values[change.name] = change.new
+                self._revision = max(self._revision, change.revision)
                 self._tell()
 
     def applied(self, values: dict[str, ParameterValue], revision: int) -> None:

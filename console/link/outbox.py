@@ -54,7 +54,6 @@ class Outbox:
         speaker: str = "station",
     ) -> None:
         self._speaker = speaker
-        self._node_name = node.full_name
         self._vehicle = vehicle
         self._record = record
         self._vehicle_ns = vehicle_ns
@@ -135,7 +134,7 @@ class Outbox:
     ) -> None:
         """Publish a changed parameter for our own log and page, and for ROS 2."""
         stamp_ns = self._vehicle_ns()
-        change = topics.encode_parameter_change(stamp_ns, name, old, value, requester, revision)
+        change = topics.encode_parameter_change(
+            stamp_ns, name, old, value, requester, revision, self._standing.instance
+        )
         self.put("parameter_changes", change, stamp_ns)
-        event = topics.encode_parameter_event(stamp_ns, self._node_name, {name: value})
-        self.put("parameter_events", event, stamp_ns)

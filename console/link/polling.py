@@ -66,7 +66,7 @@ class SlowQuestions:
                 self._parameters.refresh()
                 if (present := self._parameters.present()) is not None:
                     self._witness.look(*present)
-                self._calibrations.look(self._parameters.shown_revision)
+                self._calibrations.look(shown[0] if (shown := self._parameters.shown) else 0)
                 self._parameters.learn_defaults()  # last: it takes the longest
             self._alarms.set("beacons", self._layout.agree() or None)
         except LinkError:

@@ -6,7 +6,6 @@ as Python writes them, so that a text and a number are told apart.
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from sqlalchemy import BigInteger, Engine, String, Text, UniqueConstraint, func,
 from sqlalchemy.exc import OperationalError, SQLAlchemyError
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
 
+from flight_log.attached import literal_value
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 
@@ -149,13 +149,13 @@ class ParameterHistory:
                 .group_by(ChangeRow.name)
             )
             rows = session.scalars(select(ChangeRow).where(ChangeRow.id.in_(first)))
-            values = {change.name: ast.literal_eval(change.old) for change in rows}
+            values = {change.name: literal_value(change.old) for change in rows}
             return Flight(row.run, row.start_ns, row.end_ns != 0, values)
 
     def known(self) -> dict[str, ParameterValue]:
         with self._session() as session:
             rows = session.scalars(select(KnownRow).where(KnownRow.vehicle == self._vehicle))
-            return {row.name: ast.literal_eval(row.value) for row in rows}
+            return {row.name: literal_value(row.value) for row in rows}
 
     # ------------------------------------------------------------------ write
     def add(self, changes: Iterable[ParameterChange]) -> None:
@@ -229,8 +229,8 @@ def _change(row: ChangeRow) -> ParameterChange:
     return ParameterChange(
         id=row.id,
         name=row.name,
-        old=ast.literal_eval(row.old),
-        new=ast.literal_eval(row.new),
+        old=literal_value(row.old),
+        new=literal_value(row.new),
         requester=row.requester,
         stamp_ns=row.stamp_ns,
         sent_ns=row.sent_ns,

@@ -7,21 +7,23 @@ another value than the last known one, and is written as that.
 
 from __future__ import annotations
 
-import ast
 import logging
 import queue
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from console.parameters.history import ParameterChange, ParameterHistory
-from quadrotor.errors import MeasurementError, StorageError
+from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import time_ns
 from vehicle_link.parameters.authority import VEHICLE, authority_of
+from vehicle_link.parameters.messages import AppliedChange
 
 log = logging.getLogger(__name__)
+
+Version = tuple[int, int]
+"""Instance of the process that counts, and its revision."""
 
 AT_START = "(start of vehicle or station)"
 AT_RESTART = "(the vehicle started anew)"
@@ -58,9 +60,9 @@ class ParameterWitness:
         self._alarm = alarm
         self._lock = threading.Lock()
         self._known = history.known()
-        self._heard: int | None = None  # revision of the vehicle's last change
-        self._suspect: tuple[int, int | None] | None = None
-        self._has_looked = False
+        self._heard: Version | None = None  # of the vehicle's last change
+        self._suspect: tuple[Version, Version | None] | None = None
+        self._instance: int | None = None  # of the vehicle's process looked at last
         self._flight = ""
         self._is_armed: bool | None = None
         last = history.flight()
@@ -72,30 +74,23 @@ class ParameterWitness:
         self._thread = threading.Thread(target=self._write, name="parameter history", daemon=True)
         self._thread.start()
 
-    def changed(self, change: Any, received_ns: int) -> None:
-        """Take a quadlab_msgs/ParameterChange. Raises MeasurementError for one without values."""
-        stamp = change.header.stamp
-        try:
-            old, new = ast.literal_eval(change.old_value), ast.literal_eval(change.new_value)
-        except (ValueError, SyntaxError):
-            raise MeasurementError(
-                f"{change.name} from {change.old_value!r} to {change.new_value!r}: not values"
-            ) from None
+    def changed(self, change: AppliedChange, received_ns: int) -> None:
+        """Write what an authority says it has changed."""
         with self._lock:
-            if authority_of(str(change.name)) == VEHICLE:
-                self._heard = int(change.revision)
-            self._known[str(change.name)] = new
-            if old != new:
+            if authority_of(change.name) == VEHICLE:
+                self._heard = (change.instance, change.revision)
+            self._known[change.name] = change.new
+            if change.old != change.new:
                 self._put(
                     ParameterChange(
-                        name=str(change.name),
-                        old=old,
-                        new=new,
-                        requester=str(change.requester),
+                        name=change.name,
+                        old=change.old,
+                        new=change.new,
+                        requester=change.requester,
                         stamp_ns=received_ns,
                         flight=self._flight,
-                        revision=int(change.revision),
-                        sent_ns=int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec),
+                        revision=change.revision,
+                        sent_ns=change.stamp_ns,
                     )
                 )
 
@@ -113,30 +108,30 @@ class ParameterWitness:
             elif not (was is None and self._is_open):  # the station died in flight and came back
                 self._put(_Begin(self._flight, time_ns()))
 
-    def look(self, values: Mapping[str, ParameterValue], revision: int) -> None:
-        """Compare with the vehicle's values as read at `revision`; to be called once a second.
+    def look(self, values: Mapping[str, ParameterValue], version: Version) -> None:
+        """Compare with the vehicle's values as read at `version`; call once a second.
 
-        Another revision than that of the last change heard, twice in a row, was not received of.
+        Of the same process, another revision than that of the last change heard is written
+        when it is found twice in a row: values overtake the message of their change.
         """
         with self._lock:
-            if not self._has_looked:
-                self._has_looked = True
-                self._adopt(values, revision, AT_START)
-            elif revision == self._heard:
+            before, self._instance = self._instance, version[0]
+            if before != self._instance:
+                self._adopt(values, version[1], AT_START if before is None else AT_RESTART)
+            elif version == self._heard:
                 self._suspect = None
-            elif self._suspect != (revision, self._heard):
-                self._suspect = (revision, self._heard)
+                return
+            elif self._suspect != (version, self._heard):
+                self._suspect = (version, self._heard)
+                return
             else:
-                is_lower = self._heard is not None and revision < self._heard
-                why = AT_RESTART if is_lower else NOT_HEARD
-                self._adopt(values, revision, why)
+                self._adopt(values, version[1], NOT_HEARD)
+            self._heard, self._suspect = version, None
 
     def begin(self, values: Mapping[str, ParameterValue]) -> None:
         """Take the station's own values at its start."""
         with self._lock:
-            heard = self._heard
             self._adopt(values, 0, AT_START)
-            self._heard = heard
 
     def wait_idle(self, bound: float) -> bool:
         """Return whether everything reported is written."""
@@ -167,7 +162,6 @@ class ParameterWitness:
                     )
                 )
         self._known.update(values)
-        self._heard, self._suspect = revision, None
 
     def _put(self, item: _Item) -> None:
         self._idle.clear()

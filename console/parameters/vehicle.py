@@ -11,23 +11,27 @@ from vehicle_link.transport.node import Node
 
 
 class VehicleParameters:
-    """Fetched again whenever the vehicle's status shows another revision."""
+    """Fetched again whenever the vehicle's status shows another revision, or another process.
+
+    Attributes:
+        shown: (process instance, revision) in the vehicle's status; None before the first one.
+    """
 
     def __init__(self, node: Node, vehicle: str) -> None:
         self._client = ParameterClient(node, f"/{vehicle}/vehicle", timeout=1.0)
         self._fetching = threading.Lock()
         self._values: dict[str, ParameterValue] | None = None
-        self._revision = -1
+        self._read_at: tuple[int, int] | None = None
         self._defaults: dict[str, ParameterValue] = {}
-        self.shown_revision = -1  # in the vehicle's status
+        self.shown: tuple[int, int] | None = None
 
     def refresh(self) -> None:
         """Fetch when what we have is not what the vehicle shows. Raises LinkError."""
         with self._fetching:
-            wanted = self.shown_revision
-            if wanted >= 0 and wanted != self._revision:
+            wanted = self.shown
+            if wanted is not None and wanted != self._read_at:
                 self._values = self._client.values()
-                self._revision = wanted
+                self._read_at = wanted
 
     def learn_defaults(self) -> None:
         """Fetch those of parameters that are new here: at first, and of another version of the
@@ -47,7 +51,7 @@ class VehicleParameters:
     @property
     def in_step(self) -> bool:
         """Return whether our values are those the vehicle shows, without waiting."""
-        return self._values is not None and self._revision == self.shown_revision
+        return self._values is not None and self._read_at == self.shown
 
     def newest(self, name: str) -> ParameterValue | None:
         """Return the value as it was fetched last, even if old; None when it was not. Never
@@ -57,27 +61,23 @@ class VehicleParameters:
         return None if values is None else values.get(name)
 
     def known(self, name: str) -> ParameterValue | None:
-        """Return the value as it was fetched; None when the vehicle has none, or shows a newer
-        revision.
-        """
-        with self._fetching:
-            if self._values is None or self._revision != self.shown_revision:
-                return None
-            return self._values.get(name)
+        """Return the value; None when the vehicle has none, or shows a newer revision."""
+        present = self.present()
+        return None if present is None else present[0].get(name)
 
-    def present(self) -> tuple[dict[str, ParameterValue], int] | None:
-        """Return (values, revision) as they were fetched; None when the vehicle shows a newer
-        one.
-        """
+    def present(self) -> tuple[dict[str, ParameterValue], tuple[int, int]] | None:
+        """Return (values, (instance, revision)); None when the vehicle shows newer ones."""
         with self._fetching:
-            if self._values is None or self._revision != self.shown_revision:
+            values, read_at = self._values, self._read_at
+            if values is None or read_at is None or read_at != self.shown:
                 return None
-            return self._values, self._revision
+            return values, read_at
 
     def snapshot(self) -> tuple[dict[str, ParameterValue] | None, int, str]:
         """Return (values or None, revision, why there are none or old ones); may wait 1 s."""
+        problem = ""
         try:
             self.refresh()
         except LinkError as error:
-            return self._values, self._revision, str(error)
-        return self._values, self._revision, ""
+            problem = str(error)
+        return self._values, -1 if self._read_at is None else self._read_at[1], problem

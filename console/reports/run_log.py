@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log import run
-from flight_log.attached import json_value, parameters_of, plain_value
+from flight_log.attached import json_value, parameters_of
 from flight_log.index import RECOVERED_METADATA
 from flight_log.run import Series
 from flight_log.topic_columns import ColumnReader
@@ -67,7 +67,7 @@ IMU = {"imu": (*_axes("linear_acceleration"), *_axes("angular_velocity"))}
 MOST_LINES = 2000
 MOST_BYTES = 180_000_000
 """Largest size of stamps and values: above an hour's flight, and ten million bare stamps."""
-ON_CHANGE = ("events", "marks", "parameter_changes", "parameter_events", "joy", "stick")
+ON_CHANGE = ("events", "marks", "parameter_changes", "joy", "stick")
 """Silent by nature: no gap of theirs is one."""
 WARNING = 30  # level of rcl_interfaces/Log
 
@@ -191,8 +191,8 @@ def _lines(topic: str, series: Series, changes: dict[str, ParameterValue]) -> li
             marks[number] = Line(at, "mark", str(said.get("text", "")), who)
         else:
             name, new = str(said.get("name", "")), said.get("new_value", "")
-            changes[name] = plain_value(str(new))
-            text = f"{name}: {said.get('old_value', '')} → {new}"
+            changes[name] = new
+            text = f"{name}: {said.get('old_value', '')!r} → {new!r}"
             found.append(Line(t, "parameter", text, who))
     left = len(series) - MOST_LINES
     if left > 0:

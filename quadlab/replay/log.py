@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log import LogMessage, read_attachments, read_log
-from flight_log.attached import json_value, literal_value
+from flight_log.attached import json_value
 from flight_log.records import ReadState
+from flight_log.versions import logged_value
 from quadlab.replay.gathered import Columns, Gathered
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError
@@ -254,13 +255,8 @@ def _bearings(payload: bytes) -> mailbox.Bearings:
 
 
 def _change(message: LogMessage) -> Change:
-    change = decode(message.payload, "quadlab_msgs/ParameterChange")
-    try:
-        value = literal_value(change.new_value)
-    except ValueError as error:
-        raise LogFormatError(
-            f"a change of {change.name!r:.80} to {change.new_value!r:.80} is none of a parameter"
-        ) from error
+    change = decode(message.payload, message.type_name)
+    value = logged_value(change.new_value)
     return Change(stamp_of(change), int(change.revision), change.name, value)
 
 
@@ -274,5 +270,5 @@ def _calibrations(messages: list[LogMessage]) -> set[int]:
 
 
 def _airborne(message: LogMessage) -> tuple[int, bool]:
-    status = decode(message.payload, "quadlab_msgs/VehicleStatus")
+    status = decode(message.payload, message.type_name)
     return stamp_of(status), bool(status.airborne)

@@ -118,7 +118,9 @@ class Vehicle:
         self._session = vehicle_session(
             port, ensure_certificates(data / "certificates"), "127.0.0.1"
         )
-        config = CommsConfig(os.getpid(), descriptors, "quad1", str(data / "vehicle"), port)
+        config = CommsConfig(
+            os.getpid(), descriptors, "quad1", str(data / "vehicle"), port, instance=new_instance()
+        )
         self._node = Node(self._session, "/quad1", "vehicle")
         self._comms = Comms(config, rings, self._node)
         self._stopping = threading.Event()

@@ -67,6 +67,7 @@ class ScriptedStation(Station):
     """Answers as a station with a vehicle would, without a network."""
 
     def start(self) -> None:
+        self.instance = 1  # of the vehicle's process
         self.store = ParameterStore(_Root().model_copy(deep=True))
         self.requests: list[tuple[str, Any]] = []
         self.sticks: list[tuple[tuple[float, ...], bool]] = []
@@ -153,6 +154,7 @@ class ScriptedStation(Station):
                     "overruns": 2,
                     "missed_frames": 5,
                     "parameter_revision": self.store.revision,
+                    "instance": self.instance,
                     **self.said,
                 },
             ),

@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 
 from control.behaviors.table import BehaviorName
-from quadrotor.parameters import ParameterValue
 from quadrotor.records import TICK, Record, offset_of
 from vehicle.flight.modes import ControlMode, Flag, Mode
 from vehicle.processes import mailbox
@@ -81,7 +80,6 @@ class Publisher:
         self._log = log
         self._clock = clock
         self._vehicle = vehicle
-        self._node = f"/{vehicle}/vehicle"
         self._pending: list[Record] = []
         self._pending_count = 0
         self._packet_size = telemetry.SAMPLES_A_PACKET
@@ -147,11 +145,14 @@ class Publisher:
         if change.name == FLOWN_ON:
             self.estimator = str(change.new)
         stamp_ns = change.stamp_ns
-        changed: dict[str, ParameterValue] = {change.name: change.new}
-        event = topics.encode_parameter_event(stamp_ns, self._node, changed)
-        self._send("parameter_events", event, stamp_ns, always=True)
         payload = topics.encode_parameter_change(
-            stamp_ns, change.name, change.old, change.new, change.requester, change.revision
+            stamp_ns,
+            change.name,
+            change.old,
+            change.new,
+            change.requester,
+            change.revision,
+            self.instance,
         )
         self._send("parameter_changes", payload, stamp_ns, always=True)
 
@@ -187,6 +188,7 @@ class Publisher:
             BehaviorName(status["behavior"]).name.lower(),
             flag_names(int(status["flags"])),
             ControlMode(status["control_mode"]).name.lower(),
+            self.instance,
         )
 
     def _due(self, topic: str, now_ns: int) -> bool:

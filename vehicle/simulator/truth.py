@@ -157,19 +157,22 @@ def connect_to_station(
         from vehicle_link.messages import Message, new
         from vehicle_link.parameters.messages import from_parameters, to_parameters
         from vehicle_link.parameters.service import serve_parameters
+        from vehicle_link.process_instance import new_instance
         from vehicle_link.topics import SERVICES, TOPICS, encode_parameter_change
         from vehicle_link.transport.idempotent import Idempotent
         from vehicle_link.transport.node import Node
 
         node = Node(shared.open(), f"/{vehicle}", "simulator")
         publishers = {topic: node.advertise(_sure(TOPICS[topic])) for topic in PUBLISHED}
-        changes = node.advertise(TOPICS["parameter_changes"])
+        changes, instance = node.advertise(TOPICS["parameter_changes"]), new_instance()
 
         def tell(
             name: str, old: ParameterValue, value: ParameterValue, requester: str, revision: int
         ) -> None:
             stamp_ns = clock.time_ns()
-            change = encode_parameter_change(stamp_ns, name, old, value, requester, revision)
+            change = encode_parameter_change(
+                stamp_ns, name, old, value, requester, revision, instance
+            )
             changes.put(change, stamp_ns)
 
         def change(request: Message) -> Message:

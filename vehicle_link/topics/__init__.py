@@ -22,7 +22,6 @@ from vehicle_link.topics.status import (
     encode_estimators,
     encode_event,
     encode_parameter_change,
-    encode_parameter_event,
     encode_pressures,
     encode_status,
 )
@@ -74,7 +73,6 @@ __all__ = [
     "encode_joy",
     "encode_odometries",
     "encode_parameter_change",
-    "encode_parameter_event",
     "encode_poses",
     "encode_pressures",
     "encode_references",

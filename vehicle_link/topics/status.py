@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -11,7 +11,7 @@ from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record
 from vehicle_link.messages import encode, header, new, time_message
 from vehicle_link.messages.cdr_layout import FixedLayout
-from vehicle_link.parameters.messages import to_parameters
+from vehicle_link.parameters.messages import to_value
 from vehicle_link.topics.ticks import VEHICLE, WORLD, body_frame, layout, set_stamps
 
 LIPO = 3  # POWER_SUPPLY_TECHNOLOGY_LIPO
@@ -51,11 +51,16 @@ def _status_layout(mode: str, behavior: str, control_mode: str) -> FixedLayout:
 
 
 def encode_status(
-    tick: Record, mode: str, behavior: str, flags: Sequence[str], control_mode: str = "direct"
+    tick: Record,
+    mode: str,
+    behavior: str,
+    flags: Sequence[str],
+    control_mode: str = "direct",
+    instance: int = 0,
 ) -> bytes:
     """Encode `status`: quadlab_msgs/VehicleStatus of one TICK record, shape (1,).
 
-    The texts are given because their enums live in the layers above.
+    The texts are given because their enums live in the layers above; `instance` is the vehicle's.
     """
     status = tick["status"][0]
     if not flags:  # almost always: then only numbers differ
@@ -64,6 +69,7 @@ def encode_status(
         set_stamps(out, int(tick["imu"]["stamp_ns"][0]))
         for field in _STATUS_FIELDS:
             out[field] = status[field]
+        out["instance"] = instance
         return out.tobytes()
     return encode(
         new(
@@ -73,6 +79,7 @@ def encode_status(
             behavior=behavior,
             control_mode=control_mode,
             flags=flags,
+            instance=instance,
             **{field: status[field] for field in _STATUS_FIELDS},
         )
     )
@@ -149,20 +156,6 @@ def encode_event(stamp_ns: int, level: int, text: str, name: str) -> bytes:
     )
 
 
-def encode_parameter_event(
-    stamp_ns: int, node: str, changed: Mapping[str, ParameterValue]
-) -> bytes:
-    """Encode `parameter_events`: rcl_interfaces/ParameterEvent of changed values of node `node`."""
-    return encode(
-        new(
-            "rcl_interfaces/ParameterEvent",
-            stamp=time_message(stamp_ns),
-            node=node,
-            changed_parameters=to_parameters(changed),
-        )
-    )
-
-
 def encode_parameter_change(
     stamp_ns: int,
     name: str,
@@ -170,16 +163,22 @@ def encode_parameter_change(
     new_value: ParameterValue,
     requester: str,
     revision: int,
+    instance: int = 0,
 ) -> bytes:
-    """Encode `parameter_changes`: quadlab_msgs/ParameterChange; values as Python prints them."""
+    """Encode `parameter_changes`: quadlab_msgs/ParameterChange.
+
+    Args:
+        instance: of the process that counts the revisions.
+    """
     return encode(
         new(
             "quadlab_msgs/ParameterChange",
             header=header(stamp_ns),
             name=name,
-            old_value=repr(old),
-            new_value=repr(new_value),
+            old_value=to_value(old),
+            new_value=to_value(new_value),
             requester=requester,
             revision=revision,
+            instance=instance,
         )
     )

@@ -90,14 +90,6 @@ _ROWS = (
         page="seen",
     ),
     Topic(
-        "parameter_events",
-        "rcl_interfaces/ParameterEvent",
-        "vehicle",
-        0,
-        qos=RELIABLE,
-        recorded=True,
-    ),
-    Topic(
         "parameter_changes",
         "quadlab_msgs/ParameterChange",
         "vehicle",
@@ -194,7 +186,7 @@ _ROWS = (
 TOPICS: dict[str, Topic] = {topic.name: topic for topic in _ROWS}
 """By name."""
 
-SHARED = ("events", "parameter_changes", "parameter_events")
+SHARED = ("events", "parameter_changes")
 """The station sends these too, with stamps of its own; recorded where they are received."""
 
 SERVICES: dict[str, str] = {

@@ -19,7 +19,12 @@ from typing import TYPE_CHECKING, Any
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.messages import decode, encode, header, new, stamp_of
-from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.parameters.messages import (
+    AppliedChange,
+    decode_change,
+    from_parameters,
+    to_parameters,
+)
 from vehicle_link.topics.table import SERVICES, TOPICS
 from web.live.events import LEVELS, SUMMARY_NOW, EventHub, event
 from web.live.latest import FAST, STALE, Live
@@ -77,7 +82,7 @@ class Station:
         self._vehicle = vehicle
         self._live = live
         self._hub = hub
-        self.on_change: Callable[[str, str, str, int], None] = lambda *_: None
+        self.on_change: Callable[[AppliedChange], None] = lambda *_: None
         self.on_stick_answer: Callable[[int, bool, str], None] = lambda *_: None
         self._link_said = ""
         self._node: Node | None = None
@@ -300,8 +305,7 @@ class Station:
         self._hub.publish_from_thread({"type": "mark", **fields, "time": float(mark.time)})
 
     def _on_change(self, received: Received) -> None:
-        change = decode(received.payload, "quadlab_msgs/ParameterChange")
-        self.on_change(change.name, change.new_value, change.requester, int(change.revision))
+        self.on_change(decode_change(received.payload))
 
     def _close(self, node: Node) -> None:
         with self._making:

@@ -5,7 +5,6 @@ What the 3D view shows of parameters, flight volume and beacons, follows the mir
 
 from __future__ import annotations
 
-import ast
 import asyncio
 import contextlib
 import math
@@ -16,6 +15,7 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from quadrotor.errors import QuadlabError
 from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, authority_of
+from vehicle_link.parameters.messages import AppliedChange
 from web.live.latest import Live
 from web.live.station import Station
 from web.parameters.mirror import ParameterMirror
@@ -39,21 +39,17 @@ class ParameterFollower:
         self._scene = scene
         self._namespace = namespace
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._is_first = True
-        self._is_lower = False
+        self._instance: int | None = None  # of the vehicle that was read; None: read it anew
         self._shown: dict[str, Any] = {}
         self._surprises = 0  # looks in a row that found another simulator than is known
 
     def attach(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
 
-    def changed_from_thread(self, name: str, text: str, requester: str, revision: int) -> None:
-        """Take a `parameter_changes` message; `text` is the new value as Python writes it."""
-        if self._loop is None or self._loop.is_closed():
-            return
-        with contextlib.suppress(ValueError, SyntaxError):  # not ours: the next read tells
-            value = ast.literal_eval(text)
-            self._loop.call_soon_threadsafe(self._mirror.told, name, value, requester, revision)
+    def changed_from_thread(self, change: AppliedChange) -> None:
+        """Hand a `parameter_changes` message over to the event loop."""
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._mirror.told, change)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -67,13 +63,13 @@ class ParameterFollower:
             due = loop.time() + PERIOD
             status = self._live.current("status")
             if status is None:
-                self._is_first = True  # another vehicle may come back
-            elif self._is_news(int(status.parameter_revision)):
-                await self._read(int(status.parameter_revision))
+                self._instance = None  # another vehicle may come back
+            elif self._is_news(status):
+                await self._read(status)
             elif loop.time() >= round_due:
                 round_due = loop.time() + ROUND
                 if await self.is_simulator_news():
-                    await self._read(int(status.parameter_revision))
+                    await self._read(status)
             if (box := flight_volume(self._mirror.value)) is not None:
                 self._scene.set_volume(box)
 
@@ -96,13 +92,13 @@ class ParameterFollower:
                 sensor.rate,
             )
 
-    def _is_news(self, revision: int) -> bool:
-        """Return whether a revision is news. A lower one twice: the vehicle restarted; once: its
-        status is behind its answers.
+    def _is_news(self, status: Any) -> bool:
+        """Return whether the vehicle has restarted, or changed what was not heard.
+
+        A lower revision of the same process is none: the status is behind the answers.
         """
-        was_lower, self._is_lower = self._is_lower, revision < self._mirror.revision
-        is_lower = was_lower and self._is_lower
-        return self._is_first or is_lower or revision > self._mirror.revision
+        is_newer = int(status.parameter_revision) > self._mirror.revision
+        return int(status.instance) != self._instance or is_newer
 
     async def is_simulator_news(self) -> bool:
         """Return whether the simulator came or went: one that does not answer once may only be
@@ -114,12 +110,13 @@ class ParameterFollower:
         self._surprises = self._surprises + 1 if is_there != is_known else 0
         return self._surprises > (1 if is_known else 0)
 
-    async def _read(self, revision: int) -> None:
+    async def _read(self, status: Any) -> None:
         """Read vehicle, station and simulator, of which a real vehicle has none.
 
         A vehicle that does not answer is asked again in the next period.
         """
-        since = None if self._is_first or self._is_lower else self._mirror.clock
+        instance = int(status.instance)
+        since = self._mirror.clock if instance == self._instance else None
         descriptions: list[Any] = []
         values: dict[str, Any] = {}
         for node in (VEHICLE, STATION, SIMULATOR):
@@ -131,8 +128,8 @@ class ParameterFollower:
                 continue
             descriptions += described
             values |= read
-        self._mirror.load(descriptions, values, revision, since)
-        self._is_first = self._is_lower = False
+        self._mirror.load(descriptions, values, int(status.parameter_revision), since)
+        self._instance = instance
 
 
 def flight_volume(value: Any) -> Box | None:

@@ -15,6 +15,7 @@ from typing import Any
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
 from vehicle_link.parameters.authority import VEHICLE, authority_of
+from vehicle_link.parameters.messages import AppliedChange
 
 LAYOUT = "station.bearings.layout"
 
@@ -37,7 +38,7 @@ class ParameterMirror:
         self._values: dict[str, ParameterValue] = {}
         self._revisions: dict[str, int] = {}
         self._taken: dict[str, int] = {}  # at which `clock`
-        self._told = {VEHICLE: -1}
+        self._instances: dict[str, int] = {}  # by authority, whose revisions are kept
         self.revision = -1
         self.generation = 0
         self.clock = 0
@@ -60,7 +61,7 @@ class ParameterMirror:
         if since is None:
             self.generation = max(self.generation + 1, time.time_ns() // 1_000_000)
             self._revisions, self.revision = {}, revision
-            self._told = {VEHICLE: revision}
+            self._instances = {}
         else:
             newer = {n: v for n, v in self._values.items() if self._taken.get(n, -1) > since}
             self.revision = max(self.revision, revision)
@@ -98,16 +99,15 @@ class ParameterMirror:
         if any(authority_of(name) == VEHICLE for name in values):
             self.revision = max(self.revision, revision)
 
-    def told(self, name: str, value: ParameterValue, requester: str, revision: int) -> None:
-        """Apply as `apply` does a message that authorities send in order: a lower revision is of a
-        restart.
-        """
-        authority = authority_of(name)
-        if revision < self._told.get(authority, -1):
-            for one in [n for n in self._revisions if authority_of(n) == authority]:
-                del self._revisions[one]
-        self._told[authority] = revision
-        self.apply({name: value}, requester, revision)
+    def told(self, change: AppliedChange) -> None:
+        """Apply a message of an authority; another process of it counts its revisions anew."""
+        authority = authority_of(change.name)
+        if self._instances.setdefault(authority, change.instance) != change.instance:
+            self._instances[authority] = change.instance
+            self._revisions = {
+                n: r for n, r in self._revisions.items() if authority_of(n) != authority
+            }
+        self.apply({change.name: change.new}, change.requester, change.revision)
 
     def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
         """Return all of them as they may be sent: a slider ends at its bounds, a typed value is

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from bearing_sim.beacons import parse_layout
-from flight_log.attached import parameters_of, plain_value
+from flight_log.attached import parameters_of
 from flight_log.run import Series
 from quadrotor.errors import QuadlabError
 
@@ -63,14 +63,14 @@ def as_marks(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def as_changes(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the changes; values are those of Python's text where it is one, else the text."""
+    """Return the parameter changes with their values."""
     return [
         {
             "t": line["t"],
             "name": str(line["fields"].get("name", "")),
             "who": line["who"],
-            "old": plain_value(line["fields"].get("old_value")),
-            "new": plain_value(line["fields"].get("new_value")),
+            "old": line["fields"].get("old_value"),
+            "new": line["fields"].get("new_value"),
         }
         for line in lines
     ]

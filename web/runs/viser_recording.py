@@ -13,8 +13,10 @@ from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from flight_log import read_attachments, read_log, summarize
 from flight_log.attached import json_value
+from flight_log.versions import logged_value
 from quadrotor.errors import QuadlabError, StorageError
 from vehicle_link.messages import decode
+from vehicle_link.topics import TOPICS
 from web.live.latest import Live
 from web.parameters.follower import BEARINGS, flight_volume
 from web.view.scene import Scene
@@ -52,7 +54,8 @@ class _Flight:
         self._log = log
         self._server = server
         self._now = 0.0  # s, log time
-        self._live = Live(decode, lambda: self._now)
+        self._types: dict[str, str] = {}  # of the log's topics, by their type names of today
+        self._live = Live(self._decode, lambda: self._now)
         self._scene = Scene(server, self._live)
         view = self._scene.beacons.view  # rays and cones are most of the bytes
         self._scene.beacons.show(replace(view, rays=False, cones=False, estimate="none"))
@@ -87,14 +90,18 @@ class _Flight:
             if name == CHANGES:
                 self._change(decode(message.payload, message.type_name))
             else:
+                self._types[TOPICS[name].type_name] = message.type_name
                 self._live.put(name, message.payload)
         self._scene.update(self._now)
         return recording.serialize()
 
+    def _decode(self, payload: bytes, type_name: str) -> Any:
+        return decode(payload, self._types.get(type_name, type_name))
+
     def _change(self, change: Any) -> None:
         """Change a parameter the 3D view follows."""
         if change.name == f"{BEARINGS}layout":
-            self._values[change.name] = change.new_value.strip("'\"")
+            self._values[change.name] = str(logged_value(change.new_value))
             self._scene_of_parameters()
 
     def _scene_of_parameters(self) -> None:

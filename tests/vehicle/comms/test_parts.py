@@ -348,15 +348,16 @@ def test_events_leave_even_when_the_station_is_lost(sender: Sender) -> None:
     assert sender.log.kept["events"] == 3
 
 
-def test_a_parameter_change_is_told_in_both_ways(sender: Sender) -> None:
+def test_a_parameter_change_has_its_values_and_who_counts(sender: Sender) -> None:
+    sender.publisher.instance = 7
     sender.publisher.parameter_change(
         mailbox.ParameterChange(START_NS, "model.mass", 1.3, 1.4, "anna", 2)
     )
     (change,) = sender.radio.decoded("parameter_changes")
-    assert (change.name, change.old_value, change.new_value) == ("model.mass", "1.3", "1.4")
-    (event,) = sender.radio.decoded("parameter_events")
-    assert event.node == "/quad1/vehicle"
-    assert event.changed_parameters[0].value.double_value == 1.4
+    assert (change.name, change.revision, change.instance) == ("model.mass", 2, 7)
+    assert (change.old_value.double_value, change.new_value.double_value) == (1.3, 1.4)
+    sender.run(0.2)
+    assert {status.instance for status in sender.radio.decoded("status")} == {7}
 
 
 # -------------------------------------------------------------------------------- what comes in

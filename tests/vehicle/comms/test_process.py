@@ -29,7 +29,7 @@ from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.recovery import torn_logs
 from vehicle_link import messages, telemetry, topics
 from vehicle_link.messages import Message
-from vehicle_link.parameters.messages import to_parameters
+from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node, Received
@@ -170,7 +170,8 @@ class FakeStation:
             if topic.name == "events":
                 self.events.append(message.msg)
             elif topic.name == "parameter_changes":
-                self.changes.append(f"{message.name} {message.old_value} {message.new_value}")
+                old, new = from_value(message.old_value), from_value(message.new_value)
+                self.changes.append(f"{message.name} {old!r} {new!r}")
 
         return receive
 

@@ -12,6 +12,7 @@ from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import POSE_SAMPLE, TICK, Record
 from quadrotor.rotations import rotate_inverse
 from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
+from vehicle_link.parameters.messages import AppliedChange, decode_change
 from vehicle_link.topics import (
     SERVICES,
     TOPICS,
@@ -33,7 +34,6 @@ from vehicle_link.topics import (
     encode_imus,
     encode_joy,
     encode_parameter_change,
-    encode_parameter_event,
     encode_poses,
     encode_pressures,
     encode_references,
@@ -183,14 +183,16 @@ def test_a_status_without_flags_has_the_same_fields() -> None:
 def test_events_and_parameter_changes() -> None:
     event = decode(encode_event(STAMP, 30, "link lost", "vehicle"), "rcl_interfaces/Log")
     assert (event.level, event.msg, stamp_of(event)) == (30, "link lost", STAMP)
-    payload = encode_parameter_change(STAMP, "position.kp_xy", 3.0, 4.5, "anna", 12)
-    change = decode(payload, "quadlab_msgs/ParameterChange")
-    assert (change.name, change.old_value, change.new_value) == ("position.kp_xy", "3.0", "4.5")
-    assert (change.requester, change.revision) == ("anna", 12)
-    payload = encode_parameter_event(STAMP, "/quad1/vehicle", {"a.b": 2.5, "c": True})
-    ros = decode(payload, "rcl_interfaces/ParameterEvent")
-    assert [p.name for p in ros.changed_parameters] == ["a.b", "c"]
-    assert ros.changed_parameters[0].value.double_value == 2.5
+    for old, value in ((3.0, 4.5), (1, 2), (False, True), ("1", "True")):
+        change = AppliedChange(STAMP, "position.kp_xy", old, value, "anna", 12, 2**64 - 1)
+        decoded = decode_change(encode_parameter_change(*change))
+        assert decoded == change
+        assert type(decoded.new) is type(value)
+
+
+def test_a_change_without_a_value_is_refused() -> None:
+    with pytest.raises(LinkError, match="not set"):
+        decode_change(encode(new("quadlab_msgs/ParameterChange", name="position.kp_xy")))
 
 
 def _pose_samples() -> Record:

@@ -17,7 +17,7 @@ from web.live.latest import STALE, Live
 from web.signals import COMPARED, INDEX, NAMED, SIGNALS, described, snapshot
 from web.signals.plain import MEMBERS
 
-TEXT = {"events", "parameter_events", "parameter_changes"}
+TEXT = {"events", "parameter_changes"}
 """Lines, not values over time."""
 LOGGED = ({*AS_IT_COMES, *RECORDED, *ENCODERS}) - TEXT
 

@@ -13,7 +13,7 @@ import pytest
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import decode, encode, header, new
-from vehicle_link.parameters.messages import from_parameters, to_parameters
+from vehicle_link.parameters.messages import AppliedChange, from_parameters, to_parameters, to_value
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import decode_joy
@@ -168,16 +168,18 @@ def test_events_and_parameter_changes_reach_the_page(
     router: Router, client: Client, until: Any
 ) -> None:
     changes: list[Any] = []
-    client.station.on_change = lambda *change: changes.append(change)
+    client.station.on_change = changes.append
 
     def both() -> bool:
         router.events.put(encode(new("rcl_interfaces/Log", level=30, msg="battery low", name="q")))
         change = new(
             "quadlab_msgs/ParameterChange",
             name="gains.kp",
-            new_value="5.5",
+            old_value=to_value(4.5),
+            new_value=to_value(5.5),
             requester="ros2 param",
             revision=3,
+            instance=9,
         )
         router.changes.put(encode(change))
         return bool(client.hub.lines) and bool(changes)
@@ -185,7 +187,7 @@ def test_events_and_parameter_changes_reach_the_page(
     until(both)
     line = client.hub.lines[0]
     assert (line["level"], line["text"], line["source"]) == ("warn", "battery low", "q")
-    assert changes[0] == ("gains.kp", "5.5", "ros2 param", 3)
+    assert changes[0] == AppliedChange(0, "gains.kp", 4.5, 5.5, "ros2 param", 3, 9)
 
 
 def test_a_link_in_another_state_brings_every_page_its_summary_at_once(

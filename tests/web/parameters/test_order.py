@@ -11,6 +11,7 @@ import pytest
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
+from vehicle_link.parameters.messages import AppliedChange
 from web.parameters.changes import GainPath
 from web.parameters.mirror import ParameterMirror
 
@@ -85,10 +86,12 @@ def test_a_restart_begins_a_generation_in_which_lower_revisions_count() -> None:
 
 def test_a_station_that_restarts_unseen_is_known_by_its_own_news() -> None:
     mirror = mirror_of()
-    mirror.told(STATION, 0.5, "x", 30)
-    mirror.told(STATION, 0.7, "x", 1)
+    mirror.told(AppliedChange(0, STATION, 0.0, 0.5, "x", 30, 1))
+    mirror.told(AppliedChange(0, STATION, 0.0, 0.6, "x", 29, 1))
+    assert mirror.value(STATION) == 0.5, "late, of the same process"
+    mirror.told(AppliedChange(0, STATION, 0.0, 0.7, "x", 1, 2))
     assert mirror.value(STATION) == 0.7
-    mirror.told(KP, 6.0, "x", 1)
+    mirror.told(AppliedChange(0, KP, 4.0, 6.0, "x", 1, 3))
     assert mirror.value(KP) == 6.0
 
 

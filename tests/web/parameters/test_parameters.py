@@ -284,6 +284,7 @@ def test_a_restarted_vehicle_is_read_again(site: Any, known: httpx.Client, until
     known.put("/api/parameters", json={"values": {"gains.kp": 9.0}})
     site.station.store.preset({"gains.kp": 4.0})
     site.station.store.revision = 0
+    site.station.instance += 1
 
     def value() -> Any:
         site.station.fly()
