@@ -139,8 +139,10 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
             str, Query(max_length=100, description="what a refusal calls the CSV file")
         ] = "file",
     ) -> dict[str, Any]:
-        """Set a new layout, all or nothing: 422 when it is none (of a CSV file with line and
-        column), 409 with the reason when station or vehicle refuse it.
+        """Set a new layout, all or nothing.
+
+        422 when it is none (of a CSV file with line and column), 409 with the reason when station
+        or vehicle refuse it.
         """
         kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
         text = layout_of(await _body(request), kind, name)

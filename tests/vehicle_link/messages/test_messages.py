@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -51,7 +53,12 @@ def test_type_hash_equals_the_one_of_ros(type_name: str) -> None:
 
 
 def test_every_quadlab_message_survives_the_wire_when_empty() -> None:
-    ours = [name for name in TYPESTORE.types if name.startswith("quadlab_msgs/")]
+    # Reading an old log adds what messages were then, as `ParameterChangeVersion0`.
+    ours = [
+        name
+        for name in TYPESTORE.types
+        if name.startswith("quadlab_msgs/") and not re.search(r"Version\d+$", name)
+    ]
     folder = FOLDER / "quadlab_msgs"
     files = [len(list(folder.glob(f"{kind}/*.{kind}"))) for kind in ("msg", "srv")]
     assert len(ours) == files[0] + 2 * files[1] > 20
