@@ -6,6 +6,7 @@ import math
 import os
 import shutil
 import threading
+import time
 from collections import Counter
 from pathlib import Path
 
