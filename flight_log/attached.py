@@ -1,4 +1,4 @@
-"""Values that a log carries as text: attached JSON, and parameters as Python writes them.
+"""Values that a log carries: attached JSON, and parameters, as text or typed.
 
 Whoever made the file wrote them, so whatever cannot be read is a ValueError, also what is nested
 deeper than the interpreter's stack.
@@ -11,7 +11,9 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from quadrotor.errors import LogFormatError, WrongTypeError
 from quadrotor.parameters import ParameterValue
+from vehicle_link.parameters.messages import from_value
 
 LONGEST = 100_000
 """Characters of one parameter's value; the largest layout of beacons has a tenth of it."""
@@ -49,6 +51,20 @@ def parameters_of(attachment: bytes | None) -> dict[str, ParameterValue]:
     for name, value in _plain(read.get("station")).items():
         values[name if name.startswith("station.") else f"station.{name}"] = value
     return values
+
+
+def logged_value(value: Any) -> ParameterValue:
+    """Return a value of a ParameterChange; older logs have it as Python's text.
+
+    Raises LogFormatError.
+    """
+    try:
+        found = literal_value(value) if isinstance(value, str) else from_value(value)
+    except (ValueError, WrongTypeError) as error:
+        raise LogFormatError(f"{value!r:.80} is no parameter value: {error}") from error
+    if not isinstance(found, bool | int | float | str):
+        raise LogFormatError(f"{value!r:.80} is no number, true, false or text")
+    return found
 
 
 def _plain(values: Any) -> dict[str, ParameterValue]:

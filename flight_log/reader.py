@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
@@ -16,8 +17,8 @@ from flight_log.format import CHUNK_INDEX, INDEX_PLACE, RECORD, UNREADABLE, open
 from flight_log.index import index_records, reading
 from flight_log.limits import Kept, check_record
 from flight_log.records import RawMessage, ReadState, records, split_chunk
-from flight_log.versions import decodable_name
-from quadrotor.errors import LogFormatError, StorageError
+from quadrotor.errors import LogFormatError, StorageError, UsageError
+from vehicle_link.messages import stored_name, typestore
 
 
 class LogMessage(NamedTuple):
@@ -140,3 +141,31 @@ def _payloads(name: str, file: int, place: int, wanted: Collection[int]) -> Iter
     for record in split_chunk(opened(name, os.pread(file, length, place + RECORD.size))):
         if isinstance(record, RawMessage) and record.channel_id in wanted:
             yield record.payload
+
+
+def decodable_name(schema: Schema) -> str:
+    """Return the type name with which `decode` reads the messages of this schema.
+
+    It is the schema's own name unless the fields differ from those of this version.
+    """
+    return _decodable_name(schema.name, schema.data)
+
+
+@cache
+def _decodable_name(name: str, described: bytes) -> str:
+    from rosbags.typesys import get_types_from_msg  # late: it takes a while
+    from rosbags.typesys.base import TypesysError
+
+    try:
+        own = stored_name(name)
+        found = get_types_from_msg(described.decode(), own)
+    except (TypesysError, UsageError, ValueError):
+        return name
+    store = typestore()
+    ours = store.fielddefs
+    if own not in ours or list(found[own][1]) == list(ours[own][1]):
+        return name
+    other = f"{own}Version{sum(one.startswith(f'{own}Version') for one in ours)}"
+    parts = {part: fields for part, fields in found.items() if part not in ours}
+    store.register({**parts, other: found[own]})
+    return other

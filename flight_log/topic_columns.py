@@ -16,10 +16,11 @@ import numpy as np
 import numpy.typing as npt
 from mcap.records import Schema
 
+from flight_log.attached import logged_value
 from flight_log.blocks import Block, BlockReader, Bytes, Places, field_at, rows_at
 from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
 from flight_log.payload_layout import MOST_NUMBERS, PayloadLayout, SchemaLayouts
-from flight_log.versions import decodable_name, logged_value
+from flight_log.reader import decodable_name
 from quadrotor.errors import LinkError, LogFormatError
 from vehicle_link.messages import decode
 

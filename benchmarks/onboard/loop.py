@@ -6,7 +6,7 @@ The real flight process, its simulated vehicle in memory, flies the figure 8 in 
 processes keep both cores busy. Lateness is measured from the absolute deadline of a sample to when
 the loop wakes for it. cyclictest (Debian: rt-tests) measures what the
 kernel alone takes, in the same seconds, at the same interval and priority. Run it as root, or with
-the real-time rights of docs/setup.md, on an idle machine.
+the real-time rights of docs/page/setup.md, on an idle machine.
 """
 
 from __future__ import annotations

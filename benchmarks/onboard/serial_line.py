@@ -17,7 +17,7 @@ long): 5 ms when the computer answers within what is left of a period.
 Two clocks tell it: the microcontroller's, by which the vehicle flies, and the host's, which also
 sees the simulator's own process late. Bytes of a terminal pass through a kernel thread of ordinary
 priority, so this needs an idle machine; run it as root, or with the real-time rights of
-docs/setup.md.
+docs/page/setup.md.
 """
 
 from __future__ import annotations

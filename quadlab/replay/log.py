@@ -13,9 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from flight_log import LogMessage, read_attachments, read_log
-from flight_log.attached import json_value
+from flight_log.attached import json_value, logged_value
 from flight_log.records import ReadState
-from flight_log.versions import logged_value
 from quadlab.replay.gathered import Columns, Gathered
 from quadlab.simulated.flight import FlightParameters
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError, ParameterError

@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from console.reports.run_log import read_run
 from flight_log import read_log
-from flight_log.versions import logged_value
+from flight_log.attached import logged_value
 from quadrotor.errors import LogFormatError
 from vehicle_link.messages import decode, new, stored_name, typestore
 from vehicle_link.parameters.messages import to_value

@@ -12,8 +12,7 @@ from bearing_sim.beacons import parse_layout
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from flight_log import read_attachments, read_log, summarize
-from flight_log.attached import json_value
-from flight_log.versions import logged_value
+from flight_log.attached import json_value, logged_value
 from quadrotor.errors import QuadlabError, StorageError
 from vehicle_link.messages import decode
 from vehicle_link.topics import TOPICS
