@@ -246,5 +246,5 @@ def read_topics(
     Raises LogFormatError or StorageError.
     """
     found = gather(ColumnReader(log, whole, wanted), received=False)
-    names = {*wanted, *(one.lstrip("/") for one in whole)}
+    names = dict.fromkeys((*wanted, *(one.lstrip("/") for one in whole)))
     return {name: found.get(f"/{vehicle}/{name}") or Topic("") for name in names}

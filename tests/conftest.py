@@ -19,22 +19,22 @@ hypothesis.settings.load_profile("quadlab")
 
 REAL_TIME = (
     "system/",
-    "vehicle/test_comms_process.py::test_a_flight_goes_on_when_comms_is_killed",
-    "console/test_experiment_evaluation.py",
-    "console/test_transfers.py::test_runs_are_filled_by_a_real_process",
+    "vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",
+    "console/evaluation/test_evaluation.py",
+    "console/runs/test_transfers.py::test_runs_are_filled_by_a_real_process",
 )
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
 processes that leave it to others by theirs: the last, and nothing runs beside them."""
 LIVE = (
-    "vehicle/test_simulator_process.py",
-    "console/test_beacon_agreement.py",
-    "console/test_comparison_session.py",
-    "console/test_parameter_history_of_everybody.py",
-    "console/test_run_marks.py",
+    "vehicle/simulator/test_process.py",
+    "console/beacons/test_agreement.py",
+    "console/comparison/test_session.py",
+    "console/parameters/test_history_of_everybody.py",
+    "console/runs/test_marks.py",
 )
 """Links that must stay good meanwhile, and a plant that runs in real time."""
 BROWSER = "web/browser/"
-LONG = ("web/test_web_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/test_kernels.py")
+LONG = ("web/test_openapi.py", "quadlab/test_fly_bearings.py", "vehicle/flight/test_kernels.py")
 """Begun early, so that no process has one of them alone at the end."""
 CHROMIUMS = ("chromium-headless-shell", "chromium")
 """Debian's; the shell draws the same with half the work, for it has no window to make."""
@@ -46,6 +46,9 @@ BEFORE = pytest.StashKey[tuple[int, int]]()
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Pages first, for they take longest; what flies last."""
+    gone = [name for name in (*REAL_TIME, *LIVE, BROWSER, *LONG) if not _path(name).exists()]
+    if gone:
+        raise pytest.UsageError(f"{__file__} names files that do not exist: {', '.join(gone)}")
 
     def turn(item: pytest.Item) -> int:
         name = _name(item.nodeid)
@@ -150,6 +153,11 @@ def chromium_path() -> str:
     if found is None:
         pytest.skip(f"neither {' nor '.join(CHROMIUMS)} is installed; they are Debian packages")
     return found
+
+
+def _path(name: str) -> Path:
+    """Return the file or folder of a name above."""
+    return HERE / name.split("::", 1)[0]
 
 
 def _name(nodeid: str) -> str:

@@ -40,9 +40,11 @@ class DatabaseFile:
         """Return why nothing can be kept, and what to do; "" when it can. Never waits for the
         database.
         """
+        # Asked first: a file that goes away between the two questions is gone, not read-only.
+        writable = self._path is None or os.access(self._path, os.W_OK)
         if gone := self._gone():
             return gone
-        if self._path is None or os.access(self._path, os.W_OK):
+        if writable:
             return ""
         return (
             f"{self._path} is not writable for this user; nothing but recordings is saved; mend "
