@@ -5,7 +5,6 @@ The truth comes over a router of this process, which no failure touches.
 
 from __future__ import annotations
 
-import json
 import secrets
 import socket
 import threading
@@ -16,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zenoh
 
 from quadrotor.errors import LinkError
 from quadrotor.records import POSE_SAMPLE
@@ -25,7 +23,8 @@ from vehicle_link.messages import Message
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node, Received
-from vehicle_link.transport.session import loopback_session, station_session
+from vehicle_link.transport.radio import Radio
+from vehicle_link.transport.session import hub_session, loopback_session
 
 PATIENCE = 60.0
 BEAT_S = 0.05
@@ -79,14 +78,14 @@ class Ground:
         files = ensure_certificates(folder / "certificates", ["127.0.0.1"])
         self._asks = "station/" if real_station else ""
         self._closing = threading.Event()
+        own = stack.enter_context(hub_session(self.truth_port))
         if real_station:
             self.station_port = free_port()
-            own = stack.enter_context(_router(self.truth_port))
             bridge = self._bridge(stack)
             threading.Thread(target=bridge, daemon=True).start()
         else:
-            own = station_session(f"127.0.0.1:{link_port}", self.truth_port, files)
-            stack.callback(own.close)
+            radio = Radio(f"127.0.0.1:{link_port}", files, self.truth_port, silent=lambda: 0.0)
+            stack.callback(radio.close, 1.0)
         stack.callback(self._closing.set)
         self._node: Node | None = None if real_station else Node(own, f"/{NAME}", "ground")
         self._truth_node = self._node or Node(own, f"/{NAME}", "truth")
@@ -199,12 +198,3 @@ class Ground:
         return time.monotonic() - self.status_at < 1.0 and all(
             getattr(status, name) == value for name, value in wanted.items()
         )
-
-
-def _router(port: int) -> Any:
-    config = {
-        "mode": "router",
-        "listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-    }
-    return zenoh.open(zenoh.Config.from_json5(json.dumps(config)))

@@ -36,7 +36,7 @@ class LinkMonitor:
     ) -> None:
         self.standing = Standing(vehicle, instance)
         self.radio: Radio | None = None
-        """Set once it is dialled; a station in tests may have a session of its own instead."""
+        """Set once it is dialled."""
         self.path = ""
         """How telemetry came the last time: datagram or quic."""
         self._carried: float | None = None

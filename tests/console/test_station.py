@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.base_station import BaseStation
 from console.catalogue.catalogue import Catalogue
 from console.commands import gateway
 from console.commands.gateway import CALL_TIMEOUT
@@ -25,17 +24,17 @@ from flight_log import LogWriter, is_closed, read_attachments, read_log, read_me
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record
+from tests.support.station import LinkedStation
 from tests.waiting import free_port, until
 from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient, serve_parameters
-from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node, Received
-from vehicle_link.transport.session import loopback_session, station_session, vehicle_session
+from vehicle_link.transport.session import loopback_session
 
 LIMIT = 15.0
 AHEAD_NS = 40_000_000_000
@@ -156,29 +155,18 @@ class FakeVehicle:
                 self.send_status()
 
 
-class Bench:
+class Bench(LinkedStation):
     """Vehicle, station and page, connected."""
 
     def __init__(self, data: Path) -> None:
         self.data = data
-        port, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-        files = ensure_certificates(data / "certificates")
-        self.sessions = [vehicle_session(port, files, "127.0.0.1")]
-        self.vehicle = FakeVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
-        self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
-        self.catalogue = Catalogue(data)
-        self.station = BaseStation(
-            self.sessions[1],
-            self.catalogue,
-            operator="the lab",
-            settings={
-                "station.recorder.after_disarm": 0.0,
-                "station.recorder.keep_free": 10.0,
-                "station.preflight.blocks": False,
-            },
-        )
-        self.sessions.append(loopback_session(loopback))
-        self.page = Node(self.sessions[2], "/quad1", "page")
+        settings = {
+            "station.recorder.after_disarm": 0.0,
+            "station.recorder.keep_free": 10.0,
+            "station.preflight.blocks": False,
+        }
+        super().__init__(data, settings, operator="the lab")
+        self.vehicle = FakeVehicle(self.at_vehicle)
         self.inbox = Inbox(
             self.page,
             "state",
@@ -197,16 +185,7 @@ class Bench:
 
     def close(self) -> None:
         self.vehicle.close()
-        self.page.close()
-        self.station.close()
-        self.vehicle.node.close()
-        for session in reversed(self.sessions):
-            session.close()
-
-    def call(self, service: str, /, **fields: Any) -> Any:
-        client = self.page.client(f"station/{service}", SERVICES[service])
-        fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}
-        return client.call(new(f"{SERVICES[service]}_Request", **fields), timeout=5.0)
+        super().close()
 
     def free_control(self) -> None:
         for action in ("take", "release"):

@@ -69,30 +69,6 @@ def vehicle_session(port: int, tls: TlsFiles, host: str = "0.0.0.0") -> zenoh.Se
     return open_session(config, f"UDP port {port} of {host}")
 
 
-def station_session(
-    vehicle_endpoint: str, loopback_port: int, tls: TlsFiles, loopback_host: str = "127.0.0.1"
-) -> zenoh.Session:
-    """Open a session that dials the vehicle for as long as it lives, and routes for clients on the
-    loopback port.
-
-    Returns at once, vehicle or not; `connected_to` says whether the link is connected.
-
-    Args:
-        vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
-            in the vehicle's certificate.
-
-    Raises:
-        LinkError: the loopback port is in use, or a certificate does not fit.
-        UsageError: the endpoint cannot be read.
-    """
-    check_station(vehicle_endpoint, tls)
-    config = link_config("router", tls, "station")
-    config["connect"] = {"endpoints": [quic(*parse_endpoint(vehicle_endpoint))], **RETRY}
-    config["listen"] = {"endpoints": [f"tcp/{loopback_host}:{loopback_port}"]}
-    config["gateway"] = GATEWAY
-    return open_session(config, f"TCP port {loopback_port} of {loopback_host}")
-
-
 def hub_session(loopback_port: int, loopback_host: str = "127.0.0.1") -> zenoh.Session:
     """Open the hub, where the station's nodes, radios, page, tools and ROS 2 meet; it never dials.
 
@@ -113,7 +89,7 @@ def radio_session(
     """Open a session that dials a vehicle for as long as it lives, and routes between it and the
     hub, if one is named.
 
-    Returns within a second, vehicle or not; `connected_to` says whether the link is connected.
+    Returns within a second, vehicle or not.
 
     Args:
         vehicle_endpoint: `host`, `host:port` or `quic/host:port`; a name or address that stands
@@ -174,17 +150,9 @@ def loopback_session(
         ) from error
 
 
-def connected_to(session: zenoh.Session) -> list[str]:
-    """Return addresses at the other end of the session's links (`quic/192.168.4.2:7447`), sorted.
-
-    A refused certificate shows only here: the link never stands, and nothing says why.
-    """
-    return sorted({str(link.dst).split("?")[0] for link in session.info.links()})
-
-
 def wait_connected(session: zenoh.Session, timeout: float) -> bool:
-    """Wait at most `timeout` seconds for the QUIC link of a vehicle's or a station's session, and
-    return whether it is connected.
+    """Wait at most `timeout` seconds for the QUIC link of a session, and return whether it
+    is connected.
     """
     import zenoh
 

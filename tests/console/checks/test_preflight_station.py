@@ -6,7 +6,6 @@ The vehicle is a scripted stand-in that can be made unfit in each way the statio
 from __future__ import annotations
 
 import math
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,23 +16,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.base_station import BaseStation
-from console.catalogue.catalogue import Catalogue
 from flight_log import read_log
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK
-from tests.waiting import free_port, until
+from tests.support.station import LinkedStation
+from tests.waiting import until
 from vehicle_link import topics
 from vehicle_link.checks import Check, from_messages, to_messages
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import to_parameters
 from vehicle_link.parameters.service import serve_parameters
-from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.session import loopback_session, station_session, vehicle_session
 
 LIMIT = 15.0
 PREFLIGHT = TOPICS["preflight"].type_name
@@ -155,16 +151,10 @@ class FitVehicle:
                 self._status()
 
 
-class Bench:
+class Bench(LinkedStation):
     """Vehicle, station, tracking system and page, connected."""
 
     def __init__(self, data: Path) -> None:
-        port, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-        files = ensure_certificates(data / "certificates")
-        self.sessions = [vehicle_session(port, files, "127.0.0.1")]
-        self.vehicle = FitVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
-        self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
-        self.catalogue = Catalogue(data)
         settings = {
             "station.recorder.after_disarm": 0.0,
             "station.recorder.keep_free": 10.0,
@@ -172,9 +162,8 @@ class Bench:
             "station.preflight.telemetry_rate_min": 5.0,
             "station.tracker.rate": 10.0,
         }
-        self.station = BaseStation(self.sessions[1], self.catalogue, settings=settings)
-        self.sessions.append(loopback_session(loopback))
-        self.page = Node(self.sessions[2], "/quad1", "page")
+        super().__init__(data, settings)
+        self.vehicle = FitVehicle(self.at_vehicle)
         self.stick = self.page.advertise(TOPICS["stick"])
         self.lists: list[Any] = []
         self.told: list[Any] = []
@@ -183,7 +172,6 @@ class Bench:
         self.page.subscribe(
             "experiment_status", kind, lambda r: self.told.append(decode(r.payload, kind))
         )
-        self._clients: dict[str, Any] = {}
         self._truth = self.page.advertise(TOPICS["truth"])
         self.tracked, self._deflection = True, 0.0
         self._closing = threading.Event()
@@ -215,13 +203,6 @@ class Bench:
     def ready(self) -> bool:
         return bool(self.newest and self.newest.ready and not self.newest.armed)
 
-    def call(self, service: str, /, **fields: Any) -> Any:
-        if service not in self._clients:
-            self._clients[service] = self.page.client(f"station/{service}", SERVICES[service])
-        fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}
-        request = new(f"{SERVICES[service]}_Request", **fields)
-        return self._clients[service].call(request, timeout=8.0)
-
     def fit(self) -> None:
         """All well again, and seen to be."""
         self.vehicle.reset()
@@ -233,11 +214,7 @@ class Bench:
         self._closing.set()
         self._thread.join(5)
         self.vehicle.close()
-        self.page.close()
-        self.station.close()
-        self.vehicle.node.close()
-        for session in reversed(self.sessions):
-            session.close()
+        super().close()
 
 
 @pytest.fixture(scope="module")

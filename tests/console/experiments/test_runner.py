@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -13,25 +12,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.base_station import BaseStation
-from console.catalogue.catalogue import Catalogue
 from console.experiments import catalogue as experiments
 from console.experiments.client import Client, Result
 from quadlab.station_client import station
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import ParameterDescription, Parameters, parameter
 from quadrotor.records import TICK
-from tests.waiting import LIMIT, free_port, until
+from tests.support.station import LinkedStation
+from tests.waiting import LIMIT, until
 from vehicle_link import topics
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import from_descriptor, from_parameters, to_parameters
 from vehicle_link.parameters.service import serve_parameters
-from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.telemetry import pack
 from vehicle_link.time_sync import serve_time_sync
 from vehicle_link.topics import SERVICES, TOPICS
 from vehicle_link.transport.node import Node, Received
-from vehicle_link.transport.session import loopback_session, station_session, vehicle_session
 
 ENDED = ("passed", "failed", "stopped", "refused")
 
@@ -207,32 +203,23 @@ class Small:
         raise NotImplementedError
 
 
-class Bench:
+class Bench(LinkedStation):
     """Vehicle, station and page, connected."""
 
     def __init__(self, data: Path) -> None:
-        port, loopback = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-        self.loopback = loopback
-        files = ensure_certificates(data / "certificates")
-        self.sessions = [vehicle_session(port, files, "127.0.0.1")]
-        self.vehicle = ScriptedVehicle(Node(self.sessions[0], "/quad1", "vehicle"))
-        self.sessions.append(station_session(f"127.0.0.1:{port}", loopback, files))
-        self.catalogue = Catalogue(data)
         settings = {
             "station.recorder.after_disarm": 0.0,
             "station.recorder.keep_free": 10.0,
             "station.preflight.blocks": False,
         }
-        self.station = BaseStation(self.sessions[1], self.catalogue, settings=settings)
-        self.sessions.append(loopback_session(loopback))
-        self.page = Node(self.sessions[2], "/quad1", "page")
+        super().__init__(data, settings)
+        self.vehicle = ScriptedVehicle(self.at_vehicle)
         self.stick = self.page.advertise(TOPICS["stick"])
         self.told: list[Any] = []
         kind = TOPICS["experiment_status"].type_name
         self.page.subscribe(
             "experiment_status", kind, lambda r: self.told.append(decode(r.payload, kind))
         )
-        self._clients: dict[str, Any] = {}
 
     def ready(self) -> bool:
         known = self.station._vehicle_parameters._values
@@ -240,18 +227,7 @@ class Bench:
 
     def close(self) -> None:
         self.vehicle.close()
-        self.page.close()
-        self.station.close()
-        self.vehicle.node.close()
-        for session in reversed(self.sessions):
-            session.close()
-
-    def call(self, service: str, /, **fields: Any) -> Any:
-        if service not in self._clients:
-            self._clients[service] = self.page.client(f"station/{service}", SERVICES[service])
-        fields = {"request_id": f"{service}{time.monotonic_ns()}", "requester": "ada", **fields}
-        request = new(f"{SERVICES[service]}_Request", **fields)
-        return self._clients[service].call(request, timeout=5.0)
+        super().close()
 
     def start(self, name: str = "small", /, **options: Any) -> Any:
         return self.call("experiment", action="start", name=name, options=to_parameters(options))

@@ -13,26 +13,16 @@ import pytest
 
 from console.link.lane import LaneIn
 from console.link.monitor import LinkMonitor
+from tests.support.station import StationLink
+from tests.waiting import free_port
 from vehicle.comms.lane import CommsLane
 from vehicle.comms.publishers import LinkRadio
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import TOPICS, encode_heartbeat
 from vehicle_link.transport.node import Node, Received
-from vehicle_link.transport.session import (
-    loopback_session,
-    station_session,
-    vehicle_session,
-    wait_connected,
-)
+from vehicle_link.transport.session import loopback_session, vehicle_session
 
 WAIT = 15.0  # s: a bound, not an expectation
-
-
-def free_port(kind: int) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 class Ends:
@@ -40,16 +30,20 @@ class Ends:
 
     def __init__(self, folder: Path) -> None:
         files = ensure_certificates(folder)
-        udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        udp = free_port(socket.SOCK_DGRAM)
+        self._link = StationLink(udp, files)
         self._sessions = [
             vehicle_session(udp, files, "127.0.0.1"),
-            station_session(f"127.0.0.1:{udp}", tcp, files),
-            loopback_session(tcp),
+            loopback_session(self._link.loopback_port),
         ]
-        assert wait_connected(self._sessions[1], WAIT)
+        assert self._link.wait(WAIT)
         at_vehicle, at_station, base = (
             Node(s, "/quad1", n)
-            for s, n in zip(self._sessions, ("vehicle", "station", "mocap"), strict=True)
+            for s, n in (
+                (self._sessions[0], "vehicle"),
+                (self._link.session, "station"),
+                (self._sessions[1], "mocap"),
+            )
         )
         self._nodes = [base, at_station, at_vehicle]
         self.radio = LinkRadio(at_vehicle)
@@ -128,7 +122,7 @@ class Ends:
         self.radio.close()
         for node in self._nodes:
             node.close()
-        for session in reversed(self._sessions):
+        for session in (self._sessions[1], self._link, self._sessions[0]):
             session.close()
 
 

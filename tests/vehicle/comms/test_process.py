@@ -24,6 +24,7 @@ from flight_log import read_attachments, read_log, read_metadata
 from quadrotor.calibration_record import CalibrationRecord, parse_record
 from quadrotor.checkout import ROOT
 from quadrotor.records import POSE_SAMPLE, Record
+from tests.support.station import StationLink
 from tests.waiting import free_port
 from vehicle.calibration.store import CalibrationStore
 from vehicle.onboard_log.recovery import torn_logs
@@ -33,7 +34,6 @@ from vehicle_link.parameters.messages import from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient
 from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.transport.node import Node, Received
-from vehicle_link.transport.session import station_session
 
 BOUND = 60.0
 """s, after which a test that waits has failed."""
@@ -114,9 +114,8 @@ class FakeStation:
 
     def __init__(self, vehicle: VehicleProcesses) -> None:
         files = ensure_certificates(vehicle.data / "certificates")
-        endpoint = f"127.0.0.1:{vehicle.link_port}"
-        self.session = station_session(endpoint, vehicle.loopback_port, files)
-        self.node = Node(self.session, "/quad1", "station")
+        self._link = StationLink(vehicle.link_port, files, vehicle.loopback_port)
+        self.node = Node(self._link.session, "/quad1", "station")
         self.counts: Counter[str] = Counter()
         self.newest: dict[str, Message] = {}
         self.events: list[str] = []
@@ -157,7 +156,7 @@ class FakeStation:
     def close(self) -> None:
         self._closing.set()
         self._thread.join()
-        self.session.close()
+        self._link.close()
 
     def _receiver(self, topic: topics.Topic) -> Callable[[Received], None]:
         def receive(received: Received) -> None:

@@ -32,6 +32,7 @@ from quadrotor.parameters import (
 )
 from quadrotor.records import TICK
 from quadrotor.vehicle_model import VehicleModel
+from tests.support.station import StationLink
 from tests.waiting import free_port, wait_for
 from vehicle_link.messages import Message, new
 from vehicle_link.parameters.messages import from_value, to_parameters
@@ -44,12 +45,11 @@ from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node, Received
 from vehicle_link.transport.rmw_keys import RELIABLE
 from vehicle_link.transport.session import (
-    connected_to,
+    check_station,
+    hub_session,
     loopback_session,
     parse_endpoint,
-    station_session,
     vehicle_session,
-    wait_connected,
 )
 
 WAIT = 10.0  # s: a bound, not an expectation
@@ -71,19 +71,19 @@ class Link:
 @pytest.fixture(scope="module")
 def link(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Link]:
     tls = ensure_certificates(tmp_path_factory.mktemp("tls"))
-    udp, tcp = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+    udp = free_port(socket.SOCK_DGRAM)
     # The station first: it must not need the vehicle to start.
-    station = station_session(f"127.0.0.1:{udp}", tcp, tls)
-    web = loopback_session(tcp)
+    station = StationLink(udp, tls)
+    web = loopback_session(station.loopback_port)
     vehicle = vehicle_session(udp, tls)
-    assert wait_connected(station, WAIT)
+    assert station.wait(WAIT)
     yield Link(
         Node(vehicle, "/quad1", "vehicle"),
-        Node(station, "/quad1", "station"),
+        Node(station.session, "/quad1", "station"),
         Node(web, "/quad1", "web"),
         tls,
         udp,
-        tcp,
+        station.loopback_port,
     )
     for session in (web, station, vehicle):
         session.close()
@@ -498,31 +498,32 @@ def test_a_closed_node_is_heard_and_served_no_more(link: Link) -> None:
 
 
 def test_the_link_is_quic(link: Link) -> None:
-    assert f"quic/127.0.0.1:{link.vehicle_port}" in connected_to(link.station.session)
-    assert connected_to(link.web.session) == [f"tcp/127.0.0.1:{link.loopback_port}"]
+    others = [str(one.dst) for one in link.vehicle.session.info.links()]
+    assert others
+    assert all(other.startswith("quic/127.0.0.1:") for other in others), others
+    hub = [str(one.dst).split("?")[0] for one in link.web.session.info.links()]
+    assert hub == [f"tcp/127.0.0.1:{link.loopback_port}"]
 
 
 def test_a_port_in_use_is_one_line(link: Link) -> None:
     with pytest.raises(LinkError, match=rf"^UDP port {link.vehicle_port} .*in use; stop .*$"):
         vehicle_session(link.vehicle_port, link.tls)
     with pytest.raises(LinkError, match=rf"^TCP port {link.loopback_port} .*in use; stop .*$"):
-        station_session("127.0.0.1", link.loopback_port, link.tls)
+        hub_session(link.loopback_port)
 
 
 def test_a_station_with_a_foreign_certificate_is_not_let_in(link: Link, tmp_path: Path) -> None:
     foreign = ensure_certificates(tmp_path)
-    tcp = free_port(socket.SOCK_STREAM)
-    station = station_session(f"127.0.0.1:{link.vehicle_port}", tcp, foreign)
+    station = StationLink(link.vehicle_port, foreign)
     try:
-        assert not wait_connected(station, 1.5)
-        assert connected_to(station) == []
+        assert not station.wait(1.5)
     finally:
         station.close()
 
 
 def test_certificates_are_checked_before_dialling(link: Link, tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"not for 10\.9\.8\.7"):
-        station_session("10.9.8.7", free_port(socket.SOCK_STREAM), link.tls)
+        check_station("10.9.8.7", link.tls)
     with pytest.raises(LinkError, match=r"ca\.pem is missing; copy it back"):
         vehicle_session(free_port(socket.SOCK_DGRAM), TlsFiles(tmp_path))
 
@@ -534,9 +535,8 @@ def test_a_client_without_a_station_says_what_to_start() -> None:
 
 
 def test_a_client_comes_back_after_the_stations_restart(link: Link) -> None:
-    tcp = free_port(socket.SOCK_STREAM)
-    station = station_session(f"127.0.0.1:{link.vehicle_port}", tcp, link.tls)
-    web = loopback_session(tcp)
+    station = StationLink(link.vehicle_port, link.tls)
+    web = loopback_session(station.loopback_port)
     try:
         client = Node(web, "/quad1", "patient").client("back", SERVICES["arm"])
         link.vehicle.serve("back", SERVICES["arm"], _ok)
@@ -545,7 +545,7 @@ def test_a_client_comes_back_after_the_stations_restart(link: Link) -> None:
         deadline = time.monotonic() + WAIT
         while client.wait(0.0):  # until the client has noticed
             assert time.monotonic() < deadline
-        station = station_session(f"127.0.0.1:{link.vehicle_port}", tcp, link.tls)
+        station = StationLink(link.vehicle_port, link.tls, station.loopback_port)
         assert client.wait(WAIT)
         assert client.call(new(REQUEST, request_id="3")).accepted
     finally:

@@ -15,9 +15,8 @@ import httpx
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics.table import SERVICES
-from vehicle_link.transport.session import loopback_session, station_session
+from vehicle_link.transport.session import hub_session, loopback_session
 from web.live import station as web_station
 from web.live.sockets import listen
 from web.live.station import Station
@@ -76,11 +75,11 @@ def texts(content: Any) -> Iterator[str]:
 
 
 @pytest.fixture
-def router(tmp_path: Path) -> Iterator[tuple[int, Any]]:
+def router() -> Iterator[tuple[int, Any]]:
     """The station's router with no service behind it: (port, its session)."""
     with listen("127.0.0.1", 0) as free:
         port = free.getsockname()[1]
-    session = station_session("127.0.0.1:9", port, ensure_certificates(tmp_path, ["127.0.0.1"]))
+    session = hub_session(port)
     yield port, session
     session.close()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,11 +14,10 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import AppliedChange, from_parameters, to_parameters, to_value
 from vehicle_link.parameters.service import serve_parameters
-from vehicle_link.security.authority import ensure_certificates
 from vehicle_link.topics import decode_joy
 from vehicle_link.topics.table import SERVICES, TOPICS
 from vehicle_link.transport.node import Node
-from vehicle_link.transport.session import loopback_session, station_session
+from vehicle_link.transport.session import hub_session, loopback_session
 from web.live.events import SUMMARY_NOW, EventHub
 from web.live.latest import Live
 from web.live.sockets import listen
@@ -49,17 +47,16 @@ class Backend:
 class Router:
     """A station's session with the services of a station and the parameters of a vehicle."""
 
-    def __init__(self, tmp_path: Path) -> None:
+    def __init__(self) -> None:
         with listen("127.0.0.1", 0) as free:
             self.port = free.getsockname()[1]
-        self._tls = ensure_certificates(tmp_path, ["127.0.0.1"])
         self.requests: list[Any] = []
         self.backend = Backend()
         self.refusal = ""
         self.start()
 
     def start(self) -> None:
-        self.session = station_session("127.0.0.1:9", self.port, self._tls)
+        self.session = hub_session(self.port)
         self.node = Node(self.session, "/quad1", "station")
         self.vehicle = Node(self.session, "/quad1", "vehicle")
         for name in ("arm", "emergency", "start_behavior", "change_parameters", "record"):
@@ -93,8 +90,8 @@ class Router:
 
 
 @pytest.fixture
-def router(tmp_path: Path) -> Iterator[Router]:
-    made = Router(tmp_path)
+def router() -> Iterator[Router]:
+    made = Router()
     yield made
     made.stop()
 
