@@ -6,33 +6,36 @@ import numpy as np
 import pytest
 
 from control.allocation import allocate
+from quadrotor.records import Record
 from quadrotor.vehicle_model import VehicleModel, mixing_matrix
+from tests.support.arrays import Array
 
 MODEL = VehicleModel().record()
 LOW, HIGH = float(MODEL["thrust_min"][0]), float(MODEL["thrust_max"][0])
 M = mixing_matrix(0.25, 0.0174)
 
 
-def run(wrench, model=MODEL):
-    thrusts, scaling = allocate(tuple(map(float, wrench)), model[0])
+def run(wrench: Array, model: Record = MODEL) -> tuple[float, Array]:
+    force, x, y, z = map(float, wrench)
+    thrusts, scaling = allocate((force, x, y, z), model[0])
     return scaling, np.array(thrusts)
 
 
-def gravity(model):
+def gravity(model: Record) -> Array:
     return np.array([float(model["mass"][0]) * 9.81, 0.0, 0.0, 0.0])
 
 
-def heavy(mass):
+def heavy(mass: float) -> Record:
     model = MODEL.copy()
     model["mass"] = mass  # beyond what VehicleModel allows
     return model
 
 
-def random_wrench(rng):
+def random_wrench(rng: np.random.Generator) -> Array:
     return rng.normal(size=4) * [15.0, 1.0, 1.0, 0.2] + [12.8, 0, 0, 0]
 
 
-def test_a_feasible_wrench_is_given_exactly(rng):
+def test_a_feasible_wrench_is_given_exactly(rng: np.random.Generator) -> None:
     for _ in range(200):
         wrench = M @ rng.uniform(LOW + 1e-9, HIGH - 1e-9, size=4)
         scaling, thrusts = run(wrench)
@@ -40,13 +43,13 @@ def test_a_feasible_wrench_is_given_exactly(rng):
         np.testing.assert_allclose(M @ thrusts, wrench, atol=1e-12)
 
 
-def test_hover_has_nothing_to_scale():
+def test_hover_has_nothing_to_scale() -> None:
     scaling, thrusts = run(gravity(MODEL))
     assert scaling == 1.0
     np.testing.assert_allclose(thrusts, 1.308 * 9.81 / 4)
 
 
-def test_thrusts_are_feasible_and_the_scaling_is_the_largest(rng):
+def test_thrusts_are_feasible_and_the_scaling_is_the_largest(rng: np.random.Generator) -> None:
     scaled = 0
     for _ in range(1000):
         wrench = random_wrench(rng)
@@ -65,7 +68,7 @@ def test_thrusts_are_feasible_and_the_scaling_is_the_largest(rng):
     assert 100 < scaled < 1000
 
 
-def test_the_direction_of_what_exceeds_gravity_is_kept(rng):
+def test_the_direction_of_what_exceeds_gravity_is_kept(rng: np.random.Generator) -> None:
     for _ in range(300):
         wrench = random_wrench(rng)
         scaling, thrusts = run(wrench)
@@ -74,7 +77,9 @@ def test_the_direction_of_what_exceeds_gravity_is_kept(rng):
 
 
 @pytest.mark.parametrize("mass", [2.6, 4.0, 0.1])
-def test_an_infeasible_gravity_is_clipped_first_and_the_rest_still_fits(mass, rng):
+def test_an_infeasible_gravity_is_clipped_first_and_the_rest_still_fits(
+    mass: float, rng: np.random.Generator
+) -> None:
     model = heavy(mass)
     bound = HIGH if mass > 1 else LOW
     scaling, thrusts = run(gravity(model), model)
@@ -94,7 +99,7 @@ def test_an_infeasible_gravity_is_clipped_first_and_the_rest_still_fits(mass, rn
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("where", range(4))
-def test_what_is_not_a_number_becomes_hover_thrust(bad, where):
+def test_what_is_not_a_number_becomes_hover_thrust(bad: float, where: int) -> None:
     wrench = gravity(MODEL)
     wrench[where] = bad
     scaling, thrusts = run(wrench)

@@ -31,7 +31,9 @@ CELLS = [
 ]
 
 
-def refusal(present, wanted, armed=True, airborne=True):
+def refusal(
+    present: BehaviorName, wanted: BehaviorName, armed: bool = True, airborne: bool = True
+) -> str:
     try:
         check_transition(present, wanted, armed, airborne)
     except RefusedError as error:
@@ -40,7 +42,7 @@ def refusal(present, wanted, armed=True, airborne=True):
 
 
 @pytest.mark.parametrize(("present", "wanted", "cell"), CELLS)
-def test_every_cell_of_the_table(present, wanted, cell):
+def test_every_cell_of_the_table(present: BehaviorName, wanted: BehaviorName, cell: str) -> None:
     in_the_air, on_the_ground = refusal(present, wanted), refusal(present, wanted, airborne=False)
     if cell == "+":
         assert in_the_air == on_the_ground == ""
@@ -53,7 +55,7 @@ def test_every_cell_of_the_table(present, wanted, cell):
     assert refusal(present, wanted, armed=False).endswith("arm the vehicle first")
 
 
-def test_every_refusal_says_what_to_do_or_why():
+def test_every_refusal_says_what_to_do_or_why() -> None:
     for row in REFUSALS.values():
         for reason in row.values():
             helps = (": ", "already", "under way")
@@ -63,12 +65,12 @@ def test_every_refusal_says_what_to_do_or_why():
 
 
 @pytest.mark.parametrize("present", [b for b in BehaviorName if b is not BehaviorName.GROUND])
-def test_land_is_possible_from_every_flight(present):
+def test_land_is_possible_from_every_flight(present: BehaviorName) -> None:
     assert refusal(present, BehaviorName.LAND) == ""
     assert refusal(present, BehaviorName.LAND, airborne=False) == ""
 
 
-def test_names_are_lower_case_and_a_slip_is_answered_with_a_guess():
+def test_names_are_lower_case_and_a_slip_is_answered_with_a_guess() -> None:
     assert behavior_of("take_off") is BehaviorName.TAKE_OFF
     with pytest.raises(RefusedError, match=r"'takeoff': did you mean take_off\?"):
         behavior_of("takeoff")
@@ -78,9 +80,9 @@ def test_names_are_lower_case_and_a_slip_is_answered_with_a_guess():
         behavior_of("LAND")
 
 
-def test_the_numbers_of_the_status_record_do_not_move():
+def test_the_numbers_of_the_status_record_do_not_move() -> None:
     assert [b.value for b in BehaviorName] == list(range(12))
-    assert BehaviorName.GROUND == 0
-    assert BehaviorName.BRAKE == 7
-    assert BehaviorName.EXCITE == 8
-    assert BehaviorName.EMERGENCY_LANDING == 10
+    assert BehaviorName(0) is BehaviorName.GROUND
+    assert BehaviorName(7) is BehaviorName.BRAKE
+    assert BehaviorName(8) is BehaviorName.EXCITE
+    assert BehaviorName(10) is BehaviorName.EMERGENCY_LANDING

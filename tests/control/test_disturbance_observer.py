@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from control.controller import GeometricController
@@ -15,8 +16,10 @@ from control.parameters import ControlParameters, DisturbanceParameters
 from control.presets import preset
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.hover import Hover
-from quadrotor.records import ACTUATORS, new_reference, new_state
+from quadrotor.records import ACTUATORS, Record, new_reference, new_state
 from quadrotor.vehicle_model import GRAVITY, VehicleModel, reference_of_thrust
+from tests.control.flight import Flight
+from tests.support.arrays import Array
 
 LAG = 0.047
 DT = 0.002
@@ -24,14 +27,14 @@ MODEL = VehicleModel()
 HOVER = MODEL.mass * GRAVITY
 
 
-def settings(**changes):
+def settings(**changes: float) -> DisturbanceParameters:
     return DisturbanceParameters(force=True, torque=True, **changes)
 
 
 class Standing:
     """Level, thrust as commanded; velocity and angular velocity are set by the test."""
 
-    def __init__(self, parameters, law_mass=MODEL.mass):
+    def __init__(self, parameters: DisturbanceParameters, law_mass: float = MODEL.mass) -> None:
         self.observer = DisturbanceObserver(parameters)
         self.model = MODEL.record()
         self.model["mass"] = law_mass
@@ -41,7 +44,14 @@ class Standing:
         )
         self.out = np.zeros(1, DISTURBANCE)
 
-    def step(self, seconds, acceleration=(0, 0, 0), turn=(0, 0, 0), flying=True, carried=False):
+    def step(
+        self,
+        seconds: float,
+        acceleration: npt.ArrayLike = (0, 0, 0),
+        turn: npt.ArrayLike = (0, 0, 0),
+        flying: bool = True,
+        carried: bool = False,
+    ) -> Standing:
         for _ in range(round(seconds / DT)):
             self.state["velocity_w"] += DT * np.array(acceleration)
             self.state["angular_velocity_b"] += DT * np.array(turn)
@@ -51,15 +61,15 @@ class Standing:
         return self
 
     @property
-    def force(self):
-        return self.out["force_w"][0].copy()
+    def force(self) -> Array:
+        return np.array(self.out["force_w"][0])
 
     @property
-    def torque(self):
-        return self.out["torque_b"][0].copy()
+    def torque(self) -> Array:
+        return np.array(self.out["torque_b"][0])
 
 
-def test_what_it_finds_is_the_disturbance_behind_its_low_pass():
+def test_what_it_finds_is_the_disturbance_behind_its_low_pass() -> None:
     one = Standing(settings(force_bandwidth=4.0, torque_bandwidth=2.0, fade=0.1))
     one.step(2.0)  # faded in, nothing found
     assert one.force == pytest.approx([0, 0, 0], abs=1e-9)
@@ -75,7 +85,7 @@ def test_what_it_finds_is_the_disturbance_behind_its_low_pass():
     assert one.force == pytest.approx(MODEL.mass * push, rel=1e-3)
 
 
-def test_the_force_has_its_rate_while_it_grows():
+def test_the_force_has_its_rate_while_it_grows() -> None:
     one = Standing(settings(force_bandwidth=10.0, fade=0.1)).step(0.5)
     grown = []
     for k in range(600):
@@ -85,7 +95,7 @@ def test_the_force_has_its_rate_while_it_grows():
     assert rates == pytest.approx(np.gradient(forces, DT), rel=0.04)
 
 
-def test_bounds_hold_and_a_bounded_force_has_no_rate():
+def test_bounds_hold_and_a_bounded_force_has_no_rate() -> None:
     one = Standing(settings(force_max=0.5, torque_max=0.01, torque_bandwidth=5.0, fade=0.1))
     one.step(1.0, (3.0, 0.0, -3.0), (5.0, 0.0, 0.0))
     assert one.force == pytest.approx([0.5, 0.0, -0.5])
@@ -93,12 +103,12 @@ def test_bounds_hold_and_a_bounded_force_has_no_rate():
     assert one.out["force_rate_w"][0] == pytest.approx([0, 0, 0])
 
 
-def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again():
+def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again() -> None:
     one = Standing(settings(fade=1.0))
     one.step(1.0, flying=False)
     found = []
 
-    def fly(seconds):
+    def fly(seconds: float) -> None:
         for _ in range(round(seconds / DT)):
             found.append(one.step(DT, (1.0, 0.0, 0.0)).force[0])
 
@@ -115,7 +125,7 @@ def test_nothing_jumps_when_it_takes_off_is_switched_off_and_on_again():
     assert np.abs(np.diff(found)).max() < 3.0 * MODEL.mass * DT
 
 
-def test_on_the_ground_it_forgets_and_where_the_ground_carries_it_holds():
+def test_on_the_ground_it_forgets_and_where_the_ground_carries_it_holds() -> None:
     one = Standing(settings(fade=0.1)).step(1.0, (0.5, 0.0, 0.0))
     before = one.force
     one.step(1.0, (0.0, 0.0, 4.0), carried=True)
@@ -127,7 +137,7 @@ def test_on_the_ground_it_forgets_and_where_the_ground_carries_it_holds():
     assert not one.torque.any()
 
 
-def test_a_state_that_is_no_number_leaves_what_was_found():
+def test_a_state_that_is_no_number_leaves_what_was_found() -> None:
     one = Standing(settings(fade=0.1)).step(1.0, (0.5, 0.0, 0.0))
     before = one.force
     one.state["velocity_w"][0, 0] = np.nan
@@ -135,7 +145,7 @@ def test_a_state_that_is_no_number_leaves_what_was_found():
     assert one.force == pytest.approx(before)
 
 
-def test_drag_that_the_model_has_is_no_disturbance():
+def test_drag_that_the_model_has_is_no_disturbance() -> None:
     one = Standing(settings(fade=0.1))
     one.model["drag"] = 0.3
     one.state["velocity_w"] = (2.0, 0.0, 0.0)
@@ -145,7 +155,7 @@ def test_drag_that_the_model_has_is_no_disturbance():
     assert one.force == pytest.approx([0, 0, 0], abs=0.01)
 
 
-def test_the_mass_that_is_flown_on_leaves_the_rest_to_it():
+def test_the_mass_that_is_flown_on_leaves_the_rest_to_it() -> None:
     heavy = Standing(settings(), law_mass=1.2 * MODEL.mass).step(3.0)
     # Hovering on less thrust than that mass needs: something must be lifting.
     assert heavy.force[2] == pytest.approx(0.2 * HOVER, rel=1e-3)
@@ -153,45 +163,49 @@ def test_the_mass_that_is_flown_on_leaves_the_rest_to_it():
 
 
 # ---------------------------------------------------------------- in the loop
-def observed(flight, parameters, believed=None, **truth):
+def observed(
+    parameters: ControlParameters,
+    true_mass: float = 1.308,
+    force_w: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Flight:
     """A closed loop with the observer; `advance` observes first, as the vehicle's tick does."""
-    one = flight(parameters=parameters, believed=believed or VehicleModel(), **truth)
-    observer, advance = DisturbanceObserver(parameters.disturbance), one.advance
+    observer = DisturbanceObserver(parameters.disturbance)
 
-    def observing(dt=DT):
-        if not observer.idle:
-            model = one.believed.record()
-            observer.step(
-                one.state, one.actuators, model, True, False, dt, one.controller.disturbance
-            )
-        advance(dt)
+    class Observed(Flight):
+        def advance(self, dt: float = DT, airborne: bool = True, idle: bool = False) -> None:
+            if not observer.idle:
+                model, out = self.believed.record(), self.controller.disturbance
+                observer.step(self.state, self.actuators, model, True, False, dt, out)
+            super().advance(dt, airborne, idle)
 
-    one.advance = observing
-    return one
+    return Observed(parameters=parameters, true_mass=true_mass, force_w=force_w)
 
 
 @pytest.mark.parametrize(
-    ("truth", "share"), [({"force_w": (1.0, -0.5, 0.3)}, 0.01), ({"true_mass": 1.2 * 1.308}, 0.25)]
+    ("true_mass", "force_w", "share"),
+    [(1.308, (1.0, -0.5, 0.3), 0.01), (1.2 * 1.308, (0.0, 0.0, 0.0), 0.25)],
 )
-def test_on_the_8_it_takes_off_a_push_and_a_payload(flight, truth, share):
+def test_on_the_8_it_takes_off_a_push_and_a_payload(
+    true_mass: float, force_w: tuple[float, float, float], share: float
+) -> None:
     errors = {}
     for name in ("standard", "observer"):
-        one = observed(flight, preset(name), **truth)
+        one = observed(preset(name), true_mass, force_w)
         one.fly(Hover((0.0, 0.0, 0.0), 0.0), 3.0)
         flown = one.fly(FigureEight((0.0, 0.0, 0.0)), 16.0)[4000:]
         errors[name] = np.sqrt((flown**2).sum(axis=1).mean())
-    if "force_w" in truth:  # the law's integral has had its time for a constant one
+    if any(force_w):  # the law's integral has had its time for a constant one
         assert errors["observer"] < 0.003
     assert errors["observer"] < max(share * 0.05, 0.003) + 0.25 * errors["standard"]
 
 
-def test_drag_fed_forward_is_none_on_the_8(flight):
+def test_drag_fed_forward_is_none_on_the_8() -> None:
     drag = 0.3
 
-    class Dragged(flight):
-        def advance(self, dt=DT):
-            self.force_w = tuple(-drag * self.x[3:6])
-            super().advance(dt)
+    class Dragged(Flight):
+        def advance(self, dt: float = DT, airborne: bool = True, idle: bool = False) -> None:
+            self.force_w = (-drag * self.x[3], -drag * self.x[4], -drag * self.x[5])
+            super().advance(dt, airborne, idle)
 
     found = {}
     for believed in (0.0, drag):
@@ -203,7 +217,9 @@ def test_drag_fed_forward_is_none_on_the_8(flight):
 
 
 @pytest.mark.parametrize("law", [GeometricController, NearHoveringController])
-def test_both_laws_take_off_force_and_torque(law):
+def test_both_laws_take_off_force_and_torque(
+    law: type[GeometricController] | type[NearHoveringController],
+) -> None:
     controller = law()
     controller.configure(ControlParameters(), MODEL.record())
     state, reference, out = new_state(), new_reference(), np.zeros(1, ACTUATORS)
@@ -217,7 +233,7 @@ def test_both_laws_take_off_force_and_torque(law):
 
 
 # ---------------------------------------------------------------- margins
-def test_the_gain_set_with_it_bears_as_much_delay_as_the_standard_one():
+def test_the_gain_set_with_it_bears_as_much_delay_as_the_standard_one() -> None:
     before = {one.loop: one for one in margins(preset("standard"), LAG)}
     after = {one.loop: one for one in margins(preset("observer"), LAG)}
     for loop in ("position", "motors"):
@@ -226,14 +242,14 @@ def test_the_gain_set_with_it_bears_as_much_delay_as_the_standard_one():
     assert min(one.delay for one in after.values()) >= min(one.delay for one in before.values())
 
 
-def test_without_it_the_estimate_loop_is_the_position_loop():
+def test_without_it_the_estimate_loop_is_the_position_loop() -> None:
     for name in ("standard", "stiff", "damped"):
         found = {one.loop: one for one in margins(preset(name), LAG)}
         assert found["estimate"].phase == found["position"].phase
 
 
 @pytest.mark.parametrize("more", [0.9, 1.15])
-def test_the_motors_margin_is_where_a_delay_there_makes_it_swing(flight, more):
+def test_the_motors_margin_is_where_a_delay_there_makes_it_swing(more: float) -> None:
     """Thrusts late by less and by more than the margin of the motors' loop."""
     parameters = preset("observer")
     parameters.disturbance.torque_bandwidth = 5.0  # much of the margin is the observer's
@@ -241,23 +257,26 @@ def test_the_motors_margin_is_where_a_delay_there_makes_it_swing(flight, more):
     assert borne < 0.9 * {one.loop: one for one in margins(preset("standard"), LAG)}["motors"].delay
     late = round(more * borne / DT)
 
-    waiting = []
-    one = flight(parameters=parameters)
+    one = Flight(parameters=parameters)
     observer = DisturbanceObserver(parameters.disturbance)
     commanded = one.actuators.copy()
-    controller, model = one.controller, one.believed.record()
+    model = one.believed.record()
     hover = reference_of_thrust(0.25 * HOVER, MODEL.motor_slope, MODEL.motor_offset)
-    waiting += [np.full((1, 4), hover)] * late
+    waiting: list[Array] = [np.full((1, 4), hover)] * late
     commanded["motor_references"] = hover
 
-    def late_step(state, reference, airborne, dt, actuators):
-        observer.step(state, commanded, model, True, False, dt, controller.disturbance)
-        GeometricController.step(controller, state, reference, airborne, dt, commanded)
-        waiting.append(commanded["motor_references"].copy())
-        actuators[...] = commanded
-        actuators["motor_references"] = waiting.pop(0)
+    class Late(GeometricController):
+        def step(
+            self, state: Record, reference: Record, airborne: bool, dt: float, actuators: Record
+        ) -> None:
+            observer.step(state, commanded, model, True, False, dt, self.disturbance)
+            super().step(state, reference, airborne, dt, commanded)
+            waiting.append(commanded["motor_references"].copy())
+            actuators[...] = commanded
+            actuators["motor_references"] = waiting.pop(0)
 
-    controller.step = late_step
+    one.controller = Late()
+    one.controller.configure(parameters, model)
     one.x[10] = 0.02
     errors = one.fly(Hover((0.0, 0.0, 0.0), 0.0), 12.0)
     early = np.abs(errors[1000:2000, 1]).max()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,9 @@ from control.behaviors.table import BehaviorName
 from control.parameters import ControlParameters
 from control.trajectories.multistep import LEAD, Multistep
 from quadrotor.errors import QuadlabError, RefusedError
-from quadrotor.records import new_reference, new_state
+from quadrotor.parameters import ParameterValue
+from quadrotor.records import Record, new_reference, new_state
+from tests.support.arrays import Array
 
 DT = 0.002
 WEIGHT = 1.308 * 9.81
@@ -21,7 +25,7 @@ POINT = {"x": 0.4, "y": -0.3, "z": 1.2, "yaw": 0.7}
 class Bench:
     """A machine in hover at POINT; the vehicle stays where it is put."""
 
-    def __init__(self, **changes):
+    def __init__(self, **changes: float) -> None:
         self.machine = BehaviorMachine(BehaviorParameters(**changes), WEIGHT)
         self.state, self.reference = new_state(), new_reference()
         self.put(0.0, 0.0, 0.05)
@@ -32,11 +36,17 @@ class Bench:
         assert self.machine.name is BehaviorName.HOVER
         self.put(POINT["x"], POINT["y"], POINT["z"], POINT["yaw"])
 
-    def put(self, x, y, z, yaw=0.0):
-        self.state["position_w"] = (x, y, z)
+    def put(self, x: float, y: float, z: float, yaw: float = 0.0) -> None:
+        self.move_to(np.array([x, y, z]), yaw)
+
+    def move_to(self, place: Array, yaw: float) -> None:
+        self.state["position_w"] = place
         self.state["quaternion_wb"] = (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))
 
-    def fly(self, seconds):
+    def flies(self, name: BehaviorName) -> bool:
+        return self.machine.name is name
+
+    def fly(self, seconds: float) -> Record:
         """References of this stretch, (N,)."""
         out = []
         for _ in range(round(seconds / DT)):
@@ -44,22 +54,22 @@ class Bench:
             out.append(self.reference.copy())
         return np.concatenate(out)
 
-    def excite(self, airborne=True, **arguments):
+    def excite(self, airborne: bool = True, **arguments: float | str) -> None:
         self.machine.request("excite", arguments, self.state, True, airborne)
 
-    def refusal(self, **arguments):
+    def refusal(self, airborne: bool = True, **arguments: ParameterValue) -> str:
         with pytest.raises(QuadlabError) as caught:
-            self.excite(**arguments)
+            self.excite(airborne, **arguments)
         assert self.machine.name is BehaviorName.HOVER
         return str(caught.value)
 
 
 @pytest.fixture
-def bench():
+def bench() -> Bench | Bench:
     return Bench()
 
 
-def along(references, axis):
+def along(references: Record, axis: str) -> Array:
     if axis == "yaw":
         return references["yaw"]
     return references["position_w"][:, "xyz".index(axis)]
@@ -67,7 +77,9 @@ def along(references, axis):
 
 @pytest.mark.parametrize("axis", ["x", "y", "z", "yaw"])
 @pytest.mark.parametrize(("shape", "levels"), [("step", [0.2, 0.0]), ("doublet", [0.2, -0.2, 0.0])])
-def test_the_set_point_jumps_between_its_levels_and_nothing_else_moves(bench, axis, shape, levels):
+def test_the_set_point_jumps_between_its_levels_and_nothing_else_moves(
+    bench: Bench, axis: str, shape: str, levels: list[float]
+) -> None:
     bench.excite(axis=axis, shape=shape, amplitude=0.2, duration=0.4, repeats=2)
     path = bench.fly(LEAD + 2 * len(levels) * 0.4 + 0.1)
     assert bench.machine.name is BehaviorName.HOVER
@@ -87,7 +99,7 @@ def test_the_set_point_jumps_between_its_levels_and_nothing_else_moves(bench, ax
     assert along(path, axis)[-1] == along(path, axis)[0] == pytest.approx(POINT[axis])
 
 
-def test_progress_runs_from_0_to_1(bench):
+def test_progress_runs_from_0_to_1(bench: Bench) -> None:
     bench.excite(duration=1.0)
     bench.fly(1.25)
     assert bench.machine.progress == pytest.approx(0.5, abs=0.01)
@@ -105,17 +117,19 @@ def test_progress_runs_from_0_to_1(bench):
         ({"speed": 1.0}, "no argument 'speed'"),
     ],
 )
-def test_what_is_too_much_is_refused_with_what_is_allowed(bench, arguments, reason):
-    assert reason in bench.refusal(**arguments)
+def test_what_is_too_much_is_refused_with_what_is_allowed(
+    bench: Bench, arguments: Mapping[str, float | str], reason: str
+) -> None:
+    assert reason in bench.refusal(True, **arguments)
 
 
-def test_a_step_out_of_the_flight_volume_is_refused(bench):
+def test_a_step_out_of_the_flight_volume_is_refused(bench: Bench) -> None:
     bench.machine.parameters.volume_x_max = 0.6
     assert "x = 0.70 m is outside the flight volume" in bench.refusal(axis="x", amplitude=0.3)
     bench.excite(axis="x", amplitude=-0.3)
 
 
-def test_a_step_that_these_gains_answer_with_too_much_is_refused(bench):
+def test_a_step_that_these_gains_answer_with_too_much_is_refused(bench: Bench) -> None:
     gains = ControlParameters().model_copy(deep=True)
     bench.machine.control = gains
     gains.position.kp_xy, gains.position.kp_z = 20.0, 20.0
@@ -139,14 +153,16 @@ def test_a_step_that_these_gains_answer_with_too_much_is_refused(bench):
         ("velocity_w", (0.0, np.nan, 0.0), "nan m/s"),
     ],
 )
-def test_only_from_rest(bench, field, value, reason):
+def test_only_from_rest(
+    bench: Bench, field: str, value: tuple[float, float, float], reason: str
+) -> None:
     bench.state[field] = value
     answer = bench.refusal()
     assert "not at rest" in answer
     assert reason in answer
 
 
-def test_only_in_the_air_and_from_hover(bench):
+def test_only_in_the_air_and_from_hover(bench: Bench) -> None:
     assert "not left the ground" in bench.refusal(airborne=False)
     bench.excite()
     with pytest.raises(RefusedError, match="excite is under way already"):
@@ -157,7 +173,7 @@ def test_only_in_the_air_and_from_hover(bench):
 
 
 @pytest.mark.parametrize("name", ["hover", "brake", "land", "fly_to", "velocity"])
-def test_whoever_flies_may_take_over_at_any_time(bench, name):
+def test_whoever_flies_may_take_over_at_any_time(bench: Bench, name: str) -> None:
     bench.excite()
     bench.fly(1.0)
     bench.machine.request(name, {}, bench.state, True, True)
@@ -165,20 +181,22 @@ def test_whoever_flies_may_take_over_at_any_time(bench, name):
 
 
 @pytest.mark.parametrize(("axis", "sign"), [("x", 1), ("x", -1), ("y", -1), ("z", 1)])
-def test_a_vehicle_that_leaves_the_path_is_braked_from_where_it_is(bench, axis, sign):
+def test_a_vehicle_that_leaves_the_path_is_braked_from_where_it_is(
+    bench: Bench, axis: str, sign: int
+) -> None:
     bench.excite(axis="x", amplitude=0.3)
     bench.fly(1.0)
     edge = (0.3 if axis == "x" and sign > 0 else 0.0) + 0.5
-    place = [POINT["x"], POINT["y"], POINT["z"]]
+    place = np.array([POINT["x"], POINT["y"], POINT["z"]])
     place["xyz".index(axis)] += sign * (edge - 0.01)
-    bench.put(*place, POINT["yaw"])
+    bench.move_to(place, POINT["yaw"])
     bench.fly(DT)
-    assert bench.machine.name is BehaviorName.EXCITE
+    assert bench.flies(BehaviorName.EXCITE)
     place["xyz".index(axis)] += sign * 0.02
-    bench.put(*place, POINT["yaw"] + 0.2)
+    bench.move_to(place, POINT["yaw"] + 0.2)
     bench.state["velocity_w"] = (0.5, 0.0, 0.0)
     bench.fly(DT)
-    assert bench.machine.name is BehaviorName.BRAKE
+    assert bench.flies(BehaviorName.BRAKE)
     assert "too far off the path" in bench.machine.aborted
     assert f"{axis} = " in bench.machine.aborted
     np.testing.assert_allclose(bench.reference["position_w"][0], place)
@@ -190,20 +208,20 @@ def test_a_vehicle_that_leaves_the_path_is_braked_from_where_it_is(bench, axis, 
 
 
 @pytest.mark.parametrize(("axis", "wall"), [("x", 0.7), ("z", 1.2)])
-def test_an_overshoot_far_out_of_the_flight_volume_is_braked(axis, wall):
+def test_an_overshoot_far_out_of_the_flight_volume_is_braked(axis: str, wall: float) -> None:
     bench = Bench(**{f"volume_{axis}_max": wall})
     bench.excite(axis="x", amplitude=0.3)
     bench.fly(1.0)
-    place = [POINT["x"], POINT["y"], POINT["z"]]
+    place = np.array([POINT["x"], POINT["y"], POINT["z"]])
     for beyond, name in ((0.19, BehaviorName.EXCITE), (0.21, BehaviorName.BRAKE)):
         place["xyz".index(axis)] = wall + beyond
-        bench.put(*place, POINT["yaw"])
+        bench.move_to(place, POINT["yaw"])
         bench.fly(DT)
         assert bench.machine.name is name
     assert "outside the flight volume" in bench.machine.aborted
 
 
-def test_a_yaw_far_off_or_a_tilt_beyond_the_limit_ends_it(bench):
+def test_a_yaw_far_off_or_a_tilt_beyond_the_limit_ends_it(bench: Bench) -> None:
     bench.excite(axis="yaw", amplitude=0.5)
     bench.fly(1.0)
     bench.put(POINT["x"], POINT["y"], POINT["z"], POINT["yaw"] + 1.4)
@@ -216,7 +234,7 @@ def test_a_yaw_far_off_or_a_tilt_beyond_the_limit_ends_it(bench):
     assert "tilted beyond control.limits.tilt_max" in bench.machine.aborted
 
 
-def test_a_lost_position_ends_it(bench):
+def test_a_lost_position_ends_it(bench: Bench) -> None:
     bench.excite()
     bench.state["position_w"] = np.nan
     bench.fly(DT)
@@ -224,7 +242,7 @@ def test_a_lost_position_ends_it(bench):
     assert np.isfinite(bench.reference.view("f8")).all()
 
 
-def test_the_largest_jump_of_a_doublet_is_twice_its_amplitude():
+def test_the_largest_jump_of_a_doublet_is_twice_its_amplitude() -> None:
     point = (0.0, 0.0, 1.0, 0.0)
     made = {
         s: Multistep(point, axis="z", shape=s, amplitude=-0.3, duration=1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from control.behaviors.trajectory_choice import CHOICES
 from control.behaviors.way_points import read_waypoints
 from control.trajectories.feasibility import examine
 from control.trajectories.minimum_snap import minimum_snap
-from control.trajectories.trajectory import sample_many
+from control.trajectories.trajectory import Trajectory, sample_many
 from quadrotor.errors import (
     OutOfBoundsError,
     ParameterError,
@@ -27,7 +28,7 @@ from quadrotor.errors import (
     UnknownParameterError,
     WrongTypeError,
 )
-from quadrotor.records import new_reference, new_state
+from quadrotor.records import Record, new_reference, new_state
 from quadrotor.vehicle_model import VehicleModel
 
 LOOP = minimum_snap(
@@ -38,19 +39,26 @@ LOOP = minimum_snap(
 )
 
 
-def context(x=0.0, y=0.0, z=1.2, yaw=0.3, model=None, **changes):
+def context(
+    x: float = 0.0,
+    y: float = 0.0,
+    z: float = 1.2,
+    yaw: float = 0.3,
+    model: Record | None = None,
+    **changes: float,
+) -> Context:
     reference = new_reference()
     reference["position_w"], reference["yaw"] = (x, y, z), yaw
     return Context(
         reference,
         BehaviorParameters(**changes),
         12.8,
-        model or VehicleModel().record(),
+        VehicleModel().record() if model is None else model,
         {"loop": LOOP},
     )
 
 
-DEFAULTS = {
+DEFAULTS: dict[str, dict[str, float | str]] = {
     "figure_eight": {},
     "figure_eight_lap": {"period": 10.0},
     "circle": {"nose": "tangent"},
@@ -61,7 +69,7 @@ DEFAULTS = {
 }
 
 
-def path_of(behavior, count=2001):
+def path_of(behavior: FollowTrajectory, count: int = 2001) -> Record:
     out = []
     reference = new_reference()
     for t in np.linspace(0.0, behavior._duration, count):
@@ -71,7 +79,7 @@ def path_of(behavior, count=2001):
 
 
 @pytest.mark.parametrize("name", TRAJECTORIES)
-def test_each_starts_at_the_present_reference_and_rests_at_both_ends(name):
+def test_each_starts_at_the_present_reference_and_rests_at_both_ends(name: str) -> None:
     c = context()
     behavior = FollowTrajectory.start(c, {"trajectory": name, **DEFAULTS[name]})
     path = path_of(behavior)
@@ -83,7 +91,7 @@ def test_each_starts_at_the_present_reference_and_rests_at_both_ends(name):
     assert np.ptp(path["position_w"], axis=0).max() > 0.4
 
 
-def test_every_trajectory_is_offered_and_described():
+def test_every_trajectory_is_offered_and_described() -> None:
     assert tuple(CHOICES) == TRAJECTORIES
     form = {d.name: d for d in describe_arguments("follow_trajectory")}
     assert next(iter(form)) == "trajectory"
@@ -119,7 +127,9 @@ def test_every_trajectory_is_offered_and_described():
         ({"trajectory": "file", "file": "loop"}, RefusedError, r"starts at x = 0.500, y = 0.500"),
     ],
 )
-def test_wrong_arguments_are_refused_with_what_is_allowed(arguments, error, text):
+def test_wrong_arguments_are_refused_with_what_is_allowed(
+    arguments: Mapping[str, float | str], error: type[Exception], text: str
+) -> None:
     with pytest.raises(error, match=text):
         FollowTrajectory.start(context(), arguments)
 
@@ -137,9 +147,11 @@ LIMITS = [
 
 
 @pytest.mark.parametrize(("parameter", "value", "what"), LIMITS)
-def test_every_limit_refuses_the_eight_and_proposes_a_period_that_flies(parameter, value, what):
+def test_every_limit_refuses_the_eight_and_proposes_a_period_that_flies(
+    parameter: str, value: float, what: str
+) -> None:
     FollowTrajectory.start(context(), {})
-    tight = context(**{parameter: value})
+    tight = context(model=None, **{parameter: value})
     with pytest.raises(RefusedError, match=f"its .*{what} reaches") as refused:
         FollowTrajectory.start(tight, {})
     text = str(refused.value)
@@ -168,7 +180,7 @@ def test_every_limit_refuses_the_eight_and_proposes_a_period_that_flies(paramete
         {"trajectory": "file", "file": "loop", "anchor": "here", "time_factor": 0.3},
     ],
 )
-def test_the_slower_pace_that_a_refusal_proposes_flies(arguments):
+def test_the_slower_pace_that_a_refusal_proposes_flies(arguments: dict[str, float | str]) -> None:
     c = context()
     with pytest.raises(RefusedError, match=r"; try an? ") as refused:
         FollowTrajectory.start(c, arguments)
@@ -180,7 +192,7 @@ def test_the_slower_pace_that_a_refusal_proposes_flies(arguments):
     FollowTrajectory.start(c, proposed)
 
 
-def test_a_wall_is_refused_by_its_name_and_time():
+def test_a_wall_is_refused_by_its_name_and_time() -> None:
     with pytest.raises(
         RefusedError, match=r"x = 2.00 m is outside .* from \d.\d\d s on"
     ) as refused:
@@ -190,7 +202,7 @@ def test_a_wall_is_refused_by_its_name_and_time():
     )
 
 
-def test_no_pace_helps_where_hovering_is_too_much():
+def test_no_pace_helps_where_hovering_is_too_much() -> None:
     heavy = VehicleModel(mass=2.2).record()
     tight = context(model=heavy, trajectory_thrust_margin=0.2)
     with pytest.raises(RefusedError, match=r"largest motor thrust .*; no slower pace helps"):
@@ -205,14 +217,14 @@ def test_no_pace_helps_where_hovering_is_too_much():
     st.floats(0.2, 2.0),
 )
 def test_what_is_accepted_keeps_to_every_limit_and_what_is_refused_does_not(
-    name, period, ramp, size
-):
+    name: str, period: float, ramp: float, size: float
+) -> None:
     c = context()
-    given_ = {"trajectory": name, "period": period}
+    given_: dict[str, float | str] = {"trajectory": name, "period": period}
     given_ |= {"width": size, "height": size} if "eight" in name else {"radius": size}
     given_ |= {} if name.endswith("lap") else {"ramp": ramp}
     limits = limits_of(c.parameters, c.model)
-    made = CHOICES[name].make(c, CHOICES[name].arguments(**given_))
+    made = CHOICES[name].make(c, CHOICES[name].arguments.model_validate(given_))
     dense = Plain(made)
     feasible = examine(dense, c.model, limits).feasible
     try:
@@ -226,11 +238,11 @@ def test_what_is_accepted_keeps_to_every_limit_and_what_is_refused_does_not(
 class Plain:
     """All of a trajectory, at 100 Hz: nothing is taken for a repetition."""
 
-    def __init__(self, path):
+    def __init__(self, path: Trajectory) -> None:
         self.duration, self.sample = path.duration, path.sample
 
 
-def test_the_model_decides():
+def test_the_model_decides() -> None:
     arguments = {"period": 4.8}
     FollowTrajectory.start(context(), arguments)
     heavy = VehicleModel(mass=2.1).record()
@@ -238,12 +250,12 @@ def test_the_model_decides():
         FollowTrajectory.start(context(model=heavy), arguments)
 
 
-def test_the_machine_checks_by_its_model_and_flies_its_files():
+def test_the_machine_checks_by_its_model_and_flies_its_files() -> None:
     machine = BehaviorMachine(BehaviorParameters(), trajectories={"loop": LOOP})
     state, reference = new_state(), new_reference()
     machine.request("take_off", {"height": 1.0}, state, True, True)
 
-    def run(seconds):
+    def run(seconds: float) -> None:
         for _ in range(round(seconds / 0.002)):
             machine.step(0, 0.002, state, None, True, 12.8, reference)
 
@@ -276,7 +288,11 @@ def test_the_machine_checks_by_its_model_and_flies_its_files():
         max_size=12,
     )
 )
-def test_way_points_read_what_was_written(points):
+def test_way_points_read_what_was_written(
+    points: list[tuple[float, float, float, None] | tuple[float, float, float, float]]
+    | list[tuple[float, float, float, None]]
+    | list[tuple[float, float, float, float]],
+) -> None:
     start = (0.0, 60.0, 0.0, 1.0)
     text = "; ".join(" ".join(repr(v) for v in point if v is not None) for point in points)
     try:

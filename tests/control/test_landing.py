@@ -9,8 +9,9 @@ from control.behaviors.land import TOUCH_DOWN, touched_down
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
 from control.behaviors.table import BehaviorName
-from quadrotor.records import new_state
+from quadrotor.records import Record, new_state
 from quadrotor.vehicle_model import VehicleModel
+from tests.control.flight import Flight
 
 DT = 0.002
 
@@ -18,15 +19,15 @@ DT = 0.002
 class Sortie:
     """A flight commanded by a behavior machine; `drift` is what the estimate is wrong by."""
 
-    def __init__(self, flight, **vehicle):
-        self.f = flight(ground=True, motors_ready=False, **vehicle)
+    def __init__(self, mass: float = 1.308) -> None:
+        self.f = Flight(ground=True, motors_ready=False, believed=VehicleModel(mass=mass))
         weight = self.f.believed.mass * 9.81
         self.machine = BehaviorMachine(BehaviorParameters(), weight)
         self.airborne = False
         self.time_ns = 0
         self.heights: list[float] = []
 
-    def run(self, seconds):
+    def run(self, seconds: float) -> None:
         f = self.f
         for _ in range(round(seconds / DT)):
             self.time_ns += round(DT * 1e9)
@@ -39,27 +40,25 @@ class Sortie:
             f.advance(DT, self.airborne, idle)
             self.heights.append(float(f.x[2]))
 
-    def request(self, name, **arguments):
+    def flies(self, name: BehaviorName) -> bool:
+        return self.machine.name is name
+
+    def request(self, name: str, **arguments: float) -> None:
         self.machine.request(name, arguments, self.f.state, True, self.airborne)
 
 
-@pytest.fixture
-def sortie(flight):
-    return lambda **vehicle: Sortie(flight, **vehicle)
-
-
-def test_take_off_hover_and_land_by_themselves(sortie):
-    s = sortie()
+def test_take_off_hover_and_land_by_themselves() -> None:
+    s = Sortie()
     s.run(0.5)
     s.request("take_off", height=1.0)
     s.run(6.0)
-    assert s.machine.name is BehaviorName.HOVER
+    assert s.flies(BehaviorName.HOVER)
     assert np.abs(s.f.x[:3] - [0, 0, 1.0]).max() < 0.02
     assert max(s.heights) < 1.05
     s.request("land")
     before = len(s.heights)
     s.run(12.0)
-    assert s.machine.name is BehaviorName.GROUND
+    assert s.flies(BehaviorName.GROUND)
     assert s.machine.landed
     descent = np.diff(s.heights[before:]) / DT
     assert descent.min() > -0.5  # no fall
@@ -68,8 +67,8 @@ def test_take_off_hover_and_land_by_themselves(sortie):
     assert abs(s.f.x[2]) < 0.02
 
 
-def test_before_lift_off_the_integrals_do_not_move(sortie):
-    s = sortie()
+def test_before_lift_off_the_integrals_do_not_move() -> None:
+    s = Sortie()
     s.request("take_off", height=1.0, speed=0.05)
     while s.f.x[2] <= 0.03 and s.time_ns < 5e9:
         assert not s.f.controller.memory["position_integral_w"].any()
@@ -79,8 +78,8 @@ def test_before_lift_off_the_integrals_do_not_move(sortie):
 
 
 @pytest.mark.parametrize("mass", [1.0, 1.6])
-def test_touch_down_is_found_with_a_wrong_mass(sortie, mass):
-    s = sortie(believed=VehicleModel(mass=mass))
+def test_touch_down_is_found_with_a_wrong_mass(mass: float) -> None:
+    s = Sortie(mass)
     s.request("take_off", height=1.0)
     s.run(8.0)
     assert s.f.x[2] > 0.4
@@ -90,8 +89,8 @@ def test_touch_down_is_found_with_a_wrong_mass(sortie, mass):
     assert abs(s.f.x[2]) < 0.03
 
 
-def test_a_take_off_can_be_taken_back_on_the_ground(sortie):
-    s = sortie()
+def test_a_take_off_can_be_taken_back_on_the_ground() -> None:
+    s = Sortie()
     s.request("take_off", height=1.0, speed=0.05)
     s.run(0.1)
     s.request("land")
@@ -100,8 +99,8 @@ def test_a_take_off_can_be_taken_back_on_the_ground(sortie):
     assert max(s.heights) < 0.05
 
 
-def test_no_touch_down_is_seen_in_the_air(sortie):
-    s = sortie()
+def test_no_touch_down_is_seen_in_the_air() -> None:
+    s = Sortie()
     s.request("take_off", height=2.0)
     s.run(8.0)
     for speed in (1.0, 0.05):
@@ -116,13 +115,15 @@ def test_no_touch_down_is_seen_in_the_air(sortie):
         assert s.airborne
 
 
-def detector():
+def detector() -> Record:
     out = np.zeros(1, TOUCH_DOWN)
     out["thrust_max"], out["velocity_change_max"], out["dwell"] = 7.7, 0.2, 0.3
     return out
 
 
-def detected_after(thrust, acceleration, velocity=0.0, seconds=2.0):
+def detected_after(
+    thrust: float, acceleration: float, velocity: float = 0.0, seconds: float = 2.0
+) -> float | None:
     d, state = detector(), new_state()
     for k in range(round(seconds / DT)):
         state["velocity_w"][0, 2] = velocity + acceleration * k * DT
@@ -131,18 +132,18 @@ def detected_after(thrust, acceleration, velocity=0.0, seconds=2.0):
     return None
 
 
-def test_touch_down_needs_low_thrust_and_an_unchanging_velocity_for_a_while():
+def test_touch_down_needs_low_thrust_and_an_unchanging_velocity_for_a_while() -> None:
     assert detected_after(5.0, 0.0) == pytest.approx(0.3, abs=0.01)
     assert detected_after(9.0, 0.0) is None
     assert detected_after(5.0, 5.0 / 1.308 - 9.81) is None  # falling
 
 
-def test_touch_down_is_seen_on_a_dead_reckoned_state_that_drifts():
+def test_touch_down_is_seen_on_a_dead_reckoned_state_that_drifts() -> None:
     # The vehicle stands; the estimate says 0.6 m/s and drifts by 0.3 m/s^2.
     found = detected_after(5.0, -0.3, velocity=-0.6)
     assert found is not None
     assert found < 0.4
 
 
-def test_a_velocity_that_is_not_a_number_is_no_touch_down():
+def test_a_velocity_that_is_not_a_number_is_no_touch_down() -> None:
     assert detected_after(5.0, np.nan) is None

@@ -8,26 +8,27 @@ import numpy as np
 import pytest
 from scipy.interpolate import pade
 
-from control.margins import LOW_MARGIN, margins, smallest
+from control.margins import LOW_MARGIN, Margin, margins, smallest
 from control.parameters import ControlParameters
 from control.presets import PRESETS, preset
 from control.trajectories.hover import Hover
 from quadrotor.errors import OutOfBoundsError
 from quadrotor.parameters import ParameterStore
+from tests.control.flight import Flight
 
 LAG = 0.047
 
 
-def of(parameters, loop):
+def of(parameters: ControlParameters, loop: str) -> Margin:
     return next(one for one in margins(parameters, LAG) if one.loop == loop)
 
 
-def test_the_default_gains_have_31_degrees_and_exact_rates_75():
+def test_the_default_gains_have_31_degrees_and_exact_rates_75() -> None:
     assert of(preset("standard"), "position").phase == pytest.approx(31.0, abs=1.0)
     assert 73.0 < of(preset("damped"), "position").phase < 79.0
 
 
-def test_the_margin_is_the_phase_where_the_loop_gain_is_one():
+def test_the_margin_is_the_phase_where_the_loop_gain_is_one() -> None:
     p = preset("stiff")
     found = of(p, "height")
     s = 1j * found.crossover
@@ -37,7 +38,7 @@ def test_the_margin_is_the_phase_where_the_loop_gain_is_one():
     assert found.phase == pytest.approx(180.0 + np.degrees(np.angle(loop)), abs=0.3)
 
 
-def test_without_lag_and_integral_yaw_is_a_double_integrator_with_pd():
+def test_without_lag_and_integral_yaw_is_a_double_integrator_with_pd() -> None:
     p = ControlParameters().model_copy(deep=True)
     p.attitude.ki_z = 0.0
     found = next(one for one in margins(p, 1e-9) if one.loop == "yaw")
@@ -48,14 +49,14 @@ def test_without_lag_and_integral_yaw_is_a_double_integrator_with_pd():
     assert found.delay == pytest.approx(np.radians(found.phase) / w)
 
 
-def test_gains_without_margin_oscillate_in_the_loop_and_those_with_it_do_not(flight):
+def test_gains_without_margin_oscillate_in_the_loop_and_those_with_it_do_not() -> None:
     bad = ControlParameters().model_copy(deep=True)
     bad.position.kp_xy, bad.position.kv_xy = 9.0, 5.0
     bad.attitude.kr_xy, bad.attitude.kw_xy = 30.0, 7.5
     assert smallest(margins(bad, LAG)).phase < 5.0
     last = {}
     for name, parameters in (("bad", bad), ("stiff", preset("stiff"))):
-        f = flight(parameters=parameters)
+        f = Flight(parameters=parameters)
         errors = f.fly(Hover((0.05, 0.0, 0.0), 0.0), 8.0)
         last[name] = np.abs(errors[-1000:, 0]).max()
     print(last)
@@ -64,7 +65,7 @@ def test_gains_without_margin_oscillate_in_the_loop_and_those_with_it_do_not(fli
 
 
 @pytest.mark.parametrize(("share", "stable"), [(0.9, True), (1.1, False)])
-def test_the_delay_is_what_the_height_loop_bears(share, stable):
+def test_the_delay_is_what_the_height_loop_bears(share: float, stable: bool) -> None:
     g = preset("standard").position
     delay = share * of(preset("standard"), "height").delay
     top, bottom = pade([(-delay) ** k / factorial(k) for k in range(9)], 4)
@@ -75,7 +76,7 @@ def test_the_delay_is_what_the_height_loop_bears(share, stable):
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_every_preset_is_within_bounds_and_fit_to_fly(name):
+def test_every_preset_is_within_bounds_and_fit_to_fly(name: str) -> None:
     parameters = preset(name)
     store = ParameterStore(ControlParameters().model_copy(deep=True))
     for path, value in PRESETS[name].items():
@@ -83,12 +84,12 @@ def test_every_preset_is_within_bounds_and_fit_to_fly(name):
     assert smallest(margins(parameters, LAG)).phase > LOW_MARGIN
 
 
-def test_presets_share_nothing_with_the_defaults():
+def test_presets_share_nothing_with_the_defaults() -> None:
     preset("stiff").position.kp_xy = 1.0
     assert preset("stiff").position.kp_xy == 6.0
     assert ControlParameters().position.kp_xy == 4.0
 
 
-def test_an_unknown_preset_names_those_there_are():
+def test_an_unknown_preset_names_those_there_are() -> None:
     with pytest.raises(OutOfBoundsError, match=r"'sporty'.*standard, stiff"):
         preset("sporty")

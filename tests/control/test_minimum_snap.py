@@ -12,14 +12,15 @@ from hypothesis import strategies as st
 from control.trajectories.minimum_snap import minimum_snap, snap_cost, within
 from control.trajectories.polynomial import Polynomial, hermite, motion_of, through
 from control.trajectories.trajectory import sample_many
+from tests.support.arrays import Array
 
 
-def problem(rng, size):
+def problem(rng: np.random.Generator, size: int) -> tuple[Array, Array]:
     times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.4, 3.0, size - 1))])
     return rng.normal(size=(size, 4)), times
 
 
-def cost_by_quadrature(path, field, times):
+def cost_by_quadrature(path: Polynomial, field: str, times: Array) -> float:
     nodes, weights = np.polynomial.legendre.leggauss(12)
     total = 0.0
     for a, b in pairwise(times):
@@ -28,14 +29,16 @@ def cost_by_quadrature(path, field, times):
     return total
 
 
-def test_the_cost_is_the_integral_of_the_squared_snap(rng):
+def test_the_cost_is_the_integral_of_the_squared_snap(rng: np.random.Generator) -> None:
     points, times = problem(rng, 5)
     path = minimum_snap(points, times)
     assert snap_cost(path) == pytest.approx(cost_by_quadrature(path, "snap_w", times), rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [2, 3, 4, 9])
-def test_it_passes_the_way_points_and_joins_to_the_fourth_derivative(size, rng):
+def test_it_passes_the_way_points_and_joins_to_the_fourth_derivative(
+    size: int, rng: np.random.Generator
+) -> None:
     points, times = problem(rng, size)
     path = minimum_snap(points, times)
     at = sample_many(path, times)
@@ -47,7 +50,7 @@ def test_it_passes_the_way_points_and_joins_to_the_fourth_derivative(size, rng):
         np.testing.assert_allclose(before[field], after[field], atol=1e-6 * size_of, err_msg=field)
 
 
-def test_moving_any_derivative_at_a_way_point_costs_more(rng):
+def test_moving_any_derivative_at_a_way_point_costs_more(rng: np.random.Generator) -> None:
     points, times = problem(rng, 5)
     path = minimum_snap(points, times)
     motion = np.stack([motion_of(sample_many(path, np.array([t]))) for t in times])
@@ -65,7 +68,9 @@ def test_moving_any_derivative_at_a_way_point_costs_more(rng):
                     assert snap_cost(Polynomial(times, np.stack(pieces))) > best
 
 
-def test_it_costs_less_than_hermite_pieces_with_catmull_rom_velocities(rng):
+def test_it_costs_less_than_hermite_pieces_with_catmull_rom_velocities(
+    rng: np.random.Generator,
+) -> None:
     for size in (3, 5, 8):
         points, times = problem(rng, size)
         best, other = minimum_snap(points, times), through(points, times)
@@ -74,13 +79,13 @@ def test_it_costs_less_than_hermite_pieces_with_catmull_rom_velocities(rng):
         assert yaw[0] < yaw[1]
 
 
-def test_two_points_give_the_polynomial_of_ninth_order_from_rest_to_rest():
+def test_two_points_give_the_polynomial_of_ninth_order_from_rest_to_rest() -> None:
     points = np.array([[0.0, 0, 1, 0], [1.0, 2, 3, 1]])
     path, other = (f(points, np.array([0.0, 2.0])) for f in (minimum_snap, through))
     np.testing.assert_allclose(path.coefficients, other.coefficients, atol=1e-9)
 
 
-def test_slowing_a_path_of_least_snap_leaves_it_one(rng):
+def test_slowing_a_path_of_least_snap_leaves_it_one(rng: np.random.Generator) -> None:
     points, times = problem(rng, 6)
     slow, again = minimum_snap(points, times).slowed(2.5), minimum_snap(points, 2.5 * times)
     np.testing.assert_allclose(slow.times, again.times)
@@ -93,8 +98,13 @@ BOUND = st.floats(0.2, 5.0)
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 8), BOUND, BOUND, BOUND, BOUND)
 def test_bounds_hold_and_one_of_them_is_reached(
-    seed, size, speed, acceleration, yaw_rate, yaw_acceleration
-):
+    seed: int,
+    size: int,
+    speed: float,
+    acceleration: float,
+    yaw_rate: float,
+    yaw_acceleration: float,
+) -> None:
     points = np.random.default_rng(seed).uniform(-3, 3, size=(size, 4))
     path = within(
         points,
@@ -123,6 +133,6 @@ def test_bounds_hold_and_one_of_them_is_reached(
         (np.full((2, 4), np.nan), [0, 1], "finite"),
     ],
 )
-def test_what_makes_no_path_is_refused(points, times, message):
+def test_what_makes_no_path_is_refused(points: Array, times: list[float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         minimum_snap(points, np.array(times, dtype=float))

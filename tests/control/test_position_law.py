@@ -7,15 +7,16 @@ import pytest
 
 from control.parameters import ControlParameters, control_record
 from control.position_law import desired_force, force_rates, limit_force
-from quadrotor.records import new_reference, new_state
+from quadrotor.records import REFERENCE, Record, new_reference, new_state
 from quadrotor.rotations import quaternion_to_matrix, rotation_exp
 from quadrotor.vectors import axes_of
+from tests.support.arrays import Array
 
 MASS = 1.308
 G = 9.81
 
 
-def random_records(rng):
+def random_records(rng: np.random.Generator) -> tuple[Record, Record]:
     state, reference = new_state(), new_reference()
     for name in ("position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w"):
         reference[name] = rng.normal(size=3)
@@ -26,19 +27,21 @@ def random_records(rng):
     return state, reference
 
 
-def errors_of(state, reference):
+def errors_of(
+    state: Record, reference: Record
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
     e_p = reference["position_w"][0] - state["position_w"][0]
     e_v = reference["velocity_w"][0] - state["velocity_w"][0]
     return tuple(e_p), tuple(e_v)
 
 
-def force_of(state, reference, integral, gains):
+def force_of(state: Record, reference: Record, integral: Array, gains: Record) -> Array:
     acceleration = tuple(reference["acceleration_w"][0])
     errors = errors_of(state, reference)
     return np.array(desired_force(*errors, tuple(integral), acceleration, gains[0], MASS))
 
 
-def test_the_force_is_eq_4_with_three_different_gains(rng):
+def test_the_force_is_eq_4_with_three_different_gains(rng: np.random.Generator) -> None:
     state, reference = random_records(rng)
     gains = control_record(ControlParameters())
     integral = rng.normal(size=3)
@@ -52,13 +55,15 @@ def test_the_force_is_eq_4_with_three_different_gains(rng):
     np.testing.assert_allclose(out, expected, rtol=1e-12)
 
 
-def test_at_rest_on_the_reference_the_force_is_the_weight():
+def test_at_rest_on_the_reference_the_force_is_the_weight() -> None:
     gains = control_record(ControlParameters())
     out = force_of(new_state(), new_reference(), np.zeros(3), gains)
     np.testing.assert_allclose(out, [0, 0, MASS * G], rtol=1e-14)
 
 
-def test_a_limited_force_points_up_within_the_tilt_and_keeps_its_heading(rng):
+def test_a_limited_force_points_up_within_the_tilt_and_keeps_its_heading(
+    rng: np.random.Generator,
+) -> None:
     weight = MASS * G
     for _ in range(500):
         tilt = rng.uniform(0.1, 1.2)
@@ -73,31 +78,33 @@ def test_a_limited_force_points_up_within_the_tilt_and_keeps_its_heading(rng):
         assert before[0] * force[0] >= 0.0
 
 
-def test_a_force_within_the_limits_is_untouched():
+def test_a_force_within_the_limits_is_untouched() -> None:
     assert limit_force((1.0, -2.0, 12.0), MASS * G, 1.0) == ((1.0, -2.0, 12.0), False)
 
 
-def test_free_fall_is_turned_into_a_small_upward_force():
+def test_free_fall_is_turned_into_a_small_upward_force() -> None:
     force, limited = limit_force((0.0, 0.0, 0.0), MASS * G, 1.0)
     assert limited
     np.testing.assert_allclose(force, [0, 0, 0.3 * MASS * G])
 
 
-def test_exact_rates_are_the_derivatives_of_the_force_along_the_model(rng):
+def test_exact_rates_are_the_derivatives_of_the_force_along_the_model(
+    rng: np.random.Generator,
+) -> None:
     gains = control_record(ControlParameters())
     state, reference = random_records(rng)
     integral = rng.normal(size=3)
 
-    def force_at(h):
+    def force_at(h: float) -> Array:
         """f_d after h seconds of eq. 2 with u_1 = f_d . z_B, by small Euler-midpoint steps."""
         n = 400
         s, r, total = state.copy(), reference.copy(), integral.copy()
         p, v = s["position_w"][0].copy(), s["velocity_w"][0].copy()
         w = s["angular_velocity_b"][0]
         R0 = quaternion_to_matrix(s["quaternion_wb"][0])
-        d = {k: reference[k][0] for k in reference.dtype.names[:5]}
+        d = {k: reference[k][0] for k in (REFERENCE.names or ())[:5]}
 
-        def evaluate(t, p, v, total):
+        def evaluate(t: float, p: Array, v: Array, total: Array) -> tuple[Array, Array, Array]:
             r["position_w"] = (
                 d["position_w"]
                 + d["velocity_w"] * t
@@ -130,8 +137,8 @@ def test_exact_rates_are_the_derivatives_of_the_force_along_the_model(rng):
     e_p, e_v = errors_of(state, reference)
     axes = axes_of(tuple(state["quaternion_wb"][0]))
     omega_b = tuple(state["angular_velocity_b"][0])
-    nominal = tuple(tuple(reference[f"{name}_w"][0]) for name in ("acceleration", "jerk", "snap"))
-    first, other = force_rates(e_p, e_v, nominal, gains[0], MASS, axes, omega_b, tuple(f_0))
+    a, jerk, snap = (tuple(reference[f"{name}_w"][0]) for name in ("acceleration", "jerk", "snap"))
+    first, other = force_rates(e_p, e_v, (a, jerk, snap), gains[0], MASS, axes, omega_b, tuple(f_0))
     np.testing.assert_allclose(first, (f_plus - f_minus) / (2 * h), rtol=2e-4, atol=2e-4)
     second = (f_plus - 2 * f_0 + f_minus) / h**2
     np.testing.assert_allclose(other, second, rtol=5e-3, atol=5e-2)

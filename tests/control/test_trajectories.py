@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from control.trajectories.circle import Circle
+from control.trajectories.circle import Circle, Nose, Side
 from control.trajectories.figure_eight import FigureEight, sample_figure_eight
 from control.trajectories.helix import Helix
 from control.trajectories.hover import Hover
 from control.trajectories.line import Line
 from control.trajectories.minimum_snap import minimum_snap, within
-from control.trajectories.polynomial import motion_of, through, to_rest
+from control.trajectories.polynomial import Polynomial, motion_of, through, to_rest
 from control.trajectories.ramped_phase import ramped_phase
 from control.trajectories.retarget import Retarget
-from control.trajectories.trajectory import grid_sampler, sample_many, stretches_of
-from quadrotor.records import REFERENCE, new_reference
+from control.trajectories.trajectory import Trajectory, grid_sampler, sample_many, stretches_of
+from quadrotor.records import REFERENCE, Record, new_reference
+from tests.support.arrays import Array
 
 CHAIN = ["position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w"]
 YAW_CHAIN = ["yaw", "yaw_rate", "yaw_acceleration"]
 
 
-def moving():
+def moving() -> Record:
     start = new_reference()
     start["position_w"] = (0.3, -0.2, 1.0)
     start["velocity_w"] = (0.5, 0.2, -0.1)
@@ -36,7 +38,7 @@ def moving():
     return start
 
 
-def trajectories():
+def trajectories() -> dict[str, Trajectory]:
     points = np.array([[0, 0, 1, 0], [1, 0, 1.2, 0.5], [1, 1, 1, 1.0], [0, 1, 1, 0.0]])
     limits = {"speed": 0.8, "acceleration": 1.5}
     yaw_limits = {"yaw_rate": 1.0, "yaw_acceleration": 2.0}
@@ -61,7 +63,7 @@ def trajectories():
 
 
 @pytest.mark.parametrize("name", trajectories())
-def test_every_derivative_is_that_of_the_one_before(name):
+def test_every_derivative_is_that_of_the_one_before(name: str) -> None:
     trajectory = trajectories()[name]
     end = min(trajectory.duration, 10.0)
     times = np.linspace(0.0, end, 301)[1:-1]
@@ -75,7 +77,7 @@ def test_every_derivative_is_that_of_the_one_before(name):
 
 
 @pytest.mark.parametrize("name", trajectories())
-def test_position_to_snap_and_yaw_to_its_acceleration_are_continuous(name):
+def test_position_to_snap_and_yaw_to_its_acceleration_are_continuous(name: str) -> None:
     trajectory = trajectories()[name]
     end = min(trajectory.duration, 12.0)
     times = np.linspace(1e-9, end + 0.1, 20001)
@@ -88,7 +90,7 @@ def test_position_to_snap_and_yaw_to_its_acceleration_are_continuous(name):
 
 
 @pytest.mark.parametrize("name", sorted(set(trajectories()) - {"hover", "to rest", "retarget"}))
-def test_it_starts_and_ends_at_rest_and_stays(name):
+def test_it_starts_and_ends_at_rest_and_stays(name: str) -> None:
     trajectory = trajectories()[name]
     for t in (-1.0, 0.0, trajectory.duration, trajectory.duration + 5.0):
         sample = sample_many(trajectory, np.array([t]))
@@ -97,7 +99,7 @@ def test_it_starts_and_ends_at_rest_and_stays(name):
             np.testing.assert_allclose(sample[field], 0.0, atol=1e-7, err_msg=field)
 
 
-def test_a_line_ends_where_it_was_sent_within_its_limits(rng):
+def test_a_line_ends_where_it_was_sent_within_its_limits(rng: np.random.Generator) -> None:
     for _ in range(60):
         start, end = rng.normal(size=4), rng.normal(size=4) * rng.choice([1e-3, 1.0, 5.0])
         speed, acceleration = rng.uniform(0.2, 3.0, size=2)
@@ -127,8 +129,8 @@ BOUND = st.floats(0.05, 20.0)
 @settings(max_examples=60, deadline=None)
 @given(LENGTH, LENGTH, LENGTH, st.floats(-9.0, 9.0), BOUND, BOUND, BOUND)
 def test_a_line_of_any_length_keeps_to_velocity_acceleration_and_jerk(
-    x, y, z, yaw, speed, acceleration, jerk
-):
+    x: float, y: float, z: float, yaw: float, speed: float, acceleration: float, jerk: float
+) -> None:
     line = Line((0, 0, 0, 0), (x, y, z, yaw), speed=speed, acceleration=acceleration, jerk=jerk)
     s = np.zeros(2000, REFERENCE)
     line.sample_grid(0.0, line.duration / 1999, s)
@@ -146,7 +148,9 @@ def test_a_line_of_any_length_keeps_to_velocity_acceleration_and_jerk(
         (0.5, (9.0, 9.0, 0.3), ("jerk_w",)),
     ],
 )
-def test_a_line_is_as_quick_as_its_tightest_bounds(distance, bounds, reached):
+def test_a_line_is_as_quick_as_its_tightest_bounds(
+    distance: float, bounds: tuple[float, float, float], reached: tuple[str, str] | tuple[str]
+) -> None:
     line = Line(
         (0, 0, 0, 0), (distance, 0, 0, 0), speed=bounds[0], acceleration=bounds[1], jerk=bounds[2]
     )
@@ -157,13 +161,13 @@ def test_a_line_is_as_quick_as_its_tightest_bounds(distance, bounds, reached):
         assert share == pytest.approx(1.0, abs=1e-3) if field in reached else share < 1.0
 
 
-def test_a_long_line_reaches_its_speed():
+def test_a_long_line_reaches_its_speed() -> None:
     line = Line((0, 0, 1, 0), (10, 0, 1, 0), speed=0.5, acceleration=1.0)
     middle = sample_many(line, np.array([line.duration / 2]))
     assert middle["velocity_w"][0, 0] == pytest.approx(0.5)
 
 
-def test_the_eight_has_the_paper_s_size_period_and_amplitudes():
+def test_the_eight_has_the_paper_s_size_period_and_amplitudes() -> None:
     eight = FigureEight((1.0, 2.0, 1.5), 0.4, laps=3)
     assert eight.duration == pytest.approx(27.0)
     s = sample_many(eight, np.linspace(3.0, 24.0, 8401))
@@ -176,12 +180,12 @@ def test_the_eight_has_the_paper_s_size_period_and_amplitudes():
     np.testing.assert_allclose(ends["position_w"], [[1.0, 2.0, 1.5]] * 2, atol=1e-12)
 
 
-def test_a_ramp_that_does_not_fit_is_refused():
+def test_a_ramp_that_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="does not fit into 1 laps of 2 s"):
         FigureEight((0, 0, 1), period=2.0, laps=1, ramp=3.0)
 
 
-def test_one_lap_from_rest_to_rest_takes_its_time_and_the_whole_eight():
+def test_one_lap_from_rest_to_rest_takes_its_time_and_the_whole_eight() -> None:
     lap = FigureEight.in_one_lap((0.0, 0.0, 1.0), duration=8.0)
     assert lap.duration == pytest.approx(8.0)
     s = sample_many(lap, np.linspace(0, 8, 4001))
@@ -190,7 +194,8 @@ def test_one_lap_from_rest_to_rest_takes_its_time_and_the_whole_eight():
     np.testing.assert_allclose(middle["position_w"][0], [0.0, 0.0, 1.0], atol=1e-12)
 
 
-NOSES, SIDES = ("fixed", "tangent", "center"), ("left", "right")
+NOSES: tuple[Nose, ...] = get_args(Nose)
+SIDES: tuple[Side, ...] = get_args(Side)
 
 
 @settings(max_examples=40, deadline=None)
@@ -203,8 +208,8 @@ NOSES, SIDES = ("fixed", "tangent", "center"), ("left", "right")
     st.integers(1, 4),
 )
 def test_a_helix_stays_on_its_cylinder_with_the_nose_where_it_was_told(
-    yaw, radius, nose, side, rise, laps
-):
+    yaw: float, radius: float, nose: Nose, side: Side, rise: float, laps: int
+) -> None:
     start = (1.0, -2.0, 1.5, yaw)
     helix = Helix(start, radius=radius, nose=nose, side=side, rise=rise, laps=laps)
     s = np.zeros(1000, REFERENCE)
@@ -234,7 +239,9 @@ def test_a_helix_stays_on_its_cylinder_with_the_nose_where_it_was_told(
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(2, 9), st.floats(2, 20), st.floats(0.5, 18), st.sampled_from(NOSES))
-def test_the_stretches_of_laps_hold_the_extremes_of_the_whole(laps, period, ramp, nose):
+def test_the_stretches_of_laps_hold_the_extremes_of_the_whole(
+    laps: int, period: float, ramp: float, nose: Nose
+) -> None:
     ramp = min(ramp, laps * period)
     for path in (
         FigureEight((0, 0, 1), period=period, laps=laps, ramp=ramp),
@@ -260,15 +267,15 @@ def test_the_stretches_of_laps_hold_the_extremes_of_the_whole(laps, period, ramp
 
 
 @pytest.mark.parametrize("name", trajectories())
-def test_a_grid_is_the_same_as_its_samples_one_by_one(name):
+def test_a_grid_is_the_same_as_its_samples_one_by_one(name: str) -> None:
     trajectory = trajectories()[name]
     grid = np.zeros(50, REFERENCE)
     grid_sampler(trajectory)(0.3, 0.07, grid)
-    single = sample_many(trajectory, 0.3 + 0.07 * np.arange(50))
+    single = sample_many(trajectory, 0.3 + 0.07 * np.arange(50.0))
     np.testing.assert_array_equal(grid.view("f8"), single.view("f8"))
 
 
-def test_many_eights_are_sampled_at_once():
+def test_many_eights_are_sampled_at_once() -> None:
     eights = [FigureEight((k, 0, 1), period=6.0 + k) for k in range(3)]
     out = np.zeros(3, REFERENCE)
     sample_figure_eight(np.concatenate([e._eight for e in eights]), 2.5, out, 0.0)
@@ -277,7 +284,7 @@ def test_many_eights_are_sampled_at_once():
         np.testing.assert_array_equal(out[k : k + 1].view("f8"), one.view("f8"))
 
 
-def moved_points(rng, points, angle, shift):
+def moved_points(rng: np.random.Generator, points: Array, angle: float, shift: Array) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     out = points.copy()
     out[:, :2] = points[:, :2] @ np.array([[c, s], [-s, c]])
@@ -285,10 +292,14 @@ def moved_points(rng, points, angle, shift):
 
 
 @pytest.mark.parametrize("kind", ["circle", "moved", "least snap"])
-def test_turning_and_shifting_the_start_turns_and_shifts_the_path(kind, rng):
+def test_turning_and_shifting_the_start_turns_and_shifts_the_path(
+    kind: str, rng: np.random.Generator
+) -> None:
     angle, shift = 0.8, np.array([1.0, -2.0, 0.5, 0.8])
     points = rng.normal(size=(4, 4))
     times = np.array([0.0, 1.5, 2.5, 4.0])
+    a: Circle | Polynomial
+    b: Circle | Polynomial
     if kind == "circle":
         a = Circle((0, 0, 0, 0), nose="tangent", rise=0.2)
         b = Circle(tuple(shift), nose="tangent", rise=0.2)
@@ -311,11 +322,11 @@ def test_turning_and_shifting_the_start_turns_and_shifts_the_path(kind, rng):
     np.testing.assert_allclose(two["yaw_rate"], one["yaw_rate"], atol=1e-9)
 
 
-def test_the_phase_has_no_end_when_its_total_is_infinite():
+def test_the_phase_has_no_end_when_its_total_is_infinite() -> None:
     assert ramped_phase(1e6, 2.0, 1.0, np.inf) == (2.0 * (1e6 - 0.5), 2.0, 0.0, 0.0, 0.0)
 
 
-def test_a_polynomial_meets_both_ends_and_turns_the_short_way():
+def test_a_polynomial_meets_both_ends_and_turns_the_short_way() -> None:
     path = to_rest(moving(), (1.0, 1.0, 1.5, -3.0), 3.0)
     ends = sample_many(path, np.array([0.0, 3.0, 4.0]))
     np.testing.assert_allclose(motion_of(ends[:1]), motion_of(moving()), atol=1e-9)
@@ -325,7 +336,9 @@ def test_a_polynomial_meets_both_ends_and_turns_the_short_way():
         np.testing.assert_allclose(ends["snap_w"][k], 0.0, atol=1e-7)
 
 
-def test_a_retarget_meets_the_motion_and_the_goal_within_its_limits(rng):
+def test_a_retarget_meets_the_motion_and_the_goal_within_its_limits(
+    rng: np.random.Generator,
+) -> None:
     for k in range(40):
         start, end = new_reference(), (*rng.uniform(-2, 2, size=3), rng.uniform(-3, 3))
         start["position_w"] = rng.normal(size=3)
@@ -344,7 +357,7 @@ def test_a_retarget_meets_the_motion_and_the_goal_within_its_limits(rng):
         assert path.duration < 12.0
 
 
-def test_way_points_are_passed_at_their_times():
+def test_way_points_are_passed_at_their_times() -> None:
     points = np.array([[0, 0, 1, 0], [1, 0, 1.2, 0.5], [1, 1, 1, 1.0]])
     times = np.array([0.0, 2.0, 5.0])
     s = sample_many(through(points, times), times)
@@ -362,6 +375,8 @@ def test_way_points_are_passed_at_their_times():
         (np.zeros((2, 4)), [0, np.nan], "grow"),
     ],
 )
-def test_way_points_that_make_no_path_are_refused(points, times, message):
+def test_way_points_that_make_no_path_are_refused(
+    points: Array, times: list[float], message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         through(points, np.array(times, dtype=float))

@@ -10,9 +10,11 @@ from control.trajectories.feasibility import examine
 from control.trajectories.figure_eight import FigureEight
 from control.trajectories.limits import Limits
 from control.trajectories.minimum_snap import within
+from control.trajectories.trajectory import Trajectory
 from quadrotor.vehicle_model import VehicleModel
+from tests.control.flight import Flight
 
-PATHS = {
+PATHS: dict[str, Trajectory] = {
     "eight": FigureEight((0, 0, 1), laps=1, period=5.0, ramp=3.0, yaw_amplitude=0.5),
     "one lap": FigureEight.in_one_lap((0, 0, 1), duration=9.0, yaw_amplitude=0.5),
     "circle": Circle((0, 0, 1, 0), radius=1.0, period=4.0, laps=1, ramp=3.0, nose="tangent"),
@@ -27,11 +29,11 @@ PATHS = {
 
 
 @pytest.mark.parametrize("name", PATHS)
-def test_tilt_thrusts_and_rate_in_flight_are_those_of_the_report(flight, name):
+def test_tilt_thrusts_and_rate_in_flight_are_those_of_the_report(name: str) -> None:
     path = PATHS[name]
     report = examine(path, VehicleModel().record(), Limits())
     x, y, z, yaw = (0.0, 0.0, 1.0, 0.0)
-    f = flight()
+    f = Flight()
     f.x[:3] = x, y, z
     f.x[6:10] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
     tilts, rates, thrusts = [], [], []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -11,10 +13,11 @@ from control.trajectories.figure_eight import FigureEight
 from control.trajectories.library import load_folder, load_trajectory
 from control.trajectories.limits import Limits
 from control.trajectories.python_file import load_python
-from control.trajectories.trajectory import sample_many, stretches_of
+from control.trajectories.trajectory import Trajectory, sample_many, stretches_of
 from quadrotor.checkout import ROOT
 from quadrotor.errors import RefusedError, StorageError
 from quadrotor.vehicle_model import VehicleModel
+from tests.support.arrays import Array
 
 EXAMPLES = ROOT / "examples" / "trajectories"
 CHAIN = ["position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w"]
@@ -22,7 +25,9 @@ YAW_CHAIN = ["yaw", "yaw_rate", "yaw_acceleration"]
 EIGHT = FigureEight((0.5, -0.5, 1.2), 3.0, period=6.0, laps=2, ramp=3.0)
 
 
-def table(path, times, names=(*COLUMNS, *DERIVATIVES)):
+def table(
+    path: FigureEight, times: Array, names: tuple[str, ...] = (*COLUMNS, *DERIVATIVES)
+) -> tuple[str, Array]:
     """Rows of a trajectory under these column names."""
     s = sample_many(path, times)
     columns = {"t": times, "yaw": (s["yaw"] + np.pi) % (2 * np.pi) - np.pi}
@@ -33,12 +38,12 @@ def table(path, times, names=(*COLUMNS, *DERIVATIVES)):
     return ",".join(names), np.stack([columns[name] for name in names], axis=1)
 
 
-def write(path, header, rows):
+def write(path: Path, header: str, rows: Array) -> Path:
     path.write_text("\n".join([header, *(",".join(map(repr, r)) for r in rows.tolist())]) + "\n")
     return path
 
 
-def test_a_csv_with_all_derivatives_comes_back_as_it_was(tmp_path):
+def test_a_csv_with_all_derivatives_comes_back_as_it_was(tmp_path: Path) -> None:
     times = np.linspace(0.0, EIGHT.duration, 301)
     path = load_csv(write(tmp_path / "eight.csv", *table(EIGHT, times)))
     assert path.duration == pytest.approx(EIGHT.duration)
@@ -50,7 +55,7 @@ def test_a_csv_with_all_derivatives_comes_back_as_it_was(tmp_path):
     np.testing.assert_allclose(found["yaw_rate"], wanted["yaw_rate"], atol=1e-4)
 
 
-def test_a_csv_of_positions_is_flown_through_its_rows_with_continuous_snap(tmp_path):
+def test_a_csv_of_positions_is_flown_through_its_rows_with_continuous_snap(tmp_path: Path) -> None:
     times = np.linspace(0.0, EIGHT.duration, 151) + 17.0  # any start time
     header, rows = table(EIGHT, times - 17.0, COLUMNS)
     rows[:, 0] += 17.0
@@ -72,12 +77,14 @@ def test_a_csv_of_positions_is_flown_through_its_rows_with_continuous_snap(tmp_p
             np.testing.assert_allclose(still, 0.0, atol=1e-6)
 
 
-def test_comments_blank_lines_spaces_a_byte_mark_and_any_order_of_columns_are_read(tmp_path):
+def test_comments_blank_lines_spaces_a_byte_mark_and_any_order_of_columns_are_read(
+    tmp_path: Path,
+) -> None:
     file = tmp_path / "a.csv"
     text = "\ufeff# a line\n\n yaw , t,z,y,x\n0,0,1,0,0\n# here\n0.5, 10 ,1.5,2,1\n,,,,\n"
     file.write_text(text, encoding="utf-8")
     ends = sample_many(load_csv(file), np.array([0.0, 10.0]))
-    np.testing.assert_allclose(ends["position_w"], [[0, 0, 1], [1, 2, 1.5]], atol=1e-12)
+    np.testing.assert_allclose(ends["position_w"], [[0.0, 0.0, 1.0], [1.0, 2.0, 1.5]], atol=1e-12)
     np.testing.assert_allclose(ends["yaw"], [0, 0.5], atol=1e-12)
 
 
@@ -102,7 +109,9 @@ GOOD = "t,x,y,z,yaw\n0,0,0,1,0\n9,0,0,2,0\n"
         ("t,x,y,z,yaw\n0,0,0,1,0\n9,0,0,1,0\n10,0,0,2,0\n", "1.00 m/s between the last two rows"),
     ],
 )
-def test_each_mistake_in_a_csv_is_named_with_its_place(tmp_path, text, message):
+def test_each_mistake_in_a_csv_is_named_with_its_place(
+    tmp_path: Path, text: str, message: str
+) -> None:
     file = tmp_path / "path.csv"
     file.write_text(GOOD)
     assert load_csv(file).duration == 9.0
@@ -113,7 +122,7 @@ def test_each_mistake_in_a_csv_is_named_with_its_place(tmp_path, text, message):
     assert "\n" not in str(refused.value)
 
 
-def test_a_csv_with_derivatives_that_starts_in_motion_is_refused(tmp_path):
+def test_a_csv_with_derivatives_that_starts_in_motion_is_refused(tmp_path: Path) -> None:
     times = np.linspace(4.0, 8.0, 41)
     file = write(tmp_path / "part.csv", *table(EIGHT, times))
     with pytest.raises(RefusedError, match=r"part.csv: starts with a velocity of .* at 0 s"):
@@ -140,11 +149,13 @@ class Rises:
 @pytest.mark.parametrize(
     "last", ["trajectory = Rises", "trajectory = Rises()", "trajectory = make"]
 )
-def test_a_python_file_gives_its_trajectory_as_a_class_an_object_or_a_function(tmp_path, last):
+def test_a_python_file_gives_its_trajectory_as_a_class_an_object_or_a_function(
+    tmp_path: Path, last: str
+) -> None:
     file = tmp_path / "rises.py"
     file.write_text(PYTHON + "def make():\n    return Rises()\n" + last + "\n")
     path = load_python(file)
-    space: dict = {}
+    space: dict[str, type[Trajectory]] = {}
     exec(PYTHON, space)
     t = np.linspace(-0.5, 4.5, 333)
     wanted, found = sample_many(space["Rises"](), t), sample_many(path, t)
@@ -152,7 +163,7 @@ def test_a_python_file_gives_its_trajectory_as_a_class_an_object_or_a_function(t
         np.testing.assert_allclose(found[field], wanted[field], atol=off, err_msg=field)
 
 
-def test_a_python_file_may_use_dataclasses_with_written_annotations(tmp_path):
+def test_a_python_file_may_use_dataclasses_with_written_annotations(tmp_path: Path) -> None:
     file = tmp_path / "data.py"
     head = "from __future__ import annotations\nfrom dataclasses import dataclass\n"
     made = "@dataclass\nclass trajectory(Rises):\n    height: float = 1.0\n"
@@ -199,7 +210,7 @@ def test_a_python_file_may_use_dataclasses_with_written_annotations(tmp_path):
         ),
     ],
 )
-def test_each_mistake_in_a_python_file_is_one_line(tmp_path, text, message):
+def test_each_mistake_in_a_python_file_is_one_line(tmp_path: Path, text: str, message: str) -> None:
     file = tmp_path / "mine.py"
     file.write_text(text)
     with pytest.raises(RefusedError, match=message) as refused:
@@ -208,7 +219,7 @@ def test_each_mistake_in_a_python_file_is_one_line(tmp_path, text, message):
     assert "\n" not in str(refused.value)
 
 
-def test_a_folder_gives_what_loads_and_says_what_does_not(tmp_path):
+def test_a_folder_gives_what_loads_and_says_what_does_not(tmp_path: Path) -> None:
     (tmp_path / "good.csv").write_text(GOOD)
     (tmp_path / "bad.csv").write_text("t,x\n")
     (tmp_path / "rises.py").write_text(PYTHON + "trajectory = Rises")
@@ -226,7 +237,7 @@ def test_a_folder_gives_what_loads_and_says_what_does_not(tmp_path):
         load_folder(tmp_path / "none")
 
 
-def test_files_of_no_kind_and_files_that_cannot_be_read_are_said(tmp_path):
+def test_files_of_no_kind_and_files_that_cannot_be_read_are_said(tmp_path: Path) -> None:
     with pytest.raises(RefusedError, match=r"a.txt: .txt is no kind of trajectory file"):
         load_trajectory(tmp_path / "a.txt")
     for name in ("a.csv", "a.py"):
@@ -237,7 +248,9 @@ def test_files_of_no_kind_and_files_that_cannot_be_read_are_said(tmp_path):
             load_trajectory(tmp_path / name)
 
 
-def test_a_long_file_is_looked_at_in_flight_as_closely_as_at_its_loading(tmp_path, rng):
+def test_a_long_file_is_looked_at_in_flight_as_closely_as_at_its_loading(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     # A quarter of an hour of slow laps, and one brief swing somewhere.
     times = np.arange(0.0, 900.0, 0.25)
     slow = FigureEight((0.0, 0.0, 1.5), yaw_amplitude=0.0, period=60.0, laps=14, ramp=20.0)
@@ -253,15 +266,17 @@ def test_a_long_file_is_looked_at_in_flight_as_closely_as_at_its_loading(tmp_pat
         assert a.value == pytest.approx(b.value, abs=1e-3 * (1e-3 + abs(b.value))), a.name
     assert abs(seen.of("acceleration").time - when) < 1.0
     limits = Limits(acceleration=0.6 * whole.of("acceleration").value)
-    first = (examine(p, model, limits).breach.first for p in (path, load_csv(file)))
-    assert next(first) == pytest.approx(next(first), abs=5e-3)
+    first, again = (examine(p, model, limits).breach for p in (path, load_csv(file)))
+    assert first is not None
+    assert again is not None
+    assert first.first == pytest.approx(again.first, abs=5e-3)
     moved = path.moved((1.0, 2.0, 1.0, 0.4)).slowed(2.0)
     assert examine(moved, model, Limits()).of("acceleration").value == pytest.approx(
         whole.of("acceleration").value / 4.0, rel=1e-3
     )
 
 
-def test_the_examples_load():
+def test_the_examples_load() -> None:
     loaded, refused = load_folder(EXAMPLES)
     assert refused == []
     assert set(loaded) == {"clover", "spiral"}

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from control.trajectories.velocity_filter import advance, new_velocity_filter
-from quadrotor.records import new_reference
+from quadrotor.records import Record, new_reference
 
 DT = 0.002
 CHAIN = ["position_w", "velocity_w", "acceleration_w", "jerk_w", "snap_w"]
 
 
-def moving():
+def moving() -> Record:
     reference = new_reference()
     reference["velocity_w"] = (0.8, -0.4, 0.2)
     reference["acceleration_w"] = (0.5, 0.3, -0.2)
@@ -23,7 +23,7 @@ def moving():
     return reference
 
 
-def test_velocity_follows_the_command_in_the_yaw_frame_of_the_reference():
+def test_velocity_follows_the_command_in_the_yaw_frame_of_the_reference() -> None:
     reference = new_reference()
     reference["yaw"] = np.pi / 2
     f = new_velocity_filter(reference, 2.0, 2.0)
@@ -33,7 +33,7 @@ def test_velocity_follows_the_command_in_the_yaw_frame_of_the_reference():
     np.testing.assert_allclose(reference["velocity_w"][0], [0.0, 1.0, 0.3], atol=1e-4)
 
 
-def test_the_acceleration_never_exceeds_its_limit(rng):
+def test_the_acceleration_never_exceeds_its_limit(rng: np.random.Generator) -> None:
     reference = new_reference()
     f = new_velocity_filter(reference, 2.0, 2.5)
     for k in range(5000):
@@ -44,7 +44,7 @@ def test_the_acceleration_never_exceeds_its_limit(rng):
         assert abs(reference["yaw_acceleration"][0]) <= 2.5 + 1e-9
 
 
-def test_each_derivative_integrates_to_the_one_before(rng):
+def test_each_derivative_integrates_to_the_one_before(rng: np.random.Generator) -> None:
     reference = moving()
     f = new_velocity_filter(reference, 2.0, 2.5)
     for k in range(800):
@@ -59,7 +59,7 @@ def test_each_derivative_integrates_to_the_one_before(rng):
         assert np.abs(reference["yaw"] - before["yaw"] - DT * mean).max() < 1e-5
 
 
-def test_from_any_motion_it_comes_to_rest_and_says_so():
+def test_from_any_motion_it_comes_to_rest_and_says_so() -> None:
     reference = moving()
     f = new_velocity_filter(reference, 2.5, 2.5)
     ticks = next(k for k in range(5000) if advance(f, DT, reference))
@@ -67,7 +67,7 @@ def test_from_any_motion_it_comes_to_rest_and_says_so():
     assert np.abs(reference["velocity_w"]).max() < 1e-3
 
 
-def test_it_starts_without_a_jump_in_snap_from_a_steady_acceleration():
+def test_it_starts_without_a_jump_in_snap_from_a_steady_acceleration() -> None:
     reference = moving()
     reference["jerk_w"] = 0.0
     f = new_velocity_filter(reference, 2.0, 2.0)
@@ -76,7 +76,7 @@ def test_it_starts_without_a_jump_in_snap_from_a_steady_acceleration():
     assert np.abs(reference["snap_w"]).max() < 0.1
 
 
-def test_walls_are_not_crossed_and_can_be_left(rng):
+def test_walls_are_not_crossed_and_can_be_left(rng: np.random.Generator) -> None:
     reference = new_reference()
     reference["position_w"] = (0.0, 0.0, 1.0)
     f = new_velocity_filter(reference, 2.0, 2.0)
@@ -90,7 +90,7 @@ def test_walls_are_not_crossed_and_can_be_left(rng):
         assert (p < f["high_w"][0] + 0.02).all()
 
 
-def test_from_outside_the_walls_it_comes_back():
+def test_from_outside_the_walls_it_comes_back() -> None:
     reference = new_reference()
     reference["position_w"] = (1.5, 0.0, 0.0)
     f = new_velocity_filter(reference, 2.0, 2.0)
@@ -102,7 +102,7 @@ def test_from_outside_the_walls_it_comes_back():
 
 
 @pytest.mark.parametrize("dt", [1 / 60, 0.5, 10.0])
-def test_long_steps_stay_stable(dt):
+def test_long_steps_stay_stable(dt: float) -> None:
     reference = moving()
     f = new_velocity_filter(reference, 2.0, 2.0)
     for _ in range(300):

@@ -35,7 +35,7 @@ def double(x):
 
 
 @pytest.fixture
-def project(tmp_path):
+def project(tmp_path: Path) -> Path:
     """A copy of the vocabulary with one law that uses a constant and a function of a file."""
     shutil.copytree(ROOT / "quadrotor", tmp_path / "quadrotor")
     (tmp_path / "control").mkdir()
@@ -58,7 +58,7 @@ def law(project: Path, gain: float, factor: float) -> list[str]:
     ).stdout.split()
 
 
-def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(project):
+def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(project: Path) -> None:
     assert law(project, 5.0, 2.0) == ["30.0", "0"]
     assert law(project, 5.0, 2.0) == ["30.0", "1"]  # loaded
     assert law(project, 7.0, 2.0) == ["42.0", "0"]
@@ -66,14 +66,14 @@ def test_a_changed_callee_or_constant_of_another_file_is_compiled_anew(project):
     assert law(project, 5.0, 2.0) == ["30.0", "1"]  # the old version was kept
 
 
-def test_the_digest_follows_imports_through_files():
+def test_the_digest_follows_imports_through_files() -> None:
     direct = module.digest("control.controller")
     assert direct != module.digest("control.allocation")
     assert direct == module.digest("control.controller")
     assert "quadrotor.vehicle_model" in module._source("control.allocation")[1]
 
 
-def test_division_by_zero_gives_no_exception():
+def test_division_by_zero_gives_no_exception() -> None:
     from quadrotor.vectors import normalized
 
     assert all(math.isnan(x) for x in normalized((0.0, 0.0, 0.0, 0.0)))

@@ -10,12 +10,12 @@ ALL = [e for e in vars(errors).values() if isinstance(e, type) and issubclass(e,
 
 
 @pytest.mark.parametrize("error", ALL)
-def test_every_error_is_a_quadlab_error_with_a_docstring(error):
+def test_every_error_is_a_quadlab_error_with_a_docstring(error: type[Exception]) -> None:
     assert issubclass(error, errors.QuadlabError)
     assert error.__doc__
 
 
-def test_parameter_errors_are_caught_together():
+def test_parameter_errors_are_caught_together() -> None:
     for error in (
         errors.UnknownParameterError,
         errors.OutOfBoundsError,

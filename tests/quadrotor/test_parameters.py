@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 from pydantic import ConfigDict, field_validator
@@ -14,7 +16,7 @@ from quadrotor.errors import (
     UnknownParameterError,
     WrongTypeError,
 )
-from quadrotor.parameters import Parameters, ParameterStore, parameter, parse_text
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter, parse_text
 
 
 class Motor(Parameters):
@@ -38,11 +40,11 @@ class Vehicle(Parameters):
 
 
 @pytest.fixture
-def store():
+def store() -> ParameterStore:
     return ParameterStore(Vehicle())
 
 
-def test_names_are_flat_paths_over_the_tree(store):
+def test_names_are_flat_paths_over_the_tree(store: ParameterStore) -> None:
     assert store.names[0] == "motor.gain"
     assert "inner.motor.poles" in store.names
     assert len(store.names) == 12
@@ -50,7 +52,7 @@ def test_names_are_flat_paths_over_the_tree(store):
     assert store.values()["motor.kind"] == "brushless"
 
 
-def test_a_description_says_all_a_slider_needs(store):
+def test_a_description_says_all_a_slider_needs(store: ParameterStore) -> None:
     d = store.description("motor.gain")
     assert (d.name, d.type, d.default, d.unit) == ("motor.gain", "float", 2.0, "1/s")
     assert (d.minimum, d.maximum, d.step, d.read_only) == (0.0, 10.0, 0.1, False)
@@ -62,7 +64,7 @@ def test_a_description_says_all_a_slider_needs(store):
     assert len(store.descriptions()) == len(store.names)
 
 
-def test_a_change_reaches_the_model_and_counts_a_revision():
+def test_a_change_reaches_the_model_and_counts_a_revision() -> None:
     root = Vehicle()
     store = ParameterStore(root)
     applied = store.set({"motor.gain": 3, "motor.enabled": False})
@@ -76,7 +78,9 @@ def test_a_change_reaches_the_model_and_counts_a_revision():
 
 
 @pytest.mark.parametrize("bad", [{"motor.gain": 99.0}, {"motor.gian": 1.0}, {"motor.port": "x"}])
-def test_one_bad_value_changes_nothing_at_all(store, bad):
+def test_one_bad_value_changes_nothing_at_all(
+    store: ParameterStore, bad: Mapping[str, float | str]
+) -> None:
     with pytest.raises(ParameterError):
         store.set({"motor.poles": 12, **bad})
     assert store.get("motor.poles") == 14
@@ -104,7 +108,13 @@ def test_one_bad_value_changes_nothing_at_all(store, bad):
         ("zzz", 1.0, UnknownParameterError, "lists them all"),
     ],
 )
-def test_every_refusal_says_what_came_and_what_was_allowed(store, name, value, error, text):
+def test_every_refusal_says_what_came_and_what_was_allowed(
+    store: ParameterStore,
+    name: str,
+    value: ParameterValue | None,
+    error: type[Exception],
+    text: str,
+) -> None:
     before = store.values()
     with pytest.raises(error) as caught:
         store.check(name, value)
@@ -114,21 +124,23 @@ def test_every_refusal_says_what_came_and_what_was_allowed(store, name, value, e
     assert store.values() == before
 
 
-def test_whole_floats_are_whole_numbers_and_bounds_themselves_are_allowed(store):
+def test_whole_floats_are_whole_numbers_and_bounds_themselves_are_allowed(
+    store: ParameterStore,
+) -> None:
     assert store.check("motor.poles", 12.0) == 12
     assert isinstance(store.check("motor.poles", 12.0), int)
     assert store.check("motor.gain", 0) == 0.0
     assert store.check("motor.gain", 10) == 10.0
 
 
-def test_unknown_names_are_refused_by_get_and_description_too(store):
+def test_unknown_names_are_refused_by_get_and_description_too(store: ParameterStore) -> None:
     with pytest.raises(UnknownParameterError):
         store.get("motor.nothing")
     with pytest.raises(UnknownParameterError):
         store.description("motor.nothing")
 
 
-def test_preset_sets_read_only_parameters_before_the_start(store):
+def test_preset_sets_read_only_parameters_before_the_start(store: ParameterStore) -> None:
     store.preset({"motor.port": "/dev/ttyS1"})
     assert store.get("motor.port") == "/dev/ttyS1"
     with pytest.raises(WrongTypeError):
@@ -148,7 +160,9 @@ def test_preset_sets_read_only_parameters_before_the_start(store):
         ("motor.kind", "brushed", "brushed"),
     ],
 )
-def test_typed_text_is_read_as_its_type(store, name, text, value):
+def test_typed_text_is_read_as_its_type(
+    store: ParameterStore, name: str, text: str, value: ParameterValue
+) -> None:
     assert parse_text(store.description(name), text) == value
 
 
@@ -163,12 +177,14 @@ def test_typed_text_is_read_as_its_type(store, name, text, value):
         ("motor.kind", "steam", OutOfBoundsError),
     ],
 )
-def test_typed_text_that_does_not_fit_is_refused(store, name, text, error):
+def test_typed_text_that_does_not_fit_is_refused(
+    store: ParameterStore, name: str, text: str, error: type[Exception]
+) -> None:
     with pytest.raises(error):
         parse_text(store.description(name), text)
 
 
-def test_a_field_without_a_description_is_a_programmers_mistake():
+def test_a_field_without_a_description_is_a_programmers_mistake() -> None:
     class Bare(Parameters):
         value: float = 1.0
 
@@ -176,13 +192,13 @@ def test_a_field_without_a_description_is_a_programmers_mistake():
         ParameterStore(Bare())
 
 
-def test_numpy_numbers_are_numbers(store):
+def test_numpy_numbers_are_numbers(store: ParameterStore) -> None:
     # np.float64 is a float; what is not must not slip through half-converted.
     assert store.check("motor.gain", np.float64(3.0)) == 3.0
     assert type(store.check("motor.gain", np.float64(3.0))) is float
 
 
-def test_a_fields_own_refusal_leaves_the_others_as_they_were():
+def test_a_fields_own_refusal_leaves_the_others_as_they_were() -> None:
     class Picky(Parameters):
         model_config = ConfigDict(validate_assignment=True)
 

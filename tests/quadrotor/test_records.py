@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from quadrotor.records import (
     STATE,
     STATUS,
     TICK,
+    Record,
     new_reference,
     new_state,
     new_tick,
@@ -23,7 +26,7 @@ ALL = [STATE, REFERENCE, IMU_SAMPLE, POSE_SAMPLE, ACTUATORS, ESTIMATE, STATUS, T
 
 
 @pytest.mark.parametrize("make", [new_state, new_reference, new_tick])
-def test_a_new_record_is_one_and_at_rest(make):
+def test_a_new_record_is_one_and_at_rest(make: Callable[[], Record]) -> None:
     record = make()
     assert record.shape == (1,)
     if make is not new_reference:
@@ -31,18 +34,18 @@ def test_a_new_record_is_one_and_at_rest(make):
         assert state["quaternion_wb"].tolist() == [[1.0, 0.0, 0.0, 0.0]]
 
 
-def test_a_new_tick_has_not_yet_seen_a_pose():
+def test_a_new_tick_has_not_yet_seen_a_pose() -> None:
     assert np.isposinf(new_tick()["estimate"]["measurement_age"][0])
 
 
-def test_states_and_references_are_nothing_but_doubles():
+def test_states_and_references_are_nothing_but_doubles() -> None:
     # Code views them as (13,) and (18,) float arrays.
     for dtype, size in ((STATE, 13), (REFERENCE, 18)):
         assert dtype.itemsize == 8 * size
         assert np.zeros(1, dtype).view("f8").shape == (size,)
 
 
-def test_parts_of_a_tick_are_views_into_it():
+def test_parts_of_a_tick_are_views_into_it() -> None:
     tick = new_tick()
     tick["state"]["position_w"][0] = (1.0, 2.0, 3.0)
     tick["imu"]["stamp_ns"] = 42
@@ -52,7 +55,7 @@ def test_parts_of_a_tick_are_views_into_it():
 
 
 @pytest.mark.parametrize("dtype", ALL)
-def test_a_record_survives_as_bytes(dtype):
+def test_a_record_survives_as_bytes(dtype: np.dtype[np.void]) -> None:
     rng = np.random.default_rng(dtype.itemsize)
     print(f"seed {dtype.itemsize}")
     raw = rng.integers(0, 255, size=3 * dtype.itemsize, dtype=np.uint8)

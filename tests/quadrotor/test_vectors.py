@@ -9,13 +9,13 @@ from quadrotor import rotations, vectors
 
 
 @pytest.fixture
-def rng(request):
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     seed = sum(map(ord, request.node.name))
     print("seed", seed)
     return np.random.default_rng(seed)
 
 
-def test_vector_arithmetic_is_that_of_numpy(rng):
+def test_vector_arithmetic_is_that_of_numpy(rng: np.random.Generator) -> None:
     for _ in range(20):
         a, b = rng.normal(size=3), rng.normal(size=3)
         s = float(rng.normal())
@@ -34,7 +34,7 @@ def test_vector_arithmetic_is_that_of_numpy(rng):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 1.0, 3.1])
-def test_quaternions_are_those_of_rotations(rng, angle):
+def test_quaternions_are_those_of_rotations(rng: np.random.Generator, angle: float) -> None:
     p = rotations.quaternion_normalize(rng.normal(size=4))
     phi = rng.normal(size=3)
     phi *= angle / np.linalg.norm(phi)

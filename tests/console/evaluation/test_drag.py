@@ -9,6 +9,7 @@ from console.evaluation.drag import PIECES, RAMP, estimate_drag
 from console.evaluation.log_columns import FlownParameters
 from quadrotor.errors import MeasurementError
 from quadrotor.vehicle_model import GRAVITY
+from tests.support.arrays import Array
 
 LAG, MASS, DT = 0.047, 1.308, 0.002
 PARAMETERS = FlownParameters(
@@ -16,7 +17,9 @@ PARAMETERS = FlownParameters(
 )
 
 
-def circled(drag: float, mass: float, speed: float = 1.0, seconds: float = 25.0):
+def circled(
+    drag: float, mass: float, speed: float = 1.0, seconds: float = 25.0
+) -> tuple[Array, Array, Array, Array]:
     """Ticks of a circle of radius 0.8 m, flown with the tilt that drag and a push ask for."""
     time = np.arange(0.0, seconds, DT)
     turn = speed / 0.8

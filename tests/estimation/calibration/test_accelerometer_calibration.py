@@ -107,7 +107,9 @@ def test_a_pose_on_no_face_is_refused_without_a_tracker() -> None:
 RATE = 100.0
 
 
-def hold(finder: StillPoses, up: np.ndarray, seconds: float, rng, told: bool = True) -> str:
+def hold(
+    finder: StillPoses, up: np.ndarray, seconds: float, rng: np.random.Generator, told: bool = True
+) -> str:
     moving = ""
     for _ in range(round(seconds * RATE)):
         noisy = reading(up) + 0.03 * rng.standard_normal(3)
@@ -139,7 +141,9 @@ def test_a_moved_vehicle_begins_its_pose_anew(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("force", "said"), [((19.5, 0.0, 1.0), "saturated at 19.5"), ((np.nan, 0.0, 9.8), "not finite")]
 )
-def test_what_the_sensor_cannot_show_is_no_pose(force, said: str) -> None:
+def test_what_the_sensor_cannot_show_is_no_pose(
+    force: tuple[float, float, float], said: str
+) -> None:
     assert said in StillPoses(RATE).add(np.array(force), np.zeros(3)).moving
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -35,7 +36,9 @@ def test_500_still_samples_give_the_drift_to_three_hundredths_of_a_degree_a_seco
         (lambda s: np.where(np.arange(len(s))[:, None] == 7, np.nan, s), "standard deviation nan"),
     ],
 )
-def test_what_was_not_still_is_refused(rng: np.random.Generator, spoil, said: str) -> None:
+def test_what_was_not_still_is_refused(
+    rng: np.random.Generator, spoil: Callable[..., object], said: str
+) -> None:
     with pytest.raises(MeasurementError, match=said):
         identify_gyroscope(spoil(still(rng)), LIMIT)
 
