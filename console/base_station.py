@@ -49,6 +49,7 @@ from quadrotor.parameters import ParameterValue
 from vehicle_link import time_sync, topics
 from vehicle_link.lockstep import STATION_PROCESS, Part
 from vehicle_link.messages import decode
+from vehicle_link.parameters.authority import VEHICLE, authority_of
 from vehicle_link.parameters.messages import decode_change
 from vehicle_link.parameters.service import serve_parameters
 from vehicle_link.process_instance import new_instance
@@ -102,8 +103,9 @@ class BaseStation:
         self._store = StationStore()
         self._store.preset(settings or {})
         history = ParameterHistory(catalogue.engine, vehicle)
-        problem = self._taken_up(in_force(settings or {}, history.known()))
-        self._vehicle_parameters = VehicleParameters(self._node, vehicle)
+        known = history.known()
+        problem = self._taken_up(in_force(settings or {}, known))
+        self._vehicle_parameters = VehicleParameters(self._node, vehicle, known)
         self._calibrations = Calibrations(self._node)
         self.runs = RunKeeper(
             catalogue,
@@ -152,6 +154,7 @@ class BaseStation:
         self._store.before_change = self._layout.before_change
         self._witness = ParameterWitness(history, partial(self._alarms.set, "history"))
         self._witness.begin(self._store.values())
+        self._vehicle_parameters.on_snapshot = self._witness.look
         self.experiments = ExperimentRunner(
             self._node,
             vehicle,
@@ -213,7 +216,6 @@ class BaseStation:
             self.link,
             self._recorder,
             self._vehicle_parameters,
-            self._witness,
             self._layout,
             self._calibrations,
             self._alarms,
@@ -312,7 +314,7 @@ class BaseStation:
     def _on_status(self, received: Received) -> None:
         status = decode(received.payload, TOPICS["status"].type_name)
         self.checks.observed.status(status)
-        self._vehicle_parameters.shown = (int(status.instance), int(status.parameter_revision))
+        self._vehicle_parameters.show(int(status.instance), int(status.parameter_revision))
         self.runs.status(bool(status.armed))
         self._witness.status(bool(status.armed), self._recorder.run_id)
         self.experiments.feed.status(status)
@@ -343,7 +345,10 @@ class BaseStation:
 
     def _on_parameter_change(self, received: Received) -> None:
         change = decode_change(received.payload)
-        self.experiments.feed.parameter_changed(change)
+        if authority_of(change.name) == VEHICLE:
+            revision, instance = change.revision, change.instance
+            self._vehicle_parameters.apply({change.name: change.new}, revision, instance)
+            self.experiments.feed.wake()
         self._witness.changed(change, received.received_ns)
 
     def _on_event(self, received: Received) -> None:

@@ -229,7 +229,7 @@ def _add_sockets(app: FastAPI, parts: Parts) -> None:
             return {
                 "vehicle": parts.vehicle,
                 "events": parts.hub.lines,
-                "revision": parts.mirror.revision,
+                "revision": parts.replica.revision,
                 "emergency": parts.emergency.state,
             }
 

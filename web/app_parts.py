@@ -18,7 +18,7 @@ from web.live.latest import Live
 from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
 from web.parameters.changes import GainPath
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
@@ -39,7 +39,7 @@ class Parts:
     view_server: ViewServer
     scene: Scene
     station: Station
-    mirror: ParameterMirror
+    replica: PageParameters
     gains: GainPath
     history: ParameterHistory
     presets: ParameterPresets

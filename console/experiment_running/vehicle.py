@@ -12,17 +12,14 @@ from typing import Any
 import numpy as np
 
 from console.experiments.client import VehicleView
-from console.parameters.store import PREFIX
 from console.parameters.vehicle import VehicleParameters
 from quadrotor.errors import LinkError, UnknownParameterError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import monotonic
 from vehicle_link.messages import decode, stamp_of
-from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.replica import MISSED
 from vehicle_link.topics import TOPICS
 
-MISSED = 0.5
-"""s after which a parameter revision in the status that no change told of is fetched."""
 OLD = 1.0
 """s; a vehicle whose status is older is not known."""
 
@@ -40,9 +37,6 @@ class VehicleFeed:
         self._status_at = 0.0
         self._estimate: bytes | None = None
         self._mass = (math.nan, math.inf)  # kg, its standard deviation
-        self._values: dict[str, ParameterValue] = {}
-        self._revision = -1
-        self._behind_since: float | None = None
 
     # ------------------------------------------------------------------ fed
     def telemetry(self, stamp_ns: int, position_w: Any) -> None:
@@ -55,31 +49,21 @@ class VehicleFeed:
         """Take a quadlab_msgs/VehicleStatus."""
         with self._news:
             self._status, self._status_at = status, monotonic()
-            behind = int(status.parameter_revision) > self._revision
-            if not behind:
-                self._behind_since = None
-            elif self._behind_since is None:
-                self._behind_since = self._status_at
             self._tell()
 
     def estimate(self, payload: bytes) -> None:
         """Take a quadlab_msgs/EstimatorStatus as received; decoded when it is looked at."""
         self._estimate = payload
 
-    def parameter_changed(self, change: AppliedChange) -> None:
-        """Take a change of the vehicle's; the station's own come on the same topic."""
-        if not change.name.startswith(PREFIX):
-            with self._news:
-                self._values[change.name] = change.new
-                self._revision = max(self._revision, change.revision)
-                self._tell()
-
     def applied(self, values: dict[str, ParameterValue], revision: int) -> None:
-        """Take over the vehicle's answer to a change."""
+        """Wait for the vehicle's change that its answer tells of; one that was missed is fetched
+        by `parameter`.
+        """
+        replica = self._parameters
         with self._news:
-            self._values.update(values)
-            self._revision = max(self._revision, revision)
-            self._tell()
+            self._news.wait_for(
+                lambda: all(replica.revision_of(name) >= revision for name in values), MISSED
+            )
 
     def wake(self) -> None:
         """Wake every waiting thread to look again."""
@@ -128,25 +112,18 @@ class VehicleFeed:
 
     def fetch(self) -> None:
         """Fetch all parameters, as before a flight. Raises LinkError."""
-        values, revision, problem = self._parameters.snapshot()
+        values, _, problem = self._parameters.snapshot()
         if problem or values is None:
             raise LinkError(f"the vehicle's parameters are not known: {problem or 'not read yet'}")
-        with self._news:
-            self._values, self._revision = dict(values), revision
-            self._behind_since = None
 
     def parameter(self, name: str) -> ParameterValue:
         """Return a parameter's value. Raises UnknownParameterError, or LinkError when a missed
         change cannot be fetched.
         """
-        with self._news:
-            since = self._behind_since
-        if since is not None and monotonic() - since > MISSED:
-            self.fetch()
-        with self._news:
-            if name not in self._values:
-                raise UnknownParameterError(f"the vehicle has no parameter {name!r}")
-            return self._values[name]
+        self._parameters.refresh()
+        if (value := self._parameters.newest(name)) is None:
+            raise UnknownParameterError(f"the vehicle has no parameter {name!r}")
+        return value
 
     @property
     def news(self) -> int:

@@ -12,7 +12,6 @@ from console.beacon_layout import BeaconLayout
 from console.calibrations import Calibrations
 from console.checks.alarms import AlarmBoard
 from console.link.monitor import LinkMonitor
-from console.parameters.history_writer import ParameterWitness
 from console.parameters.vehicle import VehicleParameters
 from console.runs.recorder import Recorder
 from quadrotor.errors import LinkError
@@ -36,13 +35,12 @@ class SlowQuestions:
         link: LinkMonitor,
         recorder: Recorder,
         parameters: VehicleParameters,
-        witness: ParameterWitness,
         layout: BeaconLayout,
         calibrations: Calibrations,
         alarms: AlarmBoard,
     ) -> None:
         self._link, self._recorder, self._parameters = link, recorder, parameters
-        self._witness, self._layout, self._alarms = witness, layout, alarms
+        self._layout, self._alarms = layout, alarms
         self._calibrations = calibrations
         self._time_sync = node.client("time_sync", TIME_SYNC)
 
@@ -53,6 +51,7 @@ class SlowQuestions:
                 guard(self._ask)
             else:
                 self._calibrations.lost()
+                self._parameters.lost()
 
     @property
     def _is_eager(self) -> bool:
@@ -64,8 +63,6 @@ class SlowQuestions:
             self._link.exchanged(exchange(self._time_sync))
             if not self._recorder.run_id:
                 self._parameters.refresh()
-                if (present := self._parameters.present()) is not None:
-                    self._witness.look(*present)
                 self._calibrations.look(shown[0] if (shown := self._parameters.shown) else 0)
                 self._parameters.learn_defaults()  # last: it takes the longest
             self._alarms.set("beacons", self._layout.agree() or None)

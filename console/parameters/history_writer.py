@@ -1,8 +1,8 @@
 """Writes the history of parameters from what the station hears.
 
 Whoever changes a parameter (page, ROS 2, experiment, the vehicle itself), its authority tells it
-on `parameter_changes`. What was not received, because the link or this process was away, shows as
-another value than the last known one, and is written as that.
+on `parameter_changes`. What was not received, because the link or this process was away, shows in a
+snapshot as another value than the replica had, and is written as that.
 """
 
 from __future__ import annotations
@@ -17,13 +17,10 @@ from console.parameters.history import ParameterChange, ParameterHistory
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.clock import time_ns
-from vehicle_link.parameters.authority import VEHICLE, authority_of
 from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.replica import Snapshot
 
 log = logging.getLogger(__name__)
-
-Version = tuple[int, int]
-"""Instance of the process that counts, and its revision."""
 
 AT_START = "(start of vehicle or station)"
 AT_RESTART = "(the vehicle started anew)"
@@ -59,10 +56,6 @@ class ParameterWitness:
         self._history = history
         self._alarm = alarm
         self._lock = threading.Lock()
-        self._known = history.known()
-        self._heard: Version | None = None  # of the vehicle's last change
-        self._suspect: tuple[Version, Version | None] | None = None
-        self._instance: int | None = None  # of the vehicle's process looked at last
         self._flight = ""
         self._is_armed: bool | None = None
         last = history.flight()
@@ -77,9 +70,6 @@ class ParameterWitness:
     def changed(self, change: AppliedChange, received_ns: int) -> None:
         """Write what an authority says it has changed."""
         with self._lock:
-            if authority_of(change.name) == VEHICLE:
-                self._heard = (change.instance, change.revision)
-            self._known[change.name] = change.new
             if change.old != change.new:
                 self._put(
                     ParameterChange(
@@ -108,30 +98,18 @@ class ParameterWitness:
             elif not (was is None and self._is_open):  # the station died in flight and came back
                 self._put(_Begin(self._flight, time_ns()))
 
-    def look(self, values: Mapping[str, ParameterValue], version: Version) -> None:
-        """Compare with the vehicle's values as read at `version`; call once a second.
-
-        Of the same process, another revision than that of the last change heard is written
-        when it is found twice in a row: values overtake the message of their change.
-        """
-        with self._lock:
-            before, self._instance = self._instance, version[0]
-            if before != self._instance:
-                self._adopt(values, version[1], AT_START if before is None else AT_RESTART)
-            elif version == self._heard:
-                self._suspect = None
-                return
-            elif self._suspect != (version, self._heard):
-                self._suspect = (version, self._heard)
-                return
-            else:
-                self._adopt(values, version[1], NOT_HEARD)
-            self._heard, self._suspect = version, None
+    def look(self, snapshot: Snapshot) -> None:
+        """Write what a snapshot of the vehicle shows to have changed without a message."""
+        before = snapshot.instance_before
+        if before is None:
+            why = AT_START
+        else:
+            why = NOT_HEARD if before == snapshot.instance else AT_RESTART
+        self._adopt(snapshot.before, snapshot.values, snapshot.revision, why)
 
     def begin(self, values: Mapping[str, ParameterValue]) -> None:
         """Take the station's own values at its start."""
-        with self._lock:
-            self._adopt(values, 0, AT_START)
+        self._adopt(self._history.known(), values, 0, AT_START)
 
     def wait_idle(self, bound: float) -> bool:
         """Return whether everything reported is written."""
@@ -142,17 +120,24 @@ class ParameterWitness:
         self._queue.put(None)
         self._thread.join(CLOSE_PATIENCE)
 
-    def _adopt(self, values: Mapping[str, ParameterValue], revision: int, why: str) -> None:
+    def _adopt(
+        self,
+        before: Mapping[str, ParameterValue],
+        values: Mapping[str, ParameterValue],
+        revision: int,
+        why: str,
+    ) -> None:
         now_ns = time_ns()
-        unknown = {name: value for name, value in values.items() if name not in self._known}
-        if unknown:
-            self._put(unknown)
-        for name, value in values.items():
-            if name not in unknown and self._known[name] != value:
+        with self._lock:
+            if unknown := {name: value for name, value in values.items() if name not in before}:
+                self._put(unknown)
+            for name, value in values.items():
+                if (old := before.get(name, value)) == value:
+                    continue
                 self._put(
                     ParameterChange(
                         name=name,
-                        old=self._known[name],
+                        old=old,
                         new=value,
                         requester=why,
                         stamp_ns=now_ns,
@@ -161,7 +146,6 @@ class ParameterWitness:
                         revision=revision,
                     )
                 )
-        self._known.update(values)
 
     def _put(self, item: _Item) -> None:
         self._idle.clear()

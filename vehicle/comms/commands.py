@@ -12,6 +12,7 @@ from quadrotor.parameters import ParameterDescription, ParameterStore, Parameter
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
 from vehicle.processes.rings import ByteRing
+from vehicle_link.parameters.replica import ParameterReplica
 
 REPLY_TIMEOUT_S = 1.0
 FETCH_PATIENCE_S = 1.5  # less than a parameter client waits
@@ -73,27 +74,28 @@ class FlightMailbox:
             answered.set()
 
 
-class ParameterMirror:
-    """A copy of the flight process's parameters: what the parameter services answer from.
+class FlightParameters:
+    """The flight process's parameters, as the parameter services show and change them.
 
-    The flight process is the only writer; its `ParameterChange`s keep the copy true.
+    The flight process checks and applies; the replica follows what it says.
     """
 
     def __init__(self, flight: FlightMailbox, preset: Mapping[str, ParameterValue]) -> None:
         self._flight = flight
-        self._store = ParameterStore(new_parameters())
-        self._store.preset(preset)
-        self._values = self._store.values()
-        self.revision = 0
+        store = ParameterStore(new_parameters())
+        store.preset(preset)
+        self._descriptions = store.descriptions()
+        self.replica = ParameterReplica(store.values())
+        """With the values of the start until flight has reported its own."""
         self._fetched = threading.Event()
         self._fetch_id = f"{os.getpid()}-all"
 
     def descriptions(self) -> tuple[ParameterDescription, ...]:
-        return self._store.descriptions()
+        return self._descriptions
 
     @property
     def complete(self) -> bool:
-        """Return whether it holds flight's values, not only those of the start."""
+        """Return whether the replica holds flight's values, not only those of the start."""
         return self._fetched.is_set()
 
     def values(self) -> dict[str, ParameterValue]:
@@ -106,26 +108,18 @@ class ParameterMirror:
                 f"the flight process did not tell its parameters within {FETCH_PATIENCE_S:g} s; "
                 "is the microcontroller connected?"
             )
-        return dict(self._values)
-
-    def newest(self) -> dict[str, ParameterValue]:
-        """Return the values as far as they are known, without waiting: those of the start until
-        flight has reported its own.
-        """
-        return dict(self._values)
+        return self.replica.values()
 
     def change(
-        self, values: Mapping[str, object], requester: str
+        self, values: Mapping[str, ParameterValue], requester: str
     ) -> tuple[dict[str, ParameterValue], int]:
         """Return (applied values, revision) from the flight process.
 
         Raises ParameterError with its reason, or LinkError when it does not answer.
         """
-        # Checked here too: only then are the values of types the mailbox can carry.
-        checked = {name: self._store.check(name, value) for name, value in values.items()}
-        if not checked:
-            return {}, self.revision
-        reply = self._flight.ask(lambda i: mailbox.ChangeParameters(i, requester, checked))
+        if not values:
+            return {}, self.replica.revision
+        reply = self._flight.ask(lambda i: mailbox.ChangeParameters(i, requester, dict(values)))
         if not reply.accepted:
             raise ParameterError(reply.reason)
         return reply.applied, reply.revision
@@ -137,11 +131,9 @@ class ParameterMirror:
     def deliver(self, reply: mailbox.Reply) -> None:
         """Take over all values if this is the reply to `fetch`."""
         if reply.request_id == self._fetch_id:
-            self._values.update(reply.applied)
-            self.revision = reply.revision
+            self.replica.load(reply.applied, reply.revision)
             self._fetched.set()
 
     def changed(self, change: mailbox.ParameterChange) -> None:
         """Take over a change that the flight process applied."""
-        self._values[change.name] = change.new
-        self.revision = change.revision
+        self.replica.apply({change.name: change.new}, change.revision)

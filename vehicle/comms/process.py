@@ -20,7 +20,7 @@ import msgspec
 from quadrotor.errors import QuadlabError
 from vehicle.calibration.store import CalibrationStore
 from vehicle.comms.calibrations import Calibrations
-from vehicle.comms.commands import FlightMailbox, ParameterMirror
+from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.deferred_events import Unheard
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.lane import CommsLane
@@ -64,7 +64,7 @@ class Comms:
         self._rings = rings
         self._clock = VehicleClock()
         self._flight = FlightMailbox(rings.inbox)
-        self._mirror = ParameterMirror(self._flight, config.parameters)
+        self._parameters = FlightParameters(self._flight, config.parameters)
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()
         self._notices = list(config.notices)
@@ -89,7 +89,7 @@ class Comms:
             },
             self._say,
             facts=microcontroller_facts(config.identity),
-            limits=lambda: log_parameters(self._mirror.newest()),
+            limits=lambda: log_parameters(self._parameters.replica.values()),
             fetched=fetched,
             written=rings.ticks.free,
         )
@@ -112,7 +112,7 @@ class Comms:
         self._longest_wait_s = 1.0 / config.packets
         self._dropped = 0
         self._fetch_due_ns = 0
-        serve(node, self._flight, self._mirror, self._calibrations, self._clock)
+        serve(node, self._flight, self._parameters, self._calibrations, self._clock)
         serve_whoami(node, config.name, config.instance, config.identity)
         self._checks = SelfChecks(Path(config.data), identity=config.identity, log=self._log)
         node.serve("checks", topics.SERVICES["checks"], self._checks.answer)
@@ -143,9 +143,9 @@ class Comms:
         if (too_many := len(self._rings.ticks) - TICKS_KEPT) > 0:  # the disk is slow
             self._rings.ticks.free_ahead(too_many)
         if len(ticks):
-            if not self._mirror.complete and read_ns >= self._fetch_due_ns:
+            if not self._parameters.complete and read_ns >= self._fetch_due_ns:
                 self._fetch_due_ns = read_ns + FETCH_PERIOD_NS
-                self._mirror.fetch()
+                self._parameters.fetch()
             self._inbound.newest_state = ticks["state"][-1:]
             self._inbound.prepare()
             self._checks.heard(bool(ticks["status"]["armed"][-1]))
@@ -178,10 +178,10 @@ class Comms:
     def _dispatch(self, message: mailbox.Outbound) -> None:
         if isinstance(message, mailbox.Reply):
             self._flight.deliver(message)
-            self._mirror.deliver(message)
-            if self._mirror.complete:
+            self._parameters.deliver(message)
+            if self._parameters.complete:
                 self._log.start()  # not before: its files begin with the parameters
-                values = self._mirror.values()
+                values = self._parameters.values()
                 self._inbound.lay_out(str(values["beacons.layout"]))
                 self._publisher.estimator = str(values[FLOWN_ON])
         elif isinstance(message, mailbox.Event):
@@ -191,7 +191,7 @@ class Comms:
         elif isinstance(message, mailbox.GyroscopeFound):
             self._calibrations.found(message)
         else:
-            self._mirror.changed(message)
+            self._parameters.changed(message)
             if message.name == "beacons.layout":
                 self._inbound.lay_out(str(message.new))
             self._publisher.parameter_change(message)
@@ -228,11 +228,11 @@ class Comms:
             say(text)
 
     def _gyroscope_s(self) -> float:
-        samples = int(self._mirror.values()["safety.gyro_samples"])
+        samples = int(self._parameters.values()["safety.gyro_samples"])
         return samples / self._publisher.tick_rate
 
     def _parameters_json(self) -> bytes:
-        return json.dumps(self._mirror.values(), indent=1).encode()
+        return json.dumps(self._parameters.values(), indent=1).encode()
 
 
 def main(argument: str) -> int:

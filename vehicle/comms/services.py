@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from quadrotor.errors import NoAnswerError, QuadlabError
 from vehicle.comms.calibrations import Calibrations
-from vehicle.comms.commands import FlightMailbox, ParameterMirror
+from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.vehicle_clock import VehicleClock
 from vehicle.processes import mailbox
 from vehicle_link.messages import Message, decode, encode, new
@@ -30,7 +30,7 @@ CALIBRATIONS = 3
 def serve(
     node: Node,
     flight: FlightMailbox,
-    parameters: ParameterMirror,
+    parameters: FlightParameters,
     calibrations: Calibrations,
     clock: VehicleClock,
 ) -> None:
@@ -76,7 +76,7 @@ def _refusing(srv_type: str, handler: Callable[[Message], Message]) -> Callable[
 class _Commands:
     """One method a service: request message in, response message out."""
 
-    def __init__(self, flight: FlightMailbox, parameters: ParameterMirror) -> None:
+    def __init__(self, flight: FlightMailbox, parameters: FlightParameters) -> None:
         self._flight = flight
         self._parameters = parameters
 

@@ -14,7 +14,7 @@ from bearing_sim.beacons import format_layout, parse_layout
 from quadrotor.errors import LinkError, QuadlabError
 from web.live.events import EventHub
 from web.parameters.changes import GainPath
-from web.parameters.mirror import LAYOUT, ParameterMirror
+from web.parameters.replica import LAYOUT, PageParameters
 
 Position = tuple[float, float, float]
 DIGITS = 4  # to a tenth of a millimetre, well within the flatness a small set needs
@@ -27,12 +27,12 @@ class BeaconMoves:
     def __init__(
         self,
         gains: GainPath,
-        mirror: ParameterMirror,
+        replica: PageParameters,
         hub: EventHub,
         put_back: Callable[[], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._gains, self._mirror, self._hub = gains, mirror, hub
+        self._gains, self._replica, self._hub = gains, replica, hub
         self._put_back = put_back
         self._clock = clock
         self._tasks: set[asyncio.Task[None]] = set()
@@ -46,7 +46,7 @@ class BeaconMoves:
 
     def moved(self, id: int, position_w: Position, who: str) -> None:
         """Move beacon `id` to `position_w` (m); to be called on the event loop."""
-        text = self._wanted or self._mirror.value(LAYOUT)
+        text = self._wanted or self._replica.value(LAYOUT)
         try:
             if not isinstance(text, str):
                 raise LinkError("the layout has not been read yet")

@@ -21,7 +21,7 @@ from quadrotor.errors import LinkError, MeasurementError, OutOfBoundsError
 from web.beacons import comparison_feed
 from web.beacons.moves import BeaconMoves
 from web.live.latest import Live
-from web.parameters.mirror import LAYOUT, ParameterMirror
+from web.parameters.replica import LAYOUT, PageParameters
 from web.requester import Operator
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ _decode = msgspec.json.Decoder(list[_Row] | _Preset).decode
 def add_beacons(app: FastAPI, parts: Parts) -> None:
     """Add the routes below /api/beacons, and /ws/comparison; takes drags to the gain path."""
     shown = parts.scene.beacons
-    moves = BeaconMoves(parts.gains, parts.mirror, parts.hub, shown.put_back)
+    moves = BeaconMoves(parts.gains, parts.replica, parts.hub, shown.put_back)
     shown.on_moved = moves.moved
 
     def tell_view() -> None:
@@ -110,7 +110,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
         """Return the confirmed layout (null until it has been read), all presets, the shared view
         with its legend, and the gains presets of the complementary filter.
         """
-        text = parts.mirror.value(LAYOUT)
+        text = parts.replica.value(LAYOUT)
         return {
             "layout": text,
             "beacons": rows_of(parse_layout(text)) if isinstance(text, str) else None,
@@ -125,7 +125,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/beacons/file", response_class=Response)
     async def file() -> Response:
         """Return the confirmed layout as a CSV file, as PUT takes it."""
-        text = parts.mirror.value(LAYOUT)
+        text = parts.replica.value(LAYOUT)
         if not isinstance(text, str):
             raise LinkError("the layout of the beacons has not been read yet; is the station up?")
         headers = {"content-disposition": 'attachment; filename="beacons.csv"'}
@@ -157,7 +157,7 @@ def add_beacons(app: FastAPI, parts: Parts) -> None:
         """
         wanted = body.model_dump(exclude_none=True)
         if "estimate" in wanted:
-            check_estimate(wanted["estimate"], parts.mirror, parts.live)
+            check_estimate(wanted["estimate"], parts.replica, parts.live)
         shown.show(replace(shown.view, **wanted))
         tell_view()
         return view()
@@ -199,11 +199,11 @@ def csv_of(beacons: Beacons) -> str:
     return "\n".join([",".join(COLUMNS), *lines, ""])
 
 
-def check_estimate(name: str, mirror: ParameterMirror, live: Live) -> None:
+def check_estimate(name: str, replica: PageParameters, live: Live) -> None:
     """Raise OutOfBoundsError for an estimate that is not computed."""
     message = live.newest("comparison")
     allowed = dict.fromkeys(ALWAYS_SHOWN)
-    allowed |= dict.fromkeys(str(mirror.value(COMPARED) or "").split())
+    allowed |= dict.fromkeys(str(replica.value(COMPARED) or "").split())
     allowed |= dict.fromkeys(one.name for one in (message.estimators if message else ()))
     if name not in allowed:
         raise OutOfBoundsError(

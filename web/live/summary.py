@@ -47,6 +47,6 @@ class Summary:
             "control": parts.control.summary(),
             "transfers": transfers_summary(parts.live),
             "preflight": preflight_summary(parts.live),
-            "emergency_land": parts.mirror.value("safety.emergency_land"),
+            "emergency_land": parts.replica.value("safety.emergency_land"),
             "pages": parts.hub.pages,
         }

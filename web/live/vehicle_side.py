@@ -27,7 +27,7 @@ from web.live.station import Station
 from web.live.telemetry import TelemetryFeed
 from web.parameters.changes import GainPath
 from web.parameters.follower import ParameterFollower
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 from web.replay.store import ReplayStore
 from web.runs.exports import ViserExports
 from web.runs.report_making import ReportMaking
@@ -67,11 +67,11 @@ class VehicleSide:
         self.name = name
         self.hub = hub
         live = Live(decode)
-        mirror = ParameterMirror(hub.publish)
+        replica = PageParameters(hub.publish)
         scene = Scene(view_server, live)
         self._view_server = view_server
         self.station = station = connect(name, live, hub)
-        self._follower = ParameterFollower(mirror, station, live, scene, f"/{name}")
+        self._follower = ParameterFollower(replica, station, live, scene, f"/{name}")
         station.on_change = self._follower.changed_from_thread
         self._stick = StickOutput(station.publish_stick)
         station.on_stick_answer = self._stick.answer_from_thread
@@ -95,8 +95,8 @@ class VehicleSide:
             view_server=view_server,
             scene=scene,
             station=station,
-            mirror=mirror,
-            gains=GainPath(mirror, station, airborne),
+            replica=replica,
+            gains=GainPath(replica, station, airborne),
             history=ParameterHistory(engine, name),
             presets=ParameterPresets(engine, name),
             catalogue=shared.catalogue,
@@ -111,7 +111,7 @@ class VehicleSide:
                 live,
                 hub.publish,
                 hub.say,
-                chosen=lambda: mirror.value("safety.emergency_land"),
+                chosen=lambda: replica.value("safety.emergency_land"),
             ),
             control=control,
         )

@@ -7,24 +7,24 @@ from control.presets import preset_values
 from estimation.parameters import PRESETS as ESTIMATION
 from quadrotor.parameters import ParameterValue
 from vehicle_link.parameters.authority import SIMULATOR, authority_of
-from web.parameters.mirror import LAYOUT, ParameterMirror
+from web.parameters.replica import LAYOUT, PageParameters
 
 DEFAULTS, CALM = "defaults", "simulator defaults"
 MEASURED = ("model.", "imu.", "beacons.layout", LAYOUT)
 """What was measured of this vehicle and its room; the defaults leave it alone."""
 
 
-def built_in(mirror: ParameterMirror) -> dict[str, dict[str, ParameterValue]]:
+def built_in(replica: PageParameters) -> dict[str, dict[str, ParameterValue]]:
     """Return values by parameter, by the preset's name; of parameters that the vehicle has."""
     sets: dict[str, dict[str, ParameterValue]] = {}
     for name in CONTROL:
         sets[f"control {name}"] = preset_values(name)
     for name, poles in ESTIMATION.items():
         sets[f"estimation {name}"] = {f"estimation.{key}": v for key, v in poles.items()}
-    known = {d.name for d in mirror.descriptions()}
+    known = {d.name for d in replica.descriptions()}
     defaults = {
         d.name: d.default
-        for d in mirror.descriptions()
+        for d in replica.descriptions()
         if not d.read_only and not d.name.startswith(MEASURED)
     }
     world = {name: v for name, v in defaults.items() if authority_of(name) == SIMULATOR}

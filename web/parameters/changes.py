@@ -17,7 +17,7 @@ from typing import Protocol
 from quadrotor.errors import QuadlabError
 from quadrotor.parameters import ParameterValue
 from vehicle_link.parameters.authority import SIMULATOR, STATION, authority_of
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 from web.parameters.stepwise import step_towards, steps_between, walk
 
 SHORTEST_PERIOD = 0.05  # s between two calls for one parameter
@@ -51,7 +51,7 @@ class _Slot:
 
 
 class GainPath:
-    """Changes parameters through `target` and keeps `mirror` up to date.
+    """Changes parameters through `target` and keeps `replica` up to date.
 
     Args:
         airborne: whether the vehicle flies, so that steps are limited.
@@ -59,11 +59,11 @@ class GainPath:
 
     def __init__(
         self,
-        mirror: ParameterMirror,
+        replica: PageParameters,
         target: ParameterTarget,
         airborne: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._mirror = mirror
+        self._replica = replica
         self._target = target
         self._airborne = airborne
         self._slots: dict[tuple[str, str], _Slot] = {}
@@ -81,11 +81,11 @@ class GainPath:
 
         Raises ParameterError, RefusedError or LinkError.
         """
-        checked = self._mirror.check(values)
+        checked = self._replica.check(values)
         walks = walks and self._airborne()
         if len(checked) != 1:
-            if walks and steps_between(self._mirror, checked) > 1:
-                return await walk(self._mirror, self._call, checked, requester, SHORTEST_PERIOD)
+            if walks and steps_between(self._replica, checked) > 1:
+                return await walk(self._replica, self._call, checked, requester, SHORTEST_PERIOD)
             return await self._call(checked, requester)
         ((name, value),) = checked.items()
         if len(self._slots) > MOST_SLOTS:  # of people who have left
@@ -93,7 +93,7 @@ class GainPath:
         slot = self._slots.setdefault((name, requester), _Slot())
         future = asyncio.get_running_loop().create_future()
         slot.value = value
-        slot.steps = steps_between(self._mirror, checked) if walks else 1
+        slot.steps = steps_between(self._replica, checked) if walks else 1
         slot.waiting.append(future)
         if slot.task is None or slot.task.done():
             slot.task = asyncio.create_task(self._drain(name, requester, slot))
@@ -110,7 +110,7 @@ class GainPath:
             slot.last_call = time.monotonic()
             wanted, value = slot.value, slot.value
             if slot.steps > 1:
-                value = step_towards(self._mirror, name, wanted)
+                value = step_towards(self._replica, name, wanted)
             slot.steps -= 1
             try:
                 applied, revision = await self._call({name: value}, requester)
@@ -142,7 +142,7 @@ class GainPath:
         applied, revision = await self._target.change_parameters(values, requester)
         # Of a mixed call the revision is the vehicle's; the station tells of its own by itself.
         mine = {n: v for n, v in applied.items() if authority_of(n) != STATION} or applied
-        self._mirror.apply(mine, requester, revision)
+        self._replica.confirm(mine, requester, revision)
         return applied, revision
 
 

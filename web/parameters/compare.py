@@ -8,32 +8,32 @@ from typing import Any
 
 from quadrotor.errors import ParameterError, ReadOnlyError
 from quadrotor.parameters import ParameterValue
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 from web.parameters.stepwise import steps_between
 
 MOST_SHOWN = 200  # characters of a value that cannot be taken
 
 
-def compare(mirror: ParameterMirror, values: Mapping[str, Any]) -> dict[str, Any]:
+def compare(replica: PageParameters, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return `lines` of what differs, in the order of the tree, `same`: how many do not.
 
     Each line has name, unit, now, new, `reason` ("" or why it cannot be taken) and `steps`, how
     many changes it takes in flight. Raises LinkError before anything was read.
     """
-    mirror.check({})
-    order = {d.name: k for k, d in enumerate(mirror.descriptions())}
+    replica.check({})
+    order = {d.name: k for k, d in enumerate(replica.descriptions())}
     lines, same = [], 0
     for name in sorted(values, key=lambda n: order.get(n, len(order))):
-        new, now, description = values[name], mirror.value(name), mirror.description(name)
+        new, now, description = values[name], replica.value(name), replica.description(name)
         reason, steps = "", 1
         try:
-            [checked] = mirror.check({name: new}).values()
+            [checked] = replica.check({name: new}).values()
             if checked == now:
                 same += 1
                 continue
             if description is not None and description.read_only:
                 raise ReadOnlyError(f"set at the start only, by --set {name}={new}")
-            new, steps = checked, steps_between(mirror, {name: checked})
+            new, steps = checked, steps_between(replica, {name: checked})
         except ParameterError as error:
             reason, new = str(error), _shown(new)
         lines.append(
@@ -49,9 +49,9 @@ def compare(mirror: ParameterMirror, values: Mapping[str, Any]) -> dict[str, Any
     return {"lines": lines, "same": same}
 
 
-def differing(mirror: ParameterMirror, values: Mapping[str, ParameterValue]) -> int:
+def differing(replica: PageParameters, values: Mapping[str, ParameterValue]) -> int:
     """Return how many of these values the vehicle does not have."""
-    return sum(mirror.value(name) != value for name, value in values.items())
+    return sum(replica.value(name) != value for name, value in values.items())
 
 
 def _shown(value: Any) -> Any:

@@ -1,6 +1,6 @@
-"""Keeps the mirror true: reads all parameters when the vehicle's revision is not ours.
+"""Keeps the pages' replica true: reads all parameters when a snapshot is due.
 
-What the 3D view shows of parameters, flight volume and beacons, follows the mirror.
+What the 3D view shows of parameters, flight volume and beacons, follows the replica.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from vehicle_link.parameters.authority import SIMULATOR, STATION, VEHICLE, autho
 from vehicle_link.parameters.messages import AppliedChange
 from web.live.latest import Live
 from web.live.station import Station
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 from web.view.scene import Box, Scene
 
-PERIOD = 0.5  # s between looks at the revision
+PERIOD = 0.5  # s between looks at the status
 ROUND = 2.0  # s between looks for the simulator, which has a life of its own
 GLANCE = 0.05  # s between looks at what the 3D view shows
 BEARINGS = "station.bearings."
@@ -31,15 +31,14 @@ class ParameterFollower:
     """Args: `namespace` with its slash (`/quad1`)."""
 
     def __init__(
-        self, mirror: ParameterMirror, station: Station, live: Live, scene: Scene, namespace: str
+        self, replica: PageParameters, station: Station, live: Live, scene: Scene, namespace: str
     ) -> None:
-        self._mirror = mirror
+        self._replica = replica
         self._station = station
         self._live = live
         self._scene = scene
         self._namespace = namespace
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._instance: int | None = None  # of the vehicle that was read; None: read it anew
         self._shown: dict[str, Any] = {}
         self._surprises = 0  # looks in a row that found another simulator than is known
 
@@ -49,7 +48,7 @@ class ParameterFollower:
     def changed_from_thread(self, change: AppliedChange) -> None:
         """Hand a `parameter_changes` message over to the event loop."""
         if self._loop is not None and not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(self._mirror.told, change)
+            self._loop.call_soon_threadsafe(self._replica.told, change)
 
     async def run(self) -> None:
         loop = asyncio.get_running_loop()
@@ -63,14 +62,14 @@ class ParameterFollower:
             due = loop.time() + PERIOD
             status = self._live.current("status")
             if status is None:
-                self._instance = None  # another vehicle may come back
-            elif self._is_news(status):
+                self._replica.lost()  # another vehicle may come back
+            elif self._is_due(status):
                 await self._read(status)
             elif loop.time() >= round_due:
                 round_due = loop.time() + ROUND
                 if await self.is_simulator_news():
                     await self._read(status)
-            if (box := flight_volume(self._mirror.value)) is not None:
+            if (box := flight_volume(self._replica.value)) is not None:
                 self._scene.set_volume(box)
 
     def show_beacons(self) -> None:
@@ -78,7 +77,7 @@ class ParameterFollower:
         emulator's changed.
         """
         names = {name: f"{BEARINGS}{name}" for name in BearingParameters.model_fields}
-        values = {name: self._mirror.value(full) for name, full in names.items()}
+        values = {name: self._replica.value(full) for name, full in names.items()}
         values = {name: value for name, value in values.items() if value is not None}
         if "layout" not in values or values == self._shown:
             return
@@ -92,19 +91,15 @@ class ParameterFollower:
                 sensor.rate,
             )
 
-    def _is_news(self, status: Any) -> bool:
-        """Return whether the vehicle has restarted, or changed what was not heard.
-
-        A lower revision of the same process is none: the status is behind the answers.
-        """
-        is_newer = int(status.parameter_revision) > self._mirror.revision
-        return int(status.instance) != self._instance or is_newer
+    def _is_due(self, status: Any) -> bool:
+        self._replica.show(int(status.instance), int(status.parameter_revision))
+        return self._replica.is_due
 
     async def is_simulator_news(self) -> bool:
         """Return whether the simulator came or went: one that does not answer once may only be
         late.
         """
-        described = self._mirror.descriptions()
+        described = self._replica.descriptions()
         is_known = any(authority_of(d.name) == SIMULATOR for d in described)
         is_there = await self._station.has_parameters(f"{self._namespace}/{SIMULATOR}")
         self._surprises = self._surprises + 1 if is_there != is_known else 0
@@ -115,8 +110,8 @@ class ParameterFollower:
 
         A vehicle that does not answer is asked again in the next period.
         """
-        instance = int(status.instance)
-        since = self._mirror.clock if instance == self._instance else None
+        instance, revision = int(status.instance), int(status.parameter_revision)
+        since = self._replica.clock
         descriptions: list[Any] = []
         values: dict[str, Any] = {}
         for node in (VEHICLE, STATION, SIMULATOR):
@@ -128,8 +123,7 @@ class ParameterFollower:
                 continue
             descriptions += described
             values |= read
-        self._mirror.load(descriptions, values, int(status.parameter_revision), since)
-        self._instance = instance
+        self._replica.load(values, revision, instance, since, descriptions)
 
 
 def flight_volume(value: Any) -> Box | None:

@@ -19,7 +19,7 @@ from quadrotor.parameters import ParameterValue
 from web.parameters.built_in_presets import built_in
 from web.parameters.compare import compare, differing
 from web.parameters.file import LARGEST, read_file, write_file
-from web.parameters.mirror import LAYOUT
+from web.parameters.replica import LAYOUT
 from web.requester import Operator
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def _add_values(app: FastAPI, parts: Parts) -> None:
     @app.get("/api/parameters")
     async def parameters() -> dict[str, Any]:
         """Return descriptions and confirmed values, as the vehicle gave them."""
-        return parts.mirror.as_json()
+        return parts.replica.as_json()
 
     @app.put("/api/parameters")
     async def change(body: ChangeBody, session: Operator) -> dict[str, Any]:
@@ -68,8 +68,8 @@ def _add_values(app: FastAPI, parts: Parts) -> None:
         return {
             "applied": applied,
             "revision": revision,
-            "revisions": {name: parts.mirror.revision_of(name) for name in applied},
-            "generation": parts.mirror.generation,
+            "revisions": {name: parts.replica.revision_of(name) for name in applied},
+            "generation": parts.replica.generation,
         }
 
 
@@ -108,7 +108,7 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
         last = await run_in_threadpool(parts.history.flight)
         if last is None:
             nothing: dict[str, Any] = {"run": None, "start": None, "is_over": True, "values": {}}
-            return {**nothing, **compare(parts.mirror, {})}
+            return {**nothing, **compare(parts.replica, {})}
         # Not the beacons: they stand where they stand.
         values = {name: value for name, value in last.values.items() if name not in PLACES}
         return {
@@ -116,7 +116,7 @@ def _add_history(app: FastAPI, parts: Parts) -> None:
             "start": last.start_ns * 1e-9,
             "is_over": last.is_over,
             "values": last.values,
-            **compare(parts.mirror, values),
+            **compare(parts.replica, values),
         }
 
 
@@ -127,10 +127,10 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
         now = datetime.now(UTC)
         what = "All parameters" if which == "all" else "Parameters that differ from their default"
         heading = f"{what} of {parts.vehicle}, {now:%Y-%m-%d %H:%M:%S} UTC."
-        parts.mirror.check({})
+        parts.replica.check({})
         text = write_file(
-            parts.mirror.descriptions(),
-            parts.mirror.values(),
+            parts.replica.descriptions(),
+            parts.replica.values(),
             heading,
             modified_only=which == "modified",
         )
@@ -149,11 +149,11 @@ def _add_files(app: FastAPI, parts: Parts) -> None:
             content += piece
             if len(content) > LARGEST:
                 raise MeasurementError(f"the file is too large; allowed are {LARGEST} bytes")
-        return compare(parts.mirror, await run_in_threadpool(read_file, content))
+        return compare(parts.replica, await run_in_threadpool(read_file, content))
 
 
 def _add_presets(app: FastAPI, parts: Parts) -> None:
-    mirror, presets = parts.mirror, parts.presets
+    replica, presets = parts.replica, parts.presets
 
     @app.get("/api/parameters/presets")
     async def all_presets() -> dict[str, Any]:
@@ -169,27 +169,27 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
                 "who": "",
                 "stamp": None,
                 "count": len(values),
-                "differs": differing(mirror, values),
+                "differs": differing(replica, values),
             }
-            for name, values in built_in(mirror).items()
+            for name, values in built_in(replica).items()
         ]
         return {"presets": own + [{**_facts(one), **_counts(one.values)} for one in mine]}
 
     @app.get("/api/parameters/presets/{preset}")
     async def look(preset: str) -> dict[str, Any]:
         """Return what switching to it would change."""
-        found = built_in(mirror)
+        found = built_in(replica)
         if preset in found:
-            return compare(mirror, found[preset])
-        return compare(mirror, (await run_in_threadpool(presets.get, _number(preset))).values)
+            return compare(replica, found[preset])
+        return compare(replica, (await run_in_threadpool(presets.get, _number(preset))).values)
 
     @app.post("/api/parameters/presets")
     async def save(body: PresetBody, session: Operator) -> dict[str, Any]:
         """Save the confirmed values of these parameters under a name."""
-        if body.name in built_in(mirror):
+        if body.name in built_in(replica):
             raise HTTPException(409, f"{body.name!r} is a built-in preset; choose another name")
-        mirror.check({})
-        values = {n: v for n in body.parameters if (v := mirror.value(n)) is not None}
+        replica.check({})
+        values = {n: v for n in body.parameters if (v := replica.value(n)) is not None}
         if missing := [n for n in body.parameters if n not in values]:
             raise HTTPException(422, f"unknown parameter {missing[0]!r}; the Gains tab lists all")
         saved = await run_in_threadpool(
@@ -209,7 +209,7 @@ def _add_presets(app: FastAPI, parts: Parts) -> None:
         return _facts(presets.restore(_number(preset)))
 
     def _counts(values: dict[str, ParameterValue]) -> dict[str, int]:
-        return {"count": len(values), "differs": differing(mirror, values)}
+        return {"count": len(values), "differs": differing(replica, values)}
 
 
 def _facts(preset: Preset) -> dict[str, Any]:

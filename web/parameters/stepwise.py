@@ -12,7 +12,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterValue
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 ROUNDING = 1e-9
 
@@ -20,20 +20,20 @@ Values = Mapping[str, ParameterValue]
 Call = Callable[[Values, str], Awaitable[tuple[dict[str, ParameterValue], int]]]
 
 
-def steps_between(mirror: ParameterMirror, values: Values) -> int:
+def steps_between(replica: PageParameters, values: Values) -> int:
     """Return the number of steps from the present values to these in flight; at least 1."""
     counts = [1]
     for name, value in values.items():
-        step, present = _step(mirror, name), mirror.value(name)
+        step, present = _step(replica, name), replica.value(name)
         if step is not None and present is not None:
             distance = abs(float(value) - float(present))
             counts.append(math.ceil(distance / step * (1.0 - ROUNDING)))
     return max(counts)
 
 
-def step_towards(mirror: ParameterMirror, name: str, value: ParameterValue) -> ParameterValue:
+def step_towards(replica: PageParameters, name: str, value: ParameterValue) -> ParameterValue:
     """Return the value as far as one step in flight goes from the present one."""
-    step, present = _step(mirror, name), mirror.value(name)
+    step, present = _step(replica, name), replica.value(name)
     if step is None or present is None:
         return value
     change = float(value) - float(present)
@@ -41,7 +41,7 @@ def step_towards(mirror: ParameterMirror, name: str, value: ParameterValue) -> P
 
 
 async def walk(
-    mirror: ParameterMirror, call: Call, values: Values, requester: str, pause: float
+    replica: PageParameters, call: Call, values: Values, requester: str, pause: float
 ) -> tuple[dict[str, ParameterValue], int]:
     """Change values step by step; return what was applied in the end, and its revision.
 
@@ -49,9 +49,9 @@ async def walk(
 
     Raises QuadlabError of the refused step, with where it ended.
     """
-    start = {name: present for name in values if (present := mirror.value(name)) is not None}
-    count = steps_between(mirror, values)
-    limited = {n for n in start if _step(mirror, n) is not None and start[n] != values[n]}
+    start = {name: present for name in values if (present := replica.value(name)) is not None}
+    count = steps_between(replica, values)
+    limited = {n for n in start if _step(replica, n) is not None and start[n] != values[n]}
 
     def at(k: int) -> dict[str, ParameterValue]:
         share = k / count
@@ -97,6 +97,6 @@ async def _back(
     raise type(error)(f"{error}; all values are as before") from error
 
 
-def _step(mirror: ParameterMirror, name: str) -> float | None:
-    description = mirror.description(name)
+def _step(replica: PageParameters, name: str) -> float | None:
+    description = replica.description(name)
     return None if description is None else description.flight_step

@@ -92,6 +92,6 @@ def recorder_limits(parts: Parts) -> dict[str, float]:
     """Return `station.recorder.*` as confirmed, else their defaults."""
     defaults = RecorderParameters()
     return {
-        name: float(parts.mirror.value(f"{RECORDER}{name}") or getattr(defaults, name))
+        name: float(parts.replica.value(f"{RECORDER}{name}") or getattr(defaults, name))
         for name in ("keep_free", "warn_free", "trash_keep")
     }

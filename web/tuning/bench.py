@@ -24,7 +24,7 @@ from vehicle_link.messages import stamp_of
 from web.live.events import EventHub
 from web.live.latest import Live
 from web.live.station import Station
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 log = logging.getLogger("quadlab.web")
 
@@ -47,14 +47,14 @@ class TuningBench:
         self,
         station: Station,
         live: Live,
-        mirror: ParameterMirror,
+        replica: PageParameters,
         hub: EventHub,
         kept: KeptRuns,
         vehicle: str,
     ) -> None:
         self._station = station
         self._live = live
-        self._mirror = mirror
+        self._replica = replica
         self._hub = hub
         self.kept = kept
         self._vehicle = vehicle
@@ -69,7 +69,7 @@ class TuningBench:
     def gains(self) -> dict[str, ParameterValue]:
         """Return the gains in force, as the vehicle confirmed them."""
         return {
-            name: value for name, value in self._mirror.values().items() if name.startswith(GAINS)
+            name: value for name, value in self._replica.values().items() if name.startswith(GAINS)
         }
 
     async def start(self, plan: Plan, requester: str) -> None:

@@ -38,7 +38,7 @@ class TestBody(BaseModel):
 
 def add_tuning(app: FastAPI, parts: Parts) -> None:
     kept = KeptRuns(parts.catalogue.folder.parent)
-    bench = TuningBench(parts.station, parts.live, parts.mirror, parts.hub, kept, parts.vehicle)
+    bench = TuningBench(parts.station, parts.live, parts.replica, parts.hub, kept, parts.vehicle)
 
     @app.get("/api/tuning")
     def tuning() -> dict[str, Any]:
@@ -47,7 +47,7 @@ def add_tuning(app: FastAPI, parts: Parts) -> None:
             "status": bench.status,
             "axes": AXES,
             "shapes": SHAPES,
-            "amplitude_max": {axis: parts.mirror.value(name) for axis, name in LIMITS.items()},
+            "amplitude_max": {axis: parts.replica.value(name) for axis, name in LIMITS.items()},
             "settling_band": BAND,
             "runs": [asdict(run) for run in kept.runs()],
         }

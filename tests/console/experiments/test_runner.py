@@ -100,12 +100,16 @@ class ScriptedVehicle:
 
     def falls_back(self) -> None:
         """The vehicle changes a parameter by itself."""
+        self._apply({"estimation.source": "poses"}, "vehicle")
+
+    def _apply(self, values: dict[str, Any], requester: str) -> None:
         self.revision += 1
-        self.values_["estimation.source"] = "poses"
-        change = topics.encode_parameter_change(
-            time.time_ns(), "estimation.source", "bearings", "poses", "vehicle", self.revision
-        )
-        self._out["parameter_changes"].put(change)
+        for name, value in values.items():
+            change = topics.encode_parameter_change(
+                time.time_ns(), name, self.values_[name], value, requester, self.revision
+            )
+            self.values_[name] = value
+            self._out["parameter_changes"].put(change)
 
     def _on_joy(self, received: Received) -> None:
         self.joys.append(topics.decode_joy(received.payload))
@@ -121,8 +125,7 @@ class ScriptedVehicle:
         elif name in ("disarm", "emergency"):
             self.mode, self.behavior, self.airborne = "ready", "ground", False
         elif name == "change_parameters":
-            self.revision += 1
-            self.values_.update(from_parameters(request.parameters))
+            self._apply(from_parameters(request.parameters), request.requester)
             answer |= {"applied": request.parameters, "revision": self.revision}
         else:
             self.behavior = what

@@ -16,7 +16,7 @@ from vehicle_link.parameters.messages import from_parameters
 from web.beacons.moves import BeaconMoves
 from web.beacons.routes import csv_of, layout_of, rows_of
 from web.live.events import EventHub
-from web.parameters.mirror import LAYOUT
+from web.parameters.replica import LAYOUT
 
 SQUARE = [[1, 1.5, 1.0, 0.1], [2, -1.0, 1.0, 0.1], [3, -1.0, -1.0, 0.1], [4, 1.0, -1.0, 0.1]]
 CSV = "id,x,y,z\n7,1.0,1.0,0.1\n2,-1.0,1.0,0.1\n3,-1.0,-1.0,0.1\n4,1.0,-1.0,0.1\n"
@@ -217,8 +217,8 @@ class Clock:
 class Gains:
     """A gain path that can be held and can refuse."""
 
-    def __init__(self, mirror: Mirror) -> None:
-        self.mirror = mirror
+    def __init__(self, replica: Replica) -> None:
+        self.replica = replica
         self.calls: list[tuple[str, str]] = []
         self.refusal = ""
         self.gate = asyncio.Event()
@@ -228,10 +228,10 @@ class Gains:
         await self.gate.wait()
         if self.refusal:
             raise RefusedError(self.refusal)
-        self.mirror.text = values[LAYOUT]
+        self.replica.text = values[LAYOUT]
 
 
-class Mirror:
+class Replica:
     text = "paper"
 
     def value(self, name: str) -> str:
@@ -240,24 +240,24 @@ class Mirror:
 
 
 async def dragged(steps: list[tuple[int, tuple[float, float, float]]], refusal: str) -> Any:
-    """(mirror, gain path, how often handles went back, event lines) after these steps."""
-    mirror, hub = Mirror(), EventHub()
-    gains, back = Gains(mirror), []
+    """(replica, gain path, how often handles went back, event lines) after these steps."""
+    replica, hub = Replica(), EventHub()
+    gains, back = Gains(replica), []
     gains.refusal = refusal
-    moves = BeaconMoves(gains, mirror, hub, lambda: back.append(1), Clock())
+    moves = BeaconMoves(gains, replica, hub, lambda: back.append(1), Clock())
     for id, place in steps:
         moves.moved(id, place, "operator 1")
     await asyncio.sleep(0)
     gains.gate.set()
     while moves.busy:
         await asyncio.sleep(0)
-    return mirror, gains, len(back), hub.lines
+    return replica, gains, len(back), hub.lines
 
 
 def test_two_beacons_dragged_at_once_do_not_undo_each_other() -> None:
     steps = [(1, (1.2, 1.0, 0.1)), (3, (-1.4, -1.0, 0.1)), (1, (1.300004, 1.0, 0.1))]
-    mirror, gains, back, lines = asyncio.run(dragged(steps, ""))
-    layout = parse_layout(mirror.text)
+    replica, gains, back, lines = asyncio.run(dragged(steps, ""))
+    layout = parse_layout(replica.text)
     assert layout.place(1) == (1.3, 1.0, 0.1), "to a tenth of a millimetre"
     assert layout.place(3) == (-1.4, -1.0, 0.1)
     assert {who for _, who in gains.calls} == {"operator 1"}
@@ -274,8 +274,8 @@ def test_two_beacons_dragged_at_once_do_not_undo_each_other() -> None:
 def test_a_refused_drag_goes_back_and_says_why_once_a_second(
     place: tuple[float, float, float], refusal: str, reason: str
 ) -> None:
-    mirror, _, back, lines = asyncio.run(dragged([(1, place), (1, place)], refusal))
-    assert mirror.text == "paper"
+    replica, _, back, lines = asyncio.run(dragged([(1, place), (1, place)], refusal))
+    assert replica.text == "paper"
     assert back == 2
     assert len(lines) == 1
     assert lines[0]["level"] == "warn"

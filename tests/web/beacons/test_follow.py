@@ -12,7 +12,7 @@ from bearing_sim.beacons import PRESETS, Beacons
 from bearing_sim.bearing_parameters import BearingParameters
 from bearing_sim.observability import Sight
 from web.parameters.follower import BEARINGS, ParameterFollower
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 
 class Shown:
@@ -26,8 +26,8 @@ class Shown:
 
 
 @pytest.fixture
-def mirror() -> ParameterMirror:
-    return ParameterMirror(lambda _: None)
+def replica() -> PageParameters:
+    return PageParameters(lambda _: None)
 
 
 @pytest.fixture
@@ -36,29 +36,29 @@ def shown() -> Shown:
 
 
 @pytest.fixture
-def follower(mirror: ParameterMirror, shown: Shown) -> ParameterFollower:
+def follower(replica: PageParameters, shown: Shown) -> ParameterFollower:
     scene = SimpleNamespace(beacons=shown)
     nothing: Any = None
-    return ParameterFollower(mirror, nothing, nothing, scene, "/quad1")  # type: ignore[arg-type]
+    return ParameterFollower(replica, nothing, nothing, scene, "/quad1")  # type: ignore[arg-type]
 
 
-def confirm(mirror: ParameterMirror, **values: Any) -> None:
-    mirror.apply({f"{BEARINGS}{name}": value for name, value in values.items()}, "operator 1", 1)
+def confirm(replica: PageParameters, **values: Any) -> None:
+    replica.confirm({f"{BEARINGS}{name}": value for name, value in values.items()}, "operator 1", 1)
 
 
 def test_nothing_is_shown_before_the_station_has_told(
-    follower: ParameterFollower, mirror: ParameterMirror, shown: Shown
+    follower: ParameterFollower, replica: PageParameters, shown: Shown
 ) -> None:
     follower.show_beacons()
-    mirror.apply({"control.position.kp_xy": 4.0}, "operator 1", 1)
+    replica.confirm({"control.position.kp_xy": 4.0}, "operator 1", 1)
     follower.show_beacons()
     assert shown.calls == []
 
 
 def test_each_confirmed_change_is_shown_once(
-    follower: ParameterFollower, mirror: ParameterMirror, shown: Shown
+    follower: ParameterFollower, replica: PageParameters, shown: Shown
 ) -> None:
-    confirm(mirror, **BearingParameters().model_dump())
+    confirm(replica, **BearingParameters().model_dump())
     for _ in range(3):
         follower.show_beacons()
     [(beacons, sigma, sight, rate)] = shown.calls
@@ -67,7 +67,7 @@ def test_each_confirmed_change_is_shown_once(
     assert rate == 30.0
     assert sight == Sight.of(BearingParameters())
 
-    confirm(mirror, layout="eight", sigma=2.0, field_of_view=90.0, mount_pitch=10.0, lost="3")
+    confirm(replica, layout="eight", sigma=2.0, field_of_view=90.0, mount_pitch=10.0, lost="3")
     follower.show_beacons()
     beacons, sigma, sight, _ = shown.calls[1]
     assert beacons == PRESETS["eight"]
@@ -78,14 +78,14 @@ def test_each_confirmed_change_is_shown_once(
 
 
 def test_what_cannot_be_read_changes_nothing(
-    follower: ParameterFollower, mirror: ParameterMirror, shown: Shown
+    follower: ParameterFollower, replica: PageParameters, shown: Shown
 ) -> None:
-    confirm(mirror, layout="paper", sigma=1.5)
+    confirm(replica, layout="paper", sigma=1.5)
     follower.show_beacons()
     for layout in ("1 0 0 0; 2 1 0 0; 3 2 0 0; 4 3 0 0", "a circle", 3):
-        confirm(mirror, layout=layout)
+        confirm(replica, layout=layout)
         follower.show_beacons()
     assert len(shown.calls) == 1
-    confirm(mirror, layout="wide")
+    confirm(replica, layout="wide")
     follower.show_beacons()
     assert shown.calls[1][0] == PRESETS["wide"]

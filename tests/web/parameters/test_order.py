@@ -1,4 +1,4 @@
-"""Whatever overtakes what on the way, the mirror ends on the newest; long ways go in steps."""
+"""Whatever overtakes what on the way, the replica ends on the newest; long ways go in steps."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from quadrotor.errors import LinkError, QuadlabError, RefusedError
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from vehicle_link.parameters.messages import AppliedChange
 from web.parameters.changes import GainPath
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 KP, KV, RATES, STATION = "control.kp", "control.kv", "control.rates", "station.delay"
 
@@ -33,8 +33,8 @@ def described(name: str, kind: str = "float", **changes: Any) -> ParameterDescri
     return ParameterDescription(name=name, type=kind, **(fields | changes))
 
 
-def mirror_of(told: list[Any] | None = None) -> ParameterMirror:
-    mirror = ParameterMirror((told if told is not None else []).append)
+def replica_of(told: list[Any] | None = None) -> PageParameters:
+    replica = PageParameters((told if told is not None else []).append)
     free = {"minimum": None, "maximum": None, "step": None}
     descriptions = [
         described(KP, flight_step=4.0),
@@ -42,65 +42,65 @@ def mirror_of(told: list[Any] | None = None) -> ParameterMirror:
         described(RATES, "str", default="nominal", choices=("nominal", "exact"), **free),
         described(STATION),
     ]
-    mirror.load(descriptions, {KP: 4.0, KV: 3.0, RATES: "nominal", STATION: 0.0}, 0)
-    return mirror
+    replica.load({KP: 4.0, KV: 3.0, RATES: "nominal", STATION: 0.0}, 0, descriptions=descriptions)
+    return replica
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(1, 5))))
 def test_the_newest_revision_wins_whatever_comes_first(order: tuple[int, ...]) -> None:
     told: list[Any] = []
-    mirror = mirror_of(told)
+    replica = replica_of(told)
     for revision in order:
-        mirror.apply({KP: float(revision)}, "x", revision)
-    assert mirror.value(KP) == 4.0
+        replica.confirm({KP: float(revision)}, "x", revision)
+    assert replica.value(KP) == 4.0
     shown = [m["revision"] for m in told if m["type"] == "parameter"]
     assert shown == sorted(shown)
 
 
 def test_revisions_of_one_parameter_do_not_hold_up_another() -> None:
-    mirror = mirror_of()
-    mirror.apply({KP: 7.0}, "x", 9)
-    mirror.apply({KV: 2.0}, "x", 8)
-    assert mirror.value(KV) == 2.0
+    replica = replica_of()
+    replica.confirm({KP: 7.0}, "x", 9)
+    replica.confirm({KV: 2.0}, "x", 8)
+    assert replica.value(KV) == 2.0
 
 
 def test_what_comes_while_all_is_read_is_newer_than_what_was_read() -> None:
-    mirror = mirror_of()
-    since = mirror.clock
-    mirror.apply({KP: 9.0}, "x", 5)
-    mirror.load(mirror.descriptions(), {KP: 8.0, KV: 1.0}, 4, since)
-    assert (mirror.value(KP), mirror.value(KV)) == (9.0, 1.0)
-    mirror.apply({KP: 8.5}, "x", 4)
-    assert mirror.value(KP) == 9.0
+    replica = replica_of()
+    since = replica.clock
+    replica.confirm({KP: 9.0}, "x", 5)
+    replica.load({KP: 8.0, KV: 1.0}, 4, since=since, descriptions=replica.descriptions())
+    assert (replica.value(KP), replica.value(KV)) == (9.0, 1.0)
+    replica.confirm({KP: 8.5}, "x", 4)
+    assert replica.value(KP) == 9.0
 
 
 def test_a_restart_begins_a_generation_in_which_lower_revisions_count() -> None:
-    mirror = mirror_of()
-    mirror.apply({KP: 9.0}, "x", 50)
-    before = mirror.generation
-    mirror.load(mirror.descriptions(), {KP: 4.0}, 0)
-    assert mirror.generation > before
-    mirror.apply({KP: 5.0}, "x", 1)
-    assert mirror.value(KP) == 5.0
+    replica = replica_of()
+    replica.confirm({KP: 9.0}, "x", 50)
+    before = replica.generation
+    replica.load({KP: 4.0}, 0, instance=2, descriptions=replica.descriptions())
+    assert replica.generation > before
+    replica.confirm({KP: 5.0}, "x", 1)
+    assert replica.value(KP) == 5.0
 
 
 def test_a_station_that_restarts_unseen_is_known_by_its_own_news() -> None:
-    mirror = mirror_of()
-    mirror.told(AppliedChange(0, STATION, 0.0, 0.5, "x", 30, 1))
-    mirror.told(AppliedChange(0, STATION, 0.0, 0.6, "x", 29, 1))
-    assert mirror.value(STATION) == 0.5, "late, of the same process"
-    mirror.told(AppliedChange(0, STATION, 0.0, 0.7, "x", 1, 2))
-    assert mirror.value(STATION) == 0.7
-    mirror.told(AppliedChange(0, KP, 4.0, 6.0, "x", 1, 3))
-    assert mirror.value(KP) == 6.0
+    replica = replica_of()
+    replica.told(AppliedChange(0, STATION, 0.0, 0.5, "x", 30, 1))
+    replica.told(AppliedChange(0, STATION, 0.0, 0.6, "x", 29, 1))
+    assert replica.value(STATION) == 0.5, "late, of the same process"
+    replica.told(AppliedChange(0, STATION, 0.0, 0.7, "x", 1, 2))
+    assert replica.value(STATION) == 0.7
+    replica.told(AppliedChange(0, KP, 4.0, 6.0, "x", 1, 3))
+    assert replica.value(KP) == 6.0
 
 
 class Vehicle:
     """Applies at once what is within the steps of flight; refuses the rest, and what it is told."""
 
-    def __init__(self, mirror: ParameterMirror) -> None:
-        self.values = mirror.values()
-        self.steps = {d.name: d.flight_step for d in mirror.descriptions()}
+    def __init__(self, replica: PageParameters) -> None:
+        self.values = replica.values()
+        self.steps = {d.name: d.flight_step for d in replica.descriptions()}
         self.calls: list[dict[str, ParameterValue]] = []
         self.errors: dict[int, QuadlabError] = {}
 
@@ -123,49 +123,49 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("web.parameters.changes.SHORTEST_PERIOD", 0.001)
 
 
-def flying() -> tuple[GainPath, Vehicle, ParameterMirror]:
-    mirror = mirror_of()
-    vehicle = Vehicle(mirror)
-    return GainPath(mirror, vehicle, airborne=lambda: True), vehicle, mirror
+def flying() -> tuple[GainPath, Vehicle, PageParameters]:
+    replica = replica_of()
+    vehicle = Vehicle(replica)
+    return GainPath(replica, vehicle, airborne=lambda: True), vehicle, replica
 
 
 def test_a_slider_walks_where_one_step_is_too_large() -> None:
-    path, vehicle, mirror = flying()
+    path, vehicle, replica = flying()
     asyncio.run(path.change({KP: 15.0}, "x", walks=True))
     assert [c[KP] for c in vehicle.calls] == [8.0, 12.0, 15.0]
-    assert mirror.value(KP) == 15.0
+    assert replica.value(KP) == 15.0
 
 
 def test_what_is_typed_does_not_walk() -> None:
-    path, vehicle, mirror = flying()
+    path, vehicle, replica = flying()
     with pytest.raises(RefusedError, match="too far"):
         asyncio.run(path.change({KP: 15.0}, "x"))
-    assert (len(vehicle.calls), mirror.value(KP)) == (1, 4.0)
+    assert (len(vehicle.calls), replica.value(KP)) == (1, 4.0)
 
 
 def test_a_newer_wish_turns_a_walk_round() -> None:
     async def scenario() -> None:
-        path, vehicle, mirror = flying()
+        path, vehicle, replica = flying()
         far = asyncio.create_task(path.change({KP: 20.0}, "x", walks=True))
         while not vehicle.calls:
             await asyncio.sleep(0)
         await path.change({KP: 4.0}, "x", walks=True)
         await far
-        assert mirror.value(KP) == vehicle.values[KP] == 4.0
+        assert replica.value(KP) == vehicle.values[KP] == 4.0
 
     asyncio.run(scenario())
 
 
 def test_two_hands_that_walk_against_each_other_come_to_an_end() -> None:
     async def scenario() -> None:
-        path, vehicle, mirror = flying()
+        path, vehicle, replica = flying()
         both = (
             path.change({KP: 20.0}, "anna", walks=True),
             path.change({KP: 0.0}, "ben", walks=True),
         )
         await asyncio.wait_for(asyncio.gather(*both, return_exceptions=True), 10.0)
         assert len(vehicle.calls) <= 6
-        assert mirror.value(KP) == vehicle.values[KP]
+        assert replica.value(KP) == vehicle.values[KP]
 
     asyncio.run(scenario())
 
@@ -183,14 +183,14 @@ def test_one_hands_refusal_is_not_the_others() -> None:
 
 
 def test_a_set_walks_on_the_straight_line_and_what_has_no_step_goes_first() -> None:
-    path, vehicle, mirror = flying()
+    path, vehicle, replica = flying()
     wanted = {KP: 14.0, KV: 4.5, RATES: "exact"}
     applied, _ = asyncio.run(path.change(wanted, "x", walks=True))
     assert vehicle.calls[0][RATES] == "exact"
     assert [c[KP] for c in vehicle.calls] == pytest.approx([4 + 10 / 3, 4 + 20 / 3, 14.0])
     assert [c[KV] for c in vehicle.calls] == pytest.approx([3.5, 4.0, 4.5])
     assert applied == wanted
-    assert mirror.values() == {**wanted, STATION: 0.0}
+    assert replica.values() == {**wanted, STATION: 0.0}
 
 
 def test_a_set_within_the_steps_is_one_change() -> None:
@@ -200,18 +200,18 @@ def test_a_set_within_the_steps_is_one_change() -> None:
 
 
 def test_a_walk_refused_on_the_way_goes_back() -> None:
-    path, vehicle, mirror = flying()
-    before = mirror.values()
+    path, vehicle, replica = flying()
+    before = replica.values()
     vehicle.errors = {3: RefusedError("another has control now")}
     with pytest.raises(RefusedError, match="control now; all values are as before"):
         asyncio.run(path.change({KP: 16.0, RATES: "exact"}, "x", walks=True))
     assert vehicle.values == before
-    assert mirror.values() == before
+    assert replica.values() == before
 
 
 def test_a_walk_that_cannot_go_back_says_where_it_is() -> None:
-    path, vehicle, mirror = flying()
+    path, vehicle, replica = flying()
     vehicle.errors = {k: LinkError("no answer") for k in range(3, 20)}
     with pytest.raises(LinkError, match="2 steps were made and could not be taken back"):
         asyncio.run(path.change({KP: 16.0, RATES: "exact"}, "x", walks=True))
-    assert mirror.value(KP) == vehicle.values[KP] == 12.0
+    assert replica.value(KP) == vehicle.values[KP] == 12.0

@@ -19,7 +19,7 @@ from quadrotor.errors import (
 )
 from quadrotor.parameters import ParameterDescription, ParameterValue
 from web.parameters.changes import GainPath
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 
 def description(
@@ -39,9 +39,9 @@ def description(
 
 
 def check(described: ParameterDescription, value: object) -> ParameterValue:
-    mirror = ParameterMirror(lambda _: None)
-    mirror.load([described], {described.name: described.default}, 0)
-    return mirror.check({described.name: value})[described.name]
+    replica = PageParameters(lambda _: None)
+    replica.load({described.name: described.default}, 0, descriptions=[described])
+    return replica.check({described.name: value})[described.name]
 
 
 @pytest.mark.parametrize("value", [5, 20.0, 0.0, 0.3, 4.04])
@@ -103,19 +103,19 @@ class SlowVehicle:
         return dict(values), len(self.calls)
 
 
-def path_of(vehicle: SlowVehicle, *names: str) -> tuple[GainPath, ParameterMirror, list[Any]]:
+def path_of(vehicle: SlowVehicle, *names: str) -> tuple[GainPath, PageParameters, list[Any]]:
     told: list[Any] = []
-    mirror = ParameterMirror(told.append)
+    replica = PageParameters(told.append)
     names = names or ("gains.kp",)
-    mirror.load([description(name) for name in names], dict.fromkeys(names, 4.0), 0)
+    replica.load(dict.fromkeys(names, 4.0), 0, descriptions=[description(name) for name in names])
     told.clear()
-    return GainPath(mirror, vehicle), mirror, told
+    return GainPath(replica, vehicle), replica, told
 
 
 def test_a_fast_slider_is_coalesced_and_its_last_value_arrives() -> None:
     async def scenario() -> None:
         vehicle = SlowVehicle()
-        path, mirror, told = path_of(vehicle)
+        path, replica, told = path_of(vehicle)
         vehicle.gate.clear()
         first = asyncio.create_task(path.change({"gains.kp": 1.0}, "operator 1"))
         while not vehicle.calls:
@@ -129,7 +129,7 @@ def test_a_fast_slider_is_coalesced_and_its_last_value_arrives() -> None:
         assert vehicle.most_under_way == 1
         assert answers[0] == ({"gains.kp": 1.0}, 1)
         assert all(answer[0] == {"gains.kp": pytest.approx(9.9)} for answer in answers[1:])
-        assert mirror.value("gains.kp") == pytest.approx(9.9)
+        assert replica.value("gains.kp") == pytest.approx(9.9)
         assert [m["value"] for m in told] == [1.0, pytest.approx(9.9)]
 
     asyncio.run(scenario())
@@ -168,11 +168,11 @@ def test_several_at_once_are_one_call() -> None:
 def test_a_refusal_reaches_who_asked_and_changes_nothing(error: Exception) -> None:
     async def scenario() -> None:
         vehicle = SlowVehicle()
-        path, mirror, told = path_of(vehicle)
+        path, replica, told = path_of(vehicle)
         vehicle.error = error
         with pytest.raises(type(error), match=str(error)):
             await path.change({"gains.kp": 9.0}, "x")
-        assert mirror.value("gains.kp") == 4.0
+        assert replica.value("gains.kp") == 4.0
         assert told == []
         vehicle.error = None
         assert (await path.change({"gains.kp": 9.0}, "x"))[0] == {"gains.kp": 9.0}
@@ -181,20 +181,20 @@ def test_a_refusal_reaches_who_asked_and_changes_nothing(error: Exception) -> No
 
 
 def test_unknown_names_and_an_unknown_vehicle_are_said() -> None:
-    mirror = ParameterMirror(lambda _: None)
+    replica = PageParameters(lambda _: None)
     with pytest.raises(LinkError, match="have not been read yet"):
-        mirror.check({"gains.kp": 1.0})
-    mirror.load([description()], {"gains.kp": 4.0}, 0)
+        replica.check({"gains.kp": 1.0})
+    replica.load({"gains.kp": 4.0}, 0, descriptions=[description()])
     with pytest.raises(UnknownParameterError, match=r"gains\.kq"):
-        mirror.check({"gains.kq": 1.0})
+        replica.check({"gains.kq": 1.0})
 
 
 def test_pages_hear_only_news() -> None:
     told: list[Any] = []
-    mirror = ParameterMirror(told.append)
-    mirror.load([description()], {"gains.kp": 4.0}, 3)
-    mirror.apply({"gains.kp": 5.0}, "operator 1", 4)
-    mirror.apply({"gains.kp": 5.0}, "operator 1", 4)  # the same again, from parameter_changes
+    replica = PageParameters(told.append)
+    replica.load({"gains.kp": 4.0}, 3, descriptions=[description()])
+    replica.confirm({"gains.kp": 5.0}, "operator 1", 4)
+    replica.confirm({"gains.kp": 5.0}, "operator 1", 4)  # the same again, from parameter_changes
     assert [m["type"] for m in told] == ["parameters", "parameter"]
     assert told[1] == {
         "type": "parameter",
@@ -202,7 +202,7 @@ def test_pages_hear_only_news() -> None:
         "value": 5.0,
         "requester": "operator 1",
         "revision": 4,
-        "generation": mirror.generation,
+        "generation": replica.generation,
     }
 
 
@@ -271,12 +271,12 @@ def test_every_page_hears_of_a_change(site: Any, known: httpx.Client) -> None:
 
 
 def test_the_stations_own_revision_does_not_hide_the_vehicles() -> None:
-    mirror = ParameterMirror(lambda _: None)
-    mirror.load([description(), description("station.delay")], {"gains.kp": 4.0}, 3)
-    mirror.apply({"station.delay": 0.1}, "operator 1", 99)
-    assert mirror.revision == 3
-    mirror.apply({"gains.kp": 5.0}, "operator 1", 4)
-    assert mirror.revision == 4
+    replica = PageParameters(lambda _: None)
+    replica.load({"gains.kp": 4.0}, 3, descriptions=[description(), description("station.delay")])
+    replica.confirm({"station.delay": 0.1}, "operator 1", 99)
+    assert replica.revision == 3
+    replica.confirm({"gains.kp": 5.0}, "operator 1", 4)
+    assert replica.revision == 4
 
 
 def test_a_restarted_vehicle_is_read_again(site: Any, known: httpx.Client, until: Any) -> None:

@@ -16,7 +16,7 @@ from quadrotor.parameters import Parameters, ParameterStore, parameter
 from vehicle.parameters import new_parameters
 from web.parameters.built_in_presets import built_in
 from web.parameters.file import read_file, write_file
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 DEFAULTS = {"gains.kp": 4.0, "gains.laps": 3, "gains.exact": False, "gains.rate": "nominal"}
 
@@ -218,12 +218,12 @@ def test_a_text_with_everything_in_it_comes_back() -> None:
 
 
 def test_built_in_presets_name_parameters_of_the_vehicle_and_leave_what_was_measured() -> None:
-    mirror, store = ParameterMirror(lambda _: None), ParameterStore(new_parameters())
-    mirror.load(store.descriptions(), store.values(), 0)
-    sets = built_in(mirror)
+    replica, store = PageParameters(lambda _: None), ParameterStore(new_parameters())
+    replica.load(store.values(), 0, descriptions=store.descriptions())
+    sets = built_in(replica)
     assert {"control standard", "control stiff", "estimation paper", "defaults"} <= sets.keys()
     for values in sets.values():
-        assert mirror.check(values).keys() == values.keys()
+        assert replica.check(values).keys() == values.keys()
         assert not any(name.startswith(("model.", "imu.")) for name in values)
         assert "beacons.layout" not in values
     assert sets["control stiff"]["control.position.kp_xy"] == 6.0
@@ -234,9 +234,9 @@ def test_built_in_presets_name_parameters_of_the_vehicle_and_leave_what_was_meas
 
 
 def test_the_defaults_of_a_simulated_world_are_a_preset_of_their_own() -> None:
-    mirror, store = ParameterMirror(lambda _: None), ParameterStore(FlightParameters())
-    mirror.load(store.descriptions(), store.values(), 0)
-    sets = built_in(mirror)
+    replica, store = PageParameters(lambda _: None), ParameterStore(FlightParameters())
+    replica.load(store.values(), 0, descriptions=store.descriptions())
+    sets = built_in(replica)
     assert sets["simulator defaults"]["simulator.gust"] == 0.0
     assert all(name.startswith("simulator.") for name in sets["simulator defaults"])
     assert not any(name.startswith("simulator.") for name in sets["defaults"])

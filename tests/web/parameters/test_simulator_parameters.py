@@ -13,7 +13,7 @@ from quadrotor.parameters import ParameterStore, ParameterValue
 from vehicle.simulator.live_parameters import SimulatorTree
 from web.parameters.changes import GainPath
 from web.parameters.follower import ParameterFollower
-from web.parameters.mirror import ParameterMirror
+from web.parameters.replica import PageParameters
 
 GUST, DRAG, LAYOUT = "simulator.gust", "simulator.drag", "station.bearings.layout"
 WORLD = ParameterStore(SimulatorTree())
@@ -32,8 +32,8 @@ class Nodes:
 
 def test_a_simulator_that_comes_is_news_at_once_and_one_that_goes_at_the_second_look() -> None:
     nodes, nothing = Nodes(), None
-    mirror = ParameterMirror(lambda _: None)
-    follower = ParameterFollower(mirror, nodes, nothing, nothing, "/quad1")  # type: ignore[arg-type]
+    replica = PageParameters(lambda _: None)
+    follower = ParameterFollower(replica, nodes, nothing, nothing, "/quad1")  # type: ignore[arg-type]
 
     def looks(*there: bool) -> list[bool]:
         news = []
@@ -42,7 +42,7 @@ def test_a_simulator_that_comes_is_news_at_once_and_one_that_goes_at_the_second_
         return news
 
     assert looks(False, True) == [False, True]
-    mirror.load(WORLD.descriptions(), WORLD.values(), 0)
+    replica.load(WORLD.values(), 0, descriptions=WORLD.descriptions())
     assert looks(True, False, True, False, False) == [False, False, False, False, True]
 
 
@@ -63,11 +63,11 @@ class Vehicle:
 
 
 def changed(vehicle: Vehicle, values: Mapping[str, Any]) -> dict[str, ParameterValue]:
-    mirror = ParameterMirror(lambda _: None)
-    mirror.load(WORLD.descriptions(), WORLD.values(), 0)
-    path = GainPath(mirror, vehicle)
+    replica = PageParameters(lambda _: None)
+    replica.load(WORLD.values(), 0, descriptions=WORLD.descriptions())
+    path = GainPath(replica, vehicle)
     applied, _ = asyncio.run(path.change(values, "ada"))
-    assert {name: mirror.value(name) for name in applied} == applied
+    assert {name: replica.value(name) for name in applied} == applied
     return applied
 
 
@@ -77,7 +77,7 @@ def test_the_world_alone_is_one_call() -> None:
     assert vehicle.calls == [{GUST, DRAG}]
 
 
-class Mixed(ParameterMirror):
+class Mixed(PageParameters):
     """Knows a station's parameter beside the world's."""
 
     def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:

@@ -1,0 +1,183 @@
+"""The one copy of another process's parameters: a snapshot, and the changes since.
+
+A change, the answer to one and a snapshot come different ways and overtake each other. Each
+carries the revision at which its process applied it and the instance of that process, so that all
+copies end on the same value.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from quadrotor.parameters import ParameterValue
+from vehicle_link.clock import monotonic
+from vehicle_link.parameters.authority import VEHICLE, authority_of
+
+MISSED = 0.5
+"""s after which a revision that the vehicle shows and no change brought needs a snapshot."""
+
+
+class Snapshot(NamedTuple):
+    """A snapshot as it was taken over, and what the replica had before."""
+
+    before: dict[str, ParameterValue]
+    values: dict[str, ParameterValue]
+    revision: int
+    instance: int
+    instance_before: int | None  # None for the first snapshot
+
+
+class ParameterReplica:
+    """A copy of a vehicle's parameters, and of its station's and simulator's where they are given.
+
+    An older value never replaces a newer one; revisions of different processes are not compared.
+    Thread-safe.
+
+    Args:
+        values: known from before, which no process has confirmed yet.
+
+    Attributes:
+        revision: the newest of the vehicle; -1 before the first one.
+        instance: of the vehicle's process that the last snapshot is of; None before the first one.
+        shown: (instance, revision) in the vehicle's status; None before the first one.
+        clock: counts what was taken over.
+        is_whole: whether there is a snapshot of which nothing was lost since.
+    """
+
+    def __init__(self, values: Mapping[str, ParameterValue] | None = None) -> None:
+        self._lock = threading.Lock()
+        self._values = dict(values or {})
+        self._revisions: dict[str, int] = {}
+        self._taken: dict[str, int] = {}  # at which `clock`
+        self._instances: dict[str, int] = {}  # by authority, whose revisions are kept
+        self.is_whole = False
+        self._behind_since: float | None = None
+        self.revision = -1
+        self.instance: int | None = None
+        self.shown: tuple[int, int] | None = None
+        self.clock = 0
+
+    # ------------------------------------------------------------------ fed
+    def show(self, instance: int, revision: int) -> None:
+        """Take over which process and revision the vehicle shows in its status."""
+        with self._lock:
+            self.shown = (instance, revision)
+            if self._is_behind():
+                self._behind_since = self._behind_since or monotonic()
+            else:
+                self._behind_since = None
+
+    def lost(self) -> None:
+        """Note that changes may be missed unseen: the next snapshot may be of other processes."""
+        with self._lock:
+            self.is_whole = False
+
+    def load(
+        self,
+        values: Mapping[str, ParameterValue],
+        revision: int,
+        instance: int = 0,
+        since: int | None = None,
+    ) -> Snapshot:
+        """Take over a snapshot of all values.
+
+        Args:
+            revision: the vehicle's, that these values have at least.
+            since: `clock` when reading began: what came meanwhile is newer and stays.
+        """
+        with self._lock:
+            before, instance_before = self._values, self.instance
+            if not self.is_whole or instance != instance_before:
+                for authority in {authority_of(name) for name in before}:
+                    if authority != VEHICLE or self._instances.get(VEHICLE) != instance:
+                        self._forget(authority)
+                self.revision = self._newest()
+                self._instances[VEHICLE] = instance
+            newer = {n for n, at in self._taken.items() if since is not None and at > since}
+            self._values = {n: before[n] if n in newer else v for n, v in values.items()}
+            for name in values:
+                if name not in newer and authority_of(name) == VEHICLE:
+                    self._revisions[name] = max(self._revisions.get(name, -1), revision)
+            self.revision = max(self.revision, revision)
+            self.instance, self.is_whole, self._behind_since = instance, True, None
+            return Snapshot(before, dict(self._values), revision, instance, instance_before)
+
+    def apply(
+        self, values: Mapping[str, ParameterValue], revision: int, instance: int | None = None
+    ) -> dict[str, ParameterValue]:
+        """Take over applied values, of a change or an answer to one; return those that are news.
+
+        Args:
+            revision: of their authority; values that are newer than that stay.
+            instance: of the process that counts the revisions; another one counts anew.
+        """
+        news = {}
+        with self._lock:
+            self.clock += 1
+            for name, value in values.items():
+                authority = authority_of(name)
+                known = self._instances.setdefault(authority, instance) if instance else instance
+                if known != instance:
+                    self._forget(authority)
+                    self._instances[authority] = instance or 0
+                if revision < self._revisions.get(name, -1):
+                    continue
+                self._revisions[name], self._taken[name] = revision, self.clock
+                if authority == VEHICLE:
+                    self.revision = max(self.revision, revision)
+                if self._values.get(name) != value:
+                    self._values[name] = news[name] = value
+        return news
+
+    # ------------------------------------------------------------------ read
+    @property
+    def in_step(self) -> bool:
+        """Return whether the values are those the vehicle shows."""
+        with self._lock:
+            return self.shown is not None and not self._is_behind()
+
+    @property
+    def is_due(self) -> bool:
+        """Return whether a snapshot is needed: the first one, one of another process, or one for a
+        change that was missed.
+        """
+        with self._lock:
+            if self.shown is None:
+                return False
+            if not self.is_whole or self.shown[0] != self.instance:
+                return True
+            since = self._behind_since
+            return since is not None and monotonic() - since > MISSED
+
+    def value(self, name: str) -> ParameterValue | None:
+        """Return the newest value; None when it is not known."""
+        return self._values.get(name)
+
+    def values(self) -> dict[str, ParameterValue]:
+        """Return the newest values of all parameters."""
+        with self._lock:
+            return dict(self._values)
+
+    def revision_of(self, name: str) -> int:
+        """Return the revision at which `name` was applied, -1 when that is not known."""
+        return self._revisions.get(name, -1)
+
+    # ------------------------------------------------------------------ inside
+    def _is_behind(self) -> bool:
+        instance, revision = self.shown or (None, -1)
+        return self.instance is None or instance != self.instance or revision > self.revision
+
+    def _forget(self, authority: str) -> None:
+        """Forget the revisions of a process that is gone."""
+        for name in [name for name in self._revisions if authority_of(name) == authority]:
+            del self._revisions[name]
+            self._taken.pop(name, None)
+        if authority == VEHICLE:
+            self.revision = -1
+
+    def _newest(self) -> int:
+        """Return the vehicle's newest revision that is known by name."""
+        revisions = [r for name, r in self._revisions.items() if authority_of(name) == VEHICLE]
+        return max(revisions, default=-1)

@@ -1,0 +1,106 @@
+"""The replica of vehicle, station and simulator that all pages show.
+
+A page gets each value with the revision at which its authority applied it, and takes no older one
+over a newer one, as the replica does, so that all screens end on the same value.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+from quadrotor.errors import LinkError, UnknownParameterError
+from quadrotor.parameters import ParameterDescription, ParameterValue, coerce
+from vehicle_link.parameters.messages import AppliedChange
+from vehicle_link.parameters.replica import ParameterReplica, Snapshot
+
+LAYOUT = "station.bearings.layout"
+
+Message = dict[str, Any]
+
+
+class PageParameters(ParameterReplica):
+    """A replica with descriptions that tells pages what is news; only the event loop writes.
+
+    Attributes:
+        generation: grows when revisions may be of other processes than before (another vehicle, a
+            restart): those of different generations are not compared. Also across restarts of
+            this process.
+    """
+
+    def __init__(self, publish: Callable[[Message], None]) -> None:
+        super().__init__()
+        self._publish = publish
+        self._descriptions: dict[str, ParameterDescription] = {}
+        self.generation = 0
+
+    def load(
+        self,
+        values: Mapping[str, ParameterValue],
+        revision: int,
+        instance: int = 0,
+        since: int | None = None,
+        descriptions: Iterable[ParameterDescription] = (),
+    ) -> Snapshot:
+        """Take over a snapshot as the replica does; pages are notified to read it."""
+        self._descriptions = {d.name: d for d in descriptions}
+        if not self.is_whole or instance != self.instance:
+            self.generation = max(self.generation + 1, time.time_ns() // 1_000_000)
+        snapshot = super().load(values, revision, instance, since)
+        self._publish({"type": "parameters", "revision": self.revision})
+        return snapshot
+
+    def confirm(self, values: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
+        """Take over the values of an answer and send every page those that are news."""
+        self._tell(self.apply(values, revision), requester, revision)
+
+    def told(self, change: AppliedChange) -> None:
+        """Take over the message of an authority, as `confirm` does."""
+        news = self.apply({change.name: change.new}, change.revision, change.instance)
+        self._tell(news, change.requester, change.revision)
+
+    def _tell(self, news: Mapping[str, ParameterValue], requester: str, revision: int) -> None:
+        for name, value in news.items():
+            self._publish(
+                {
+                    "type": "parameter",
+                    "name": name,
+                    "value": value,
+                    "requester": requester,
+                    "revision": revision,
+                    "generation": self.generation,
+                }
+            )
+
+    def check(self, values: Mapping[str, object]) -> dict[str, ParameterValue]:
+        """Return all of them as they may be sent: a slider ends at its bounds, a typed value is
+        refused.
+
+        Raises UnknownParameterError, WrongTypeError, OutOfBoundsError or LinkError.
+        """
+        if not self._descriptions:
+            raise LinkError(
+                "the vehicle's parameters have not been read yet; is the vehicle connected?"
+            )
+        for name in values:
+            if name not in self._descriptions:
+                raise UnknownParameterError(f"unknown parameter {name!r}; the Gains tab lists all")
+        return {name: coerce(self._descriptions[name], value) for name, value in values.items()}
+
+    def description(self, name: str) -> ParameterDescription | None:
+        return self._descriptions.get(name)
+
+    def descriptions(self) -> tuple[ParameterDescription, ...]:
+        return tuple(self._descriptions.values())
+
+    def as_json(self) -> Message:
+        return {
+            "revision": self.revision,
+            "generation": self.generation,
+            "parameters": [
+                {**asdict(d), "value": self.value(name), "revision": self.revision_of(name)}
+                for name, d in self._descriptions.items()
+            ],
+        }
