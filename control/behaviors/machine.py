@@ -69,14 +69,14 @@ class BehaviorMachine:
 
     Args:
         parameters: kept, not copied; walls and limits count from the next request on.
-        hover_thrust: N, the weight; set it again when the model's mass changes.
-        model: MODEL, shape (1,), by which trajectories are checked; set it again as the weight.
-            The paper's vehicle if left out.
+        hover_thrust: N, the weight.
+        model: MODEL, shape (1,), by which trajectories are checked; the paper's vehicle if left
+            out.
         trajectories: those loaded from files before the flight, by name.
 
     Attributes:
-        control: the gains in force, by which steps are checked; set it as the model.
-        aborted: why a behavior ended itself early; whoever tells it empties it.
+        control: the gains in force, by which steps are checked.
+        aborted: why a behavior ended itself early, until `pop_aborted`.
         outside: what another program wants; written between ticks.
     """
 
@@ -119,6 +119,31 @@ class BehaviorMachine:
         others.
         """
         return self._behavior if isinstance(self._behavior, Level) else None
+
+    def set_parameters(self, parameters: BehaviorParameters) -> None:
+        """Set walls and limits, for the next request; `parameters` is kept, not copied."""
+        self.parameters = parameters
+
+    def set_control(self, control: ControlParameters) -> None:
+        """Set the gains in force."""
+        self.control = control
+
+    def set_model(self, model: Record) -> None:
+        """Set the MODEL, shape (1,), by which trajectories are checked."""
+        self.model = model
+
+    def set_mass(self, mass: float) -> None:
+        """Set the mass (kg) that hovering has to carry."""
+        self.hover_thrust = mass * GRAVITY
+
+    def set_trajectories(self, trajectories: Mapping[str, Polynomial]) -> None:
+        """Set the trajectories that were loaded from files, by name."""
+        self.trajectories = trajectories
+
+    def pop_aborted(self) -> str:
+        """Return why a behavior ended itself early since the last call, "" when none did."""
+        reason, self.aborted = self.aborted, ""
+        return reason
 
     def reset(self) -> None:
         """Return to the ground state at once: the motors are disarmed or cut."""

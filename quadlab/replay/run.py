@@ -27,7 +27,7 @@ from quadrotor.records import (
     Record,
     new_state,
 )
-from vehicle.flight.stack import LONGEST_GAP, NOMINAL_STEP
+from vehicle.flight.tick_record import LONGEST_GAP, NOMINAL_STEP
 from vehicle.processes import mailbox
 
 STATE_AGE_NS = 50_000_000

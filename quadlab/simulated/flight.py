@@ -77,7 +77,7 @@ class SimulatedFlight(SimulatedGuide):
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
         self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
-        self._orders = Orders(self.stack, self._mcu)
+        self._orders = Orders(self.stack.modes, self._mcu)
         self._complained_ns = -COMPLAIN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
         # Views made once: they follow the plant.

@@ -136,7 +136,7 @@ class Vehicle:
         return self.stack.parameters.beacons.layout
 
     def close(self) -> None:
-        self._loop.stopping = True
+        self._loop.stop()
         self._stopping.set()
         for thread in self._threads:
             thread.join(5)

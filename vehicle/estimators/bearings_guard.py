@@ -8,8 +8,8 @@ to bearings only on request.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from control.behaviors.machine import BehaviorMachine
 from control.behaviors.parameters import BehaviorParameters
@@ -30,21 +30,22 @@ STEADY = (BehaviorName.HOVER, BehaviorName.VELOCITY, BehaviorName.BRAKE)
 """From these bearings may be taken over: what they fly stays within walls set anew."""
 
 
-class Apply(Protocol):
-    """Applies parameters that were checked, in the requester's name; returns those that changed."""
+@dataclass(frozen=True, slots=True)
+class WayBack:
+    """What ends a flight on bearings.
 
-    def __call__(
-        self, values: Mapping[str, ParameterValue], requester: str
-    ) -> dict[str, ParameterValue]: ...
+    Attributes:
+        why: for people. level: of that line in the log.
+        values: parameters to apply, of the flight on the tracker; empty without a tracker: land.
+    """
+
+    why: str
+    level: int
+    values: Mapping[str, ParameterValue]
 
 
 class BearingsGuard:
     """Gate, walls and way back.
-
-    Args:
-        say: puts a line with its level into the log.
-        apply: a change of parameters.
-        land: now, and why.
 
     Attributes:
         on: bearings are used, alone or next to poses; then `step` is due each tick.
@@ -58,14 +59,9 @@ class BearingsGuard:
         navigation: Navigation,
         behaviors: BehaviorMachine,
         ground: GroundContact,
-        *,
-        say: Callable[[str, int], None],
-        apply: Apply,
-        land: Callable[[str], None],
     ) -> None:
         self._parameters, self._state = parameters, state
         self._navigation, self._behaviors, self._ground = navigation, behaviors, ground
-        self._say, self._apply, self._land = say, apply, land
         self._alone = False
         self.on, self.flags = False, 0
 
@@ -125,7 +121,7 @@ class BearingsGuard:
         else:
             self.flags &= ~int(Flag.ON_BEARINGS)
         walls = self._parameters.behavior
-        self._behaviors.parameters = self._shrunk(walls) if alone else walls
+        self._behaviors.set_parameters(self._shrunk(walls) if alone else walls)
         if alone != before and self._behaviors.name is BehaviorName.VELOCITY:
             self._behaviors.request("velocity", {}, self._state, armed=True, airborne=True)
 
@@ -147,22 +143,26 @@ class BearingsGuard:
         return walls.model_copy(update=updates)
 
     # ------------------------------------------------------------------ the way back
-    def step(self, armed: bool) -> None:
-        """Make one tick while bearings are used; `armed` is the mode the vehicle flies in."""
+    def step(self, armed: bool) -> WayBack | None:
+        """Make one tick while bearings are used, and return what is to end that now.
+
+        Args:
+            armed: the mode the vehicle flies in.
+        """
         navigation = self._navigation
         verdict = navigation.watch.verdict
         if not self._ground.airborne:
-            return
+            return None
         if verdict is not None:
             if navigation.reserve_ready:
-                self._back(f"fell back to the tracker: {verdict}", mailbox.ERROR)
                 self.flags |= int(Flag.FELL_BACK)
-            elif self._alone and armed:
-                navigation.deaf = True
-                self._land(f"no tracker to fall back to: {verdict}")
+                return self._back(f"fell back to the tracker: {verdict}", mailbox.ERROR)
+            if self._alone and armed:
+                navigation.refuse_bearings()
+                return WayBack(f"no tracker to fall back to: {verdict}", mailbox.ERROR, {})
         elif self._alone and self._behaviors.name is BehaviorName.LAND and navigation.reserve_ready:
-            self._back("back to the tracker for landing", mailbox.INFO)
+            return self._back("back to the tracker for landing", mailbox.INFO)
+        return None
 
-    def _back(self, why: str, level: int) -> None:
-        self._say(why, level)
-        self._apply(self._navigation.fallen_back(), "vehicle")
+    def _back(self, why: str, level: int) -> WayBack:
+        return WayBack(why, level, self._navigation.fallen_back())

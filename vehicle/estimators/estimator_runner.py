@@ -38,6 +38,10 @@ class Runner:
     def is_(self, name: str, source: str) -> bool:
         return self.name == name and self.source == source
 
+    def feed(self, source: str) -> None:
+        """Take measurements of another source from now on."""
+        self.source = source
+
     def wants(self, measurement: Record, now_ns: int, timeout_ns: int) -> bool:
         """Return whether the estimator takes this POSE_SAMPLE or BEARINGS_SAMPLE.
 

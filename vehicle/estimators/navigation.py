@@ -58,7 +58,6 @@ class Navigation:
         source: what it is fed with: "poses", "bearings" or "both".
         agreement: whether measurements agree with it, for people.
         suspect: a beacon whose bearings are off, for people.
-        deaf: bearings are no longer taken: the rest of the flight is predicted, or on poses.
     """
 
     def __init__(
@@ -73,7 +72,7 @@ class Navigation:
         self.watch = BearingsWatch(fallback or FallBackParameters())
         self.agreement = AgreementWatch(say)
         self.suspect = SuspectBeacon(say)
-        self.deaf = False
+        self._refuses_bearings = False
         self._say = say
         self._queue: list[Record] = []
         self._complained_ns = -(1 << 62)
@@ -97,6 +96,11 @@ class Navigation:
         """Return STATE (1,) of the shadow, which there must be."""
         assert self._seats.shadow is not None
         return self._seats.shadow.state
+
+    @property
+    def has_pose(self) -> bool:
+        """Return whether the estimator flown on has a fresh measurement."""
+        return not self.active.stale
 
     @property
     def reserve_ready(self) -> bool:
@@ -131,12 +135,16 @@ class Navigation:
                 pose = np.zeros(1, POSE_SAMPLE)
                 pose[0] = measurement.stamp_ns, measurement.position_w, measurement.quaternion_wb
                 self._queue.append(pose)
-        elif self._takes_bearings and not self.deaf:
+        elif self._takes_bearings and not self._refuses_bearings:
             frame = self._beacons.frame(measurement)
             if frame is not None:
                 self._queue.append(frame)
             elif measurement.beacon_ids:
                 self._say_unknown(measurement)
+
+    def refuse_bearings(self) -> None:
+        """Take no more bearings, until another estimator or source is flown on."""
+        self._refuses_bearings = True
 
     def reset(self) -> None:
         """Forget everything: the gyroscope was calibrated again."""
@@ -188,7 +196,7 @@ class Navigation:
         seats = self._seats
         self.active, self.source = seats.active.estimator, seats.active.source
         if str(seats.active) != before:
-            self.deaf = False
+            self._refuses_bearings = False
             self.watch.begin()
             self.suspect.begin()
             self.agreement.begin()
@@ -211,7 +219,7 @@ class Navigation:
                 active = taker
                 there.append(old)
             elif old.name == choice.name:
-                old.source = choice.source
+                old.feed(choice.source)
             else:
                 active = self._make(choice.name, choice.source)
             there = [one for one in there if one is not active]

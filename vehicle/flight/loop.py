@@ -33,14 +33,19 @@ NEEDS_SAMPLES = mailbox.Arm | mailbox.StartBehavior | mailbox.Bench | mailbox.Ca
 COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
 
 
-class Stack(Ordering, Protocol):
+class Stack(Protocol):
     """The part of vehicle.flight.stack.FlightStack that the loop needs."""
 
-    record: Record
-    store: ParameterStore
-    outbox: list[mailbox.Told]
-    mode: Mode
-
+    @property
+    def record(self) -> Record: ...
+    @property
+    def store(self) -> ParameterStore: ...
+    @property
+    def outbox(self) -> list[mailbox.Told]: ...
+    @property
+    def mode(self) -> Mode: ...
+    @property
+    def modes(self) -> Ordering: ...
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
     def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
     def say(self, text: str, level: int = mailbox.INFO) -> None: ...
@@ -87,7 +92,7 @@ class FlightLoop:
         later: Later | None = None,
         part: Part | None = None,
     ) -> None:
-        self.stopping = False
+        self._stopping = False
         self._later = later
         self._stack = stack
         self._mcu = mcu
@@ -99,15 +104,19 @@ class FlightLoop:
         self._period_ns = pacer.deadlines.period_ns
         self.lateness = Lateness()
         self.counts = LoopCounts(self.lateness.histogram)
-        self._orders = Orders(stack, mcu)
+        self._orders = Orders(stack.modes, mcu)
         self._heard_ns = monotonic_ns()
         self._silent = False
         self._unusable = [0, 0, 0]  # of what came until the newest sample
         self._tell(NOTHING_YET)
 
+    def stop(self) -> None:
+        """End `run` after what it is doing."""
+        self._stopping = True
+
     def run(self) -> None:
-        """Run until `stopping` is set. Raises LinkError when the last port is gone."""
-        while not self.stopping:
+        """Run until `stop`. Raises LinkError when the last port is gone."""
+        while not self._stopping:
             self.once()
 
     def once(self) -> None:

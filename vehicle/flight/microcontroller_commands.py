@@ -9,17 +9,18 @@ from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
 class Ordering(Protocol):
-    """The part of vehicle.flight.stack.FlightStack that is read here."""
+    """The part of vehicle.flight.mode_machine.ModeMachine that orders come from."""
 
-    motor_state_wanted: MotorState
-    lost_ports: int
-    obstacle: str
+    @property
+    def motor_state_wanted(self) -> MotorState: ...
 
     @property
     def flight_control_mode(self) -> FlightControlMode: ...
 
     @property
     def command_timeout_ms(self) -> int: ...
+
+    def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None: ...
 
 
 class Ordered(Protocol):
@@ -38,28 +39,27 @@ class Ordered(Protocol):
 
 
 class Orders:
-    """The orders of one stack to one microcontroller."""
+    """The orders of one vehicle to its microcontroller."""
 
-    def __init__(self, stack: Ordering, mcu: Ordered) -> None:
-        self._stack, self._mcu = stack, mcu
-        self._motor_state = stack.motor_state_wanted
+    def __init__(self, modes: Ordering, mcu: Ordered) -> None:
+        self._modes, self._mcu = modes, mcu
+        self._motor_state = modes.motor_state_wanted
         self._timeout_ms = 0
 
     def send(self, command: Sequence[int] | None) -> None:
         """Send what a tick returned, and the motor state it wants. Raises LinkError."""
-        stack = self._stack
-        if stack.motor_state_wanted is not self._motor_state:
-            self._motor_state = stack.motor_state_wanted
+        modes = self._modes
+        if modes.motor_state_wanted is not self._motor_state:
+            self._motor_state = modes.motor_state_wanted
             self._mcu.set_motor_state(self._motor_state)
         if command is not None:
-            self._mcu.command(command, stack.flight_control_mode)
+            self._mcu.command(command, modes.flight_control_mode)
 
     def keep(self, now_s: float) -> None:
         """Repeat what is not echoed yet; `now_s` is any clock that does not go back."""
-        timeout_ms = self._stack.command_timeout_ms
+        timeout_ms = self._modes.command_timeout_ms
         if timeout_ms != self._timeout_ms:
             self._timeout_ms = timeout_ms
             self._mcu.set_value(Id.EMERGENCY_TIMEOUT, timeout_ms)
         self._mcu.service(now_s)
-        self._stack.lost_ports = self._mcu.lost_ports
-        self._stack.obstacle = self._mcu.obstacle
+        self._modes.microcontroller_reports(self._mcu.lost_ports, self._mcu.obstacle)

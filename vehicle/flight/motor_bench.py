@@ -13,7 +13,9 @@ import numpy.typing as npt
 
 from quadrotor.constants import MOTORS
 from quadrotor.errors import RefusedError
+from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.safety.parameters import SafetyParameters
+from vehicle_link.serial.ids import MotorState
 
 REFERENCE_MAX = 200
 """Counts; the bench's last step is 190. Four bytes on the wire would carry 255."""
@@ -39,14 +41,13 @@ class Bench:
     Attributes:
         motor: 1…4, 0 when none is.
         reference: counts.
-        started: the microcontroller has said that its motors are on.
     """
 
     def __init__(self, safety: SafetyParameters) -> None:
         self._safety = safety
         self._turn_b = np.zeros(3)  # rad
         self.motor = self.reference = self._asked_ns = 0
-        self.started = False
+        self._started = False
 
     def __str__(self) -> str:
         return f"motor {self.motor} ({MOTORS[self.motor - 1]})"
@@ -66,8 +67,28 @@ class Bench:
     def end(self) -> None:
         """End the bench: no motor is on it."""
         self.motor = self.reference = self._asked_ns = 0
-        self.started = False
+        self._started = False
         self._turn_b[:] = 0.0
+
+    def fault(
+        self, sample: RawSample, battery_spent: bool, motors_had_time: bool, obstacle: str
+    ) -> str:
+        """Return what battery and microcontroller have against turning motors; "" for nothing.
+
+        Args:
+            motors_had_time: to start.
+            obstacle: why the microcontroller would not start them, "" when it would.
+        """
+        if battery_spent:
+            return f"battery at {sample.battery_voltage:.1f} V"
+        if sample.motor_state == MotorState.EMERGENCY:
+            return "the microcontroller's emergency: commands were missing, or the battery"
+        if sample.motor_state == MotorState.ON:
+            self._started = True
+        elif self._started or motors_had_time:
+            name = MotorState(sample.motor_state).name.lower()
+            return obstacle or f"the microcontroller reports motors {name}"
+        return ""
 
     def over(self, stamp_ns: int, angular_velocity_b: npt.NDArray[np.float64], dt: float) -> str:
         """Return why the motor is to stop now, empty when it goes on; called once a tick.

@@ -84,7 +84,7 @@ def fly(config: FlightConfig) -> None:
     )
 
     def stop(signal_number: int, frame: object) -> None:
-        loop.stopping = True
+        loop.stop()
 
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)
@@ -120,12 +120,13 @@ def load_trajectories(stack: FlightStack, folder: Path) -> None:
 
     if not folder.is_dir():
         return
-    stack.behaviors.trajectories, refused = load_folder(folder)
+    trajectories, refused = load_folder(folder)
+    stack.behaviors.set_trajectories(trajectories)
     for line in refused:
         say(line)
         stack.say(f"trajectory file refused: {line}", mailbox.WARN)
-    if stack.behaviors.trajectories:
-        say(f"trajectories loaded: {', '.join(stack.behaviors.trajectories)}")
+    if trajectories:
+        say(f"trajectories loaded: {', '.join(trajectories)}")
 
 
 def open_ports(paths: Sequence[str], patience_s: float = PORT_PATIENCE_S) -> list[SerialPort]:

@@ -8,37 +8,45 @@ for identical input. Only the caller's thread may touch it.
 
 from __future__ import annotations
 
-import math
-
 from bearing_sim.beacons import parse_layout
 from control.behaviors.ground import stand
+from control.behaviors.machine import BehaviorMachine
 from control.behaviors.near_hovering import Level
 from control.behaviors.table import BehaviorName
 from control.controller import Controller
 from estimation.estimator import Estimator
-from estimation.outcome import Agreement
-from quadrotor.vehicle_model import GRAVITY
-from vehicle.estimators.bearings_guard import BearingsGuard
+from quadrotor.parameters import ParameterStore
+from quadrotor.records import Record
+from vehicle.calibration.imu import ImuCalibrator
+from vehicle.estimators.bearings_guard import BearingsGuard, WayBack
+from vehicle.estimators.navigation import Navigation
 from vehicle.flight.commands import CommandHandler
+from vehicle.flight.configuration import Configuration
+from vehicle.flight.control_law import Steering
+from vehicle.flight.flown_mass import FlownMass
+from vehicle.flight.gyroscope import GyroscopeStart
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
+from vehicle.flight.mode_machine import ModeMachine
+from vehicle.flight.model_in_use import LANDING, ModelInUse
 from vehicle.flight.modes import FLYING, ControlMode, Mode
-from vehicle.flight.stack_ground import StackOnGround
+from vehicle.flight.motor_bench import Bench
+from vehicle.flight.near_hovering import NearHovering
+from vehicle.flight.outbox import Outbox
+from vehicle.flight.reference_rounding import ReferenceRounding
+from vehicle.flight.situation import SituationReader
+from vehicle.flight.status_writer import StatusWriter
+from vehicle.flight.tick_record import TickRecord
 from vehicle.microcontroller.microcontroller import RawSample
 from vehicle.parameters import VehicleParameters
 from vehicle.processes import mailbox
-from vehicle.safety.supervisor import Situation
-from vehicle_link.serial.ids import MotorState
+from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.supervisor import Supervisor
 
 LONGEST_STEP = 0.05
 """s: after a longer gap between samples laws and behaviors are stepped by this much only."""
-LONGEST_GAP = 1.0
-"""s that estimators predict at most: beyond nobody knows where the vehicle went, and a stamp that
-jumped must not throw the estimate away."""
-NOMINAL_STEP = 0.002
-LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
 
 
-class FlightStack(StackOnGround):
+class FlightStack:
     """The vehicle's behaviour between one IMU sample and the next motor references.
 
     Args:
@@ -53,19 +61,93 @@ class FlightStack(StackOnGround):
         estimator: Estimator | None = None,
         controller: Controller | None = None,
     ) -> None:
-        super().__init__(parameters, estimator, controller)
-        self.commands = CommandHandler(self)
-        self.guard = BearingsGuard(
-            parameters,
-            self.state,
-            self.navigation,
-            self.behaviors,
-            self.ground,
-            say=self.say,
-            apply=self.commands.apply,
-            land=self.land_now,
+        p = self.parameters = parameters
+        tick = self._tick = TickRecord()
+        outbox = self._outbox = Outbox(tick)
+        self.steering = Steering(p.control, p.model, controller)
+        self.mass = FlownMass(p.mass, p.model.mass)
+        self.behaviors = BehaviorMachine(p.behavior)
+        self.supervisor = Supervisor(p.safety)
+        self.imu_calibrator = ImuCalibrator(p.imu)
+        self.near_hovering = NearHovering(p.near_hovering)
+        self.ground = GroundContact()
+        self.bench = Bench(p.safety)
+        beacons = parse_layout(p.beacons.layout)
+        self.navigation = Navigation(p.estimation, outbox.say, estimator, beacons, p.fallback)
+        self.guard = BearingsGuard(p, tick.state, self.navigation, self.behaviors, self.ground)
+        self.modes = ModeMachine(
+            safety=p.safety,
+            tick=tick,
+            outbox=outbox,
+            behaviors=self.behaviors,
+            steering=self.steering,
+            navigation=self.navigation,
+            ground=self.ground,
+            supervisor=self.supervisor,
+            mass=self.mass,
+            guard=self.guard,
+            bench=self.bench,
         )
-        self.configure()
+        self.gyroscope = GyroscopeStart(
+            safety=p.safety,
+            tick=tick,
+            outbox=outbox,
+            modes=self.modes,
+            imu_calibrator=self.imu_calibrator,
+            navigation=self.navigation,
+        )
+        self.model = ModelInUse(
+            tick=tick,
+            modes=self.modes,
+            ground=self.ground,
+            steering=self.steering,
+            mass=self.mass,
+            behaviors=self.behaviors,
+        )
+        self.configuration = Configuration(
+            p,
+            tick=tick,
+            outbox=outbox,
+            modes=self.modes,
+            ground=self.ground,
+            model=self.model,
+            steering=self.steering,
+            mass=self.mass,
+            behaviors=self.behaviors,
+            navigation=self.navigation,
+            guard=self.guard,
+            imu_calibrator=self.imu_calibrator,
+        )
+        self.commands = CommandHandler(
+            p,
+            configuration=self.configuration,
+            tick=tick,
+            outbox=outbox,
+            modes=self.modes,
+            gyroscope=self.gyroscope,
+            bench=self.bench,
+            behaviors=self.behaviors,
+            navigation=self.navigation,
+            guard=self.guard,
+            supervisor=self.supervisor,
+            ground=self.ground,
+        )
+        self._rounding = ReferenceRounding()
+        self._situation = SituationReader(
+            volume=p.behavior, tick=tick, modes=self.modes, ground=self.ground
+        )
+        self._status_writer = StatusWriter(
+            estimation=p.estimation,
+            tick=tick,
+            modes=self.modes,
+            behaviors=self.behaviors,
+            navigation=self.navigation,
+            steering=self.steering,
+            supervisor=self.supervisor,
+            guard=self.guard,
+            ground=self.ground,
+        )
+        self._joy: tuple[int, tuple[float, float, float, float], bool] | None = None
 
     # ------------------------------------------------------------------ the tick
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
@@ -74,79 +156,86 @@ class FlightStack(StackOnGround):
 
         They are motor references (counts), or what `flight_control_mode` says.
         """
-        since = self._advance_time(sample.stamp_ns)
+        since = self._tick.begin(sample.stamp_ns)
         if since <= 0.0:
             return None
         dt = min(since, LONGEST_STEP)
-        self.imu_calibrator.calibrate(sample, self.imu)
-        if self.mode is Mode.STARTING:
-            self._calibrate_gyroscope(sample)
+        modes, tick = self.modes, self._tick
+        self.imu_calibrator.calibrate(sample, tick.imu)
+        if modes.mode is Mode.STARTING:
+            self.gyroscope.step(sample)
 
         airborne = self.ground.airborne
-        self.navigation.step(self.imu, since, self.state, self.estimate)
-        # The wrench is still the last tick's: what the vehicle obeyed until now.
-        self.mass.step(self.state, self.actuators, self._weighs(airborne), since, self.estimate)
-        if self.mass.used:
-            self._fly_on(self.mass.mass)
-        self._observe(airborne, dt)
-        if self.steering.follow_battery(sample.battery_voltage, dt):
-            self.behaviors.model = self.steering.model
-
+        self.navigation.step(tick.imu, since, tick.state, tick.estimate)
+        self.model.step(sample, since, dt)
         pose_age = self.navigation.active.measurement_age
         self._follow_altitude(sample, since)
-        verdict = self.supervisor.step(self._stamp_ns, self._look(sample, pose_age))
-        if verdict is not None and self.mode in FLYING:
-            self.react(verdict)
+        verdict = self.supervisor.step(self._tick.stamp_ns, self._situation.read(sample, pose_age))
+        if verdict is not None and modes.mode in FLYING:
+            modes.react(verdict)
         if self.guard.on:
-            self.guard.step(armed=self.mode is Mode.ARMED)
-        if self.mode in FLYING:
-            self.heed(sample)
+            self._end_bearings(self.guard.step(armed=modes.mode is Mode.ARMED))
+        if modes.mode in FLYING:
+            modes.heed(sample)
 
         command = None
-        if self.mode is Mode.BENCH:
+        if modes.mode is Mode.BENCH:
             command = self._turn_on_bench(sample, dt)
-        elif self.mode not in FLYING or self.control_mode is ControlMode.EMERGENCY:
-            self._rest()
+        elif modes.mode not in FLYING or modes.control_mode is ControlMode.EMERGENCY:
+            tick.rest()
         elif self.behaviors.name is BehaviorName.GROUND:
             self._idle()
-            command = self._references() if self.mode in FLYING else None
+            command = self._references() if modes.mode in FLYING else None
         else:
             command = self._fly(dt, airborne)
-        self._write_status(sample, pose_age)
+        self._status_writer.write(sample, pose_age)
         return command
 
     def _fly(self, dt: float, airborne: bool) -> tuple[int, int, int, int]:
         """Fly the behavior's reference, and return the command that holds it."""
-        behaviors = self.behaviors
+        behaviors, tick = self.behaviors, self._tick
         behaviors.step(
-            self._stamp_ns,
+            self._tick.stamp_ns,
             dt,
-            self.state,
+            tick.state,
             self._joy,
             airborne,
-            self._wrench.item(0),
-            self.reference,
+            tick.wrench.item(0),
+            tick.reference,
         )
         level = behaviors.level
-        self.steer_by(ControlMode.DIRECT if level is None else ControlMode.NEAR_HOVERING)
+        self.modes.steer_by(ControlMode.DIRECT if level is None else ControlMode.NEAR_HOVERING)
         if level is None:
-            self.steering.controller.step(self.state, self.reference, airborne, dt, self.actuators)
-            self.near_hovering.observe(self._wrench.item(0), dt)
+            self.controller.step(tick.state, tick.reference, airborne, dt, tick.actuators)
+            self.near_hovering.observe(tick.wrench.item(0), dt)
             command = self._references()
         else:
             command = self._level(level, dt)
         if behaviors.aborted:
-            self.say(f"braking: {behaviors.aborted}", mailbox.WARN)
-            behaviors.aborted = ""
+            self.say(f"braking: {behaviors.pop_aborted()}", mailbox.WARN)
         self._watch_ground(dt)
         return command
 
     def _level(self, level: Level, dt: float) -> tuple[int, int, int, int]:
         """Return a command to the microcontroller, which holds the angles."""
-        self.actuators[...] = self._off
+        self._tick.motors_off()
         command, thrust = self.near_hovering.command(level, self.steering.mass, dt)
-        self._wrench[0] = thrust
+        self._tick.wrench[0] = thrust
         return command
+
+    def _turn_on_bench(self, sample: RawSample, dt: float) -> tuple[int, int, int, int] | None:
+        """Return references of one tick of BENCH, None when it is over."""
+        bench, modes, tick = self.bench, self.modes, self._tick
+        why = bench.fault(
+            sample, self.supervisor.battery_spent, modes.motors_had_time, modes.obstacle
+        ) or bench.over(self._tick.stamp_ns, tick.angular_velocity_b, dt)
+        if why:
+            modes.move(Mode.READY, f"{bench} stopped: {why}", mailbox.WARN)
+            tick.rest()
+            return None
+        tick.rest()
+        tick.motor_references[bench.motor - 1] = bench.reference
+        return bench.references
 
     # ------------------------------------------------------------------ inputs between ticks
     def handle(self, command: mailbox.Command) -> mailbox.Reply:
@@ -171,130 +260,116 @@ class FlightStack(StackOnGround):
 
         Args: `rate` in Hz, as it is meant to be.
         """
-        self._status_writer.loop(statistics, counts, rate)
-        self._status_writer.real_time = real_time
+        self._status_writer.loop(statistics, counts, rate, real_time)
 
-    def configure(self) -> None:
-        """Hand the present parameters to every part; called at a tick boundary."""
-        p = self.parameters
-        self.mass.follow(p.mass, p.model.mass, self.mode in FLYING)
-        self.steering.configure(p.control, p.model)
-        self._fly_on(self.mass.mass if self.mass.used else p.model.mass)
-        self.behaviors.model = self.steering.model
-        if p.beacons.layout != self._layout:
-            self._layout = p.beacons.layout
-            self.navigation.place(parse_layout(self._layout))
-        self.navigation.configure(p.estimation)
-        self.guard.configure()
-        self._pose_timeout = p.estimation.measurement_timeout
-        self.imu_calibrator.configure(p.imu)
-        self.status["parameter_revision"] = self.store.revision
-        self.behaviors.control = p.control
+    def say(self, text: str, level: int = mailbox.INFO) -> None:
+        """Put one line into the log and on the page."""
+        self._outbox.say(text, level)
+
+    # ------------------------------------------------------------------ what others read
+    @property
+    def record(self) -> Record:
+        """Return TICK (1,), filled by each tick."""
+        return self._tick.record
+
+    @property
+    def state(self) -> Record:
+        """Return STATE (1,) of the record."""
+        return self._tick.state
+
+    @property
+    def reference(self) -> Record:
+        """Return REFERENCE (1,) of the record."""
+        return self._tick.reference
+
+    @property
+    def estimate(self) -> Record:
+        """Return ESTIMATE (1,) of the record."""
+        return self._tick.estimate
+
+    @property
+    def status(self) -> Record:
+        """Return STATUS (1,) of the record."""
+        return self._tick.status
+
+    @property
+    def outbox(self) -> list[mailbox.Told]:
+        """Return the messages for other processes; the caller empties the list."""
+        return self._outbox.messages
+
+    @property
+    def store(self) -> ParameterStore:
+        """Return the store of the vehicle's parameters, for reading."""
+        return self.configuration.store
+
+    @property
+    def mode(self) -> Mode:
+        """Return the mode of the vehicle as a whole."""
+        return self.modes.mode
+
+    @property
+    def airborne(self) -> bool:
+        """Return whether the vehicle is between take-off and touch-down."""
+        return self.ground.airborne
+
+    @property
+    def stamp_ns(self) -> int:
+        """Return time of the newest tick, ns of the vehicle's clock."""
+        return self._tick.stamp_ns
+
+    @property
+    def estimator(self) -> Estimator:
+        """Return the estimator that is flown on."""
+        return self.navigation.active
+
+    @property
+    def controller(self) -> Controller:
+        """Return the controller that is flown with."""
+        return self.steering.controller
 
     # ------------------------------------------------------------------ parts of the tick
-    def _weighs(self, airborne: bool) -> bool:
-        """Return whether the commanded thrust alone carries the vehicle, as the mass estimate
-        requires.
-
-        An estimate that is only shown goes by the ground alone.
-        """
-        if not self.mass.used:
-            return airborne
-        if self.control_mode is not ControlMode.DIRECT:  # thrusts are the microcontroller's own
-            return False
-        return airborne and not (self.ground.carried and self.behaviors.name in LANDING)
-
-    def _observe(self, airborne: bool, dt: float) -> None:
-        """Observe disturbances, by what the law itself commanded; the ground's reaction is none."""
-        flying = airborne and self.control_mode is ControlMode.DIRECT and self.mode in FLYING
-        carried = self.ground.carried > 0.0 and self.behaviors.name in LANDING
-        self.steering.observe(self.state, self.actuators, flying, carried, dt)
-
-    def _fly_on(self, mass: float) -> None:
-        """Set one mass (kg) for law, feed-forward and touch-down."""
-        self.steering.weigh(mass)
-        self.behaviors.hover_thrust = mass * GRAVITY
-
-    def _advance_time(self, stamp_ns: int) -> float:
-        dt = (stamp_ns - self._stamp_ns) * 1e-9 if self._stamp_ns else NOMINAL_STEP
-        if dt <= 0.0:
-            return 0.0
-        self._stamp_ns = stamp_ns
-        self._sequence[0] += 1
-        return min(dt, LONGEST_GAP)
+    def _end_bearings(self, way: WayBack | None) -> None:
+        """End a flight on bearings as the guard found due."""
+        if way is None:
+            return
+        if way.values:
+            self.say(way.why, way.level)
+            self.configuration.apply(way.values, "vehicle")
+        else:
+            self.modes.land(way.why)
 
     def _follow_altitude(self, sample: RawSample, dt: float) -> None:
         """Follow the altitude by the barometer, in every mode: it may be needed at any time."""
         altitude = self.near_hovering.altitude
         if self.ground.airborne:
-            altitude.step(sample.pressure, self._specific_force.item(2), dt)
+            altitude.step(sample.pressure, self._tick.specific_force_b.item(2), dt)
         else:
             altitude.stand(sample.pressure, dt)
-
-    def _look(self, sample: RawSample, pose_age: float) -> Situation:
-        """Return what the supervisor is to know of this tick."""
-        now, p = self._situation, self.parameters.behavior
-        now.airborne = self.ground.airborne
-        now.by_microcontroller = self.control_mode is not ControlMode.DIRECT
-        now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, self.tilt
-        x, y, z = self._innovation.tolist()
-        now.innovation = math.sqrt(x * x + y * y + z * z)
-        now.jumped = self._agreement.item() == Agreement.JUMPED
-        x, y, z = self._velocity.tolist()
-        now.speed = math.sqrt(x * x + y * y + z * z)
-        x, y, z = self._position.tolist()
-        now.outside = max(
-            p.volume_x_min - x,
-            x - p.volume_x_max,
-            p.volume_y_min - y,
-            y - p.volume_y_max,
-            z - p.volume_z_max,
-        )
-        now.saturated = self._scaling.item() < 1.0
-        now.lost_ports = self.lost_ports
-        return now
 
     def _watch_ground(self, dt: float) -> None:
         ground, p = self.ground, self.parameters
         landing = self.behaviors.name in LANDING
         if ground.airborne:
             ground.feel(
-                self._specific_force.item(2), self._wrench.item(0), p.safety.landing_support, dt
+                self._tick.specific_force_b.item(2),
+                self._tick.wrench.item(0),
+                p.safety.landing_support,
+                dt,
             )
         elif not landing:
-            ground.rise(float(self.state["position_w"][0, 2]))
+            ground.rise(float(self._tick.state["position_w"][0, 2]))
         carried = landing and ground.carried >= p.behavior.landing_dwell
-        if (carried or self.behaviors.landed) and ground.touch_down(self._stamp_ns):
+        if (carried or self.behaviors.landed) and ground.touch_down(self._tick.stamp_ns):
             self.behaviors.reset()
             self.controller.reset()
             self.say("touched down")
 
     def _idle(self) -> None:
         """Idle armed on the ground: motors turn slowly, the reference follows the state."""
-        stand(self.state, self.reference)
-        self.controller.idle(self.actuators)
-        if self.ground.rested(self._stamp_ns) >= self.parameters.safety.disarm_after_landing:
-            self.move(Mode.READY, "landed")
+        stand(self._tick.state, self._tick.reference)
+        self.controller.idle(self._tick.actuators)
+        if self.ground.rested(self._tick.stamp_ns) >= self.parameters.safety.disarm_after_landing:
+            self.modes.move(Mode.READY, "landed")
 
     def _references(self) -> tuple[int, int, int, int]:
-        return self._rounding.round(self._wanted_references)
-
-    def _write_status(self, sample: RawSample, pose_age: float) -> None:
-        # An emergency is told once the microcontroller shows it: people wait for that.
-        if self.control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
-            self._told_control_mode = self.control_mode
-        navigation = self.navigation
-        self._status_writer.write(
-            mode=self.mode,
-            control_mode=self._told_control_mode,
-            behavior=self.behaviors.name,
-            airborne=self.ground.airborne,
-            supervisor_flags=self.supervisor.flags,
-            estimate_flags=self.guard.flags | navigation.agreement.flags | navigation.suspect.flags,
-            suspect=navigation.suspect.status,
-            stale_pose=pose_age > self._pose_timeout,
-            saturated=self._scaling.item() < 1.0,
-            tilt_limited=self.controller.tilt_limited,
-            voltage=sample.battery_voltage,
-            pressure=sample.pressure,
-        )
+        return self._rounding.round(self._tick.motor_references)

@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-from quadrotor.records import Record
+from control.behaviors.machine import BehaviorMachine
+from estimation.parameters import EstimationParameters
+from vehicle.estimators.bearings_guard import BearingsGuard
+from vehicle.estimators.navigation import Navigation
+from vehicle.flight.control_law import Steering
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
+from vehicle.flight.mode_machine import ModeMachine
 from vehicle.flight.modes import MOTORS_ON, ControlMode, Flag, Mode
+from vehicle.flight.tick_record import TickRecord
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.supervisor import Supervisor
+from vehicle_link.serial.ids import MotorState
 
 _ROW = ("mode", "behavior", "armed", "airborne", "control_mode", "flags")
 _SUSPECT = ("suspect_beacon", "suspect_offset", "suspect_left_out")
@@ -15,21 +25,36 @@ _NOT_REAL_TIME = int(Flag.NOT_REAL_TIME)
 
 
 class StatusWriter:
-    """Writes what changed; the fields that change at each tick through views made once.
+    """Writes what changed; the fields that change at each tick through views made once."""
 
-    Args:
-        status: STATUS of shape (1,), part of the tick's record.
-    """
-
-    def __init__(self, status: Record) -> None:
-        self.real_time = True
-        self._status = status
+    def __init__(
+        self,
+        *,
+        estimation: EstimationParameters,
+        tick: TickRecord,
+        modes: ModeMachine,
+        behaviors: BehaviorMachine,
+        navigation: Navigation,
+        steering: Steering,
+        supervisor: Supervisor,
+        guard: BearingsGuard,
+        ground: GroundContact,
+    ) -> None:
+        self._estimation, self._tick, self._modes = estimation, tick, modes
+        self._behaviors, self._navigation, self._steering = behaviors, navigation, steering
+        self._supervisor, self._guard, self._ground = supervisor, guard, ground
+        self._real_time = True
+        self._control_mode = modes.control_mode
+        self._status = status = tick.status
         self._voltage, self._pressure = status["battery_voltage"], status["pressure"]
         self._written: tuple[int, ...] = ()
         self._suspect: tuple[int, float, bool] | None = None
 
-    def loop(self, statistics: LoopStatistics, counts: LoopCounts, rate: float) -> None:
+    def loop(
+        self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
+    ) -> None:
         """Write what the loop measured of itself; `rate` (Hz) as it is meant to be."""
+        self._real_time = real_time
         status = self._status
         status["tick_rate"], status["nominal_rate"] = statistics.rate, rate
         status["missed_share"] = statistics.missed_share
@@ -41,41 +66,32 @@ class StatusWriter:
         status["missed_frames"] = counts.missed_frames
         status["damaged_frames"] = counts.damaged_frames
 
-    def write(
-        self,
-        *,
-        mode: Mode,
-        control_mode: ControlMode,
-        behavior: int,
-        airborne: bool,
-        supervisor_flags: Flag,
-        estimate_flags: int,
-        suspect: tuple[int, float, bool],
-        stale_pose: bool,
-        saturated: bool,
-        tilt_limited: bool,
-        voltage: float,
-        pressure: float,
-    ) -> None:
+    def write(self, sample: RawSample, pose_age: float) -> None:
         """Write the status, once a tick.
 
         Args:
-            suspect: id, mean offset (rad) of a beacon that is off, whether it is left out.
-            voltage: V. pressure: Pa.
+            pose_age: s since the newest measurement that was used.
         """
-        self._voltage[0], self._pressure[0] = voltage, pressure
-        flags = int(supervisor_flags) | estimate_flags
+        self._voltage[0], self._pressure[0] = sample.battery_voltage, sample.pressure
+        mode, control_mode = self._modes.mode, self._modes.control_mode
+        # An emergency is reported once the microcontroller shows it: people wait for that.
+        if control_mode is not ControlMode.EMERGENCY or sample.motor_state != MotorState.ON:
+            self._control_mode = control_mode
+        navigation, airborne = self._navigation, self._ground.airborne
+        flags = int(self._supervisor.flags) | self._guard.flags
+        flags |= navigation.agreement.flags | navigation.suspect.flags
         if mode is Mode.STARTING:
             flags |= _GYRO_UNCALIBRATED
-        if stale_pose:
+        if pose_age > self._estimation.measurement_timeout:
             flags |= _NO_POSE
-        if saturated:
+        if self._tick.saturated:
             flags |= _SATURATED
-        if airborne and tilt_limited:
+        if airborne and self._steering.controller.tilt_limited:
             flags |= _TILT_LIMITED
-        if not self.real_time:
+        if not self._real_time:
             flags |= _NOT_REAL_TIME
-        row = (mode, behavior, mode in MOTORS_ON, airborne, control_mode, flags)
+        behavior, suspect = self._behaviors.name, navigation.suspect.status
+        row = (mode, behavior, mode in MOTORS_ON, airborne, self._control_mode, flags)
         if row != self._written:
             self._written = row
             for field, value in zip(_ROW, row, strict=True):

@@ -53,11 +53,8 @@ class _Hop:
         x, y, z = stack.reference["position_w"][0].tolist()
         stack.measure(mailbox.Pose(self._stamp_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0)))
         acceleration = (STILL, STILL, STILL + ONE_G)
-        stack.tick(
-            RawSample(
-                self._stamp_ns, acceleration, (STILL,) * 3, 16.0, 1e5, stack.motor_state_wanted
-            )
-        )
+        motors = stack.modes.motor_state_wanted
+        stack.tick(RawSample(self._stamp_ns, acceleration, (STILL,) * 3, 16.0, 1e5, motors))
 
     def ticks(self, count: int) -> None:
         for _ in range(count):

@@ -40,7 +40,9 @@ class Flight(SimulatedFlight):
         super().advance()
         stack = self.stack
         height = self.robot.truth["position_w"][0, 2] - stack.reference["position_w"][0, 2]
-        self.rows.append((stack.steering.mass, float(stack._wrench[0]), float(height)))
+        self.rows.append(
+            (stack.steering.mass, float(stack.record["actuators"]["wrench"][0, 0]), float(height))
+        )
 
     def ready(self) -> Flight:
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
@@ -81,7 +83,7 @@ def test_then_law_feed_forward_and_touch_down_go_by_one_estimate(flight: Flight)
     assert stack.steering.mass == mass
     assert stack.behaviors.hover_thrust == mass * GRAVITY
     assert stack.behaviors.model["mass"][0] == mass
-    assert stack._wrench[0] == pytest.approx(mass * GRAVITY, rel=0.01)
+    assert stack.record["actuators"]["wrench"][0, 0] == pytest.approx(mass * GRAVITY, rel=0.01)
 
 
 def test_the_law_s_mass_never_jumps(flight: Flight) -> None:
@@ -136,7 +138,7 @@ def test_each_arming_begins_anew(flight: Flight) -> None:
 
 
 def test_on_the_ground_the_law_goes_back_to_the_model(flight: Flight) -> None:
-    flight.stack.move(type(flight.stack.mode).READY, "disarmed")
+    flight.stack.modes.move(type(flight.stack.mode).READY, "disarmed")
     flight.change({USED_BY: "model"})
     assert flight.stack.steering.mass == TRUE_MASS
     assert flight.stack.behaviors.hover_thrust == TRUE_MASS * GRAVITY

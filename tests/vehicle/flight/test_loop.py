@@ -48,10 +48,14 @@ class FakeStack:
         self.command_timeout_ms = 250
         self.lost_ports = 0
         self.obstacle = ""
+        self.modes = self
         self.mode = Mode.READY
         self.calls: list[object] = []
         self.statistics: list[tuple[LoopStatistics, LoopCounts, float, bool]] = []
         self.references: tuple[int, int, int, int] | None = (1, 2, 3, 4)
+
+    def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
+        self.lost_ports, self.obstacle = lost_ports, obstacle
 
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None:
         self.calls.append(sample.stamp_ns)

@@ -28,7 +28,7 @@ def test_that_motor_turns_and_no_other_until_motor_0(lab: Any, motor: int) -> No
     lab.keep_turning(1.0, motor, 100)
     wanted = [100 if k == motor else 0 for k in range(1, 5)]
     assert list(lab.robot.firmware.references) == wanted
-    assert lab.stack.actuators["motor_references"][0].tolist() == wanted
+    assert lab.stack.record["actuators"]["motor_references"][0].tolist() == wanted
     speeds = lab.robot.rotor_speeds
     assert speeds[motor - 1] > 50.0
     assert sum(speeds) == pytest.approx(speeds[motor - 1])

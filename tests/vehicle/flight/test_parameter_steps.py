@@ -11,7 +11,7 @@ from control.presets import PRESETS, preset
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from vehicle.flight.parameter_steps import check_steps
+from vehicle.flight.configuration import check_steps
 from vehicle.parameters import new_parameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 

@@ -143,7 +143,7 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     lab = Lab().hovering(height)
     assert lab.emergency().accepted
     lab.advance()
-    assert lab.stack.control_mode is ControlMode.EMERGENCY
+    assert lab.stack.modes.control_mode is ControlMode.EMERGENCY
     assert lab.control_told is ControlMode.DIRECT, "the microcontroller has not answered yet"
     lab.wait(0.1)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
@@ -162,7 +162,7 @@ def test_what_emergency_land_does_is_a_parameter(chosen: str) -> None:
     assert lab.emergency().accepted
     lab.wait(0.3)
     modes = {"land": ControlMode.DIRECT, "descend": ControlMode.NEAR_HOVERING}
-    assert lab.stack.control_mode is modes[chosen]
+    assert lab.stack.modes.control_mode is modes[chosen]
     assert lab.robot.firmware.motor_state is MotorState.ON
     lab.landed()
 
@@ -170,7 +170,7 @@ def test_what_emergency_land_does_is_a_parameter(chosen: str) -> None:
 @pytest.mark.parametrize(("chosen", "told"), [("emergency", "EMERGENCY"), ("land", "DIRECT")])
 def test_emergency_land_takes_a_milder_landing_over(chosen: str, told: str) -> None:
     lab = Lab(**{"safety.emergency_land": chosen}).hovering()
-    lab.stack.land_now("a test")
+    lab.stack.modes.land("a test")
     lab.wait(0.1)
     assert lab.emergency().accepted
     lab.wait(0.1)
@@ -257,7 +257,7 @@ def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
     lab.sticks = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab.wait(0.5)
-    assert lab.stack.control_mode is ControlMode.NEAR_HOVERING
+    assert lab.stack.modes.control_mode is ControlMode.NEAR_HOVERING
     lab.sticks = (0.5, 0.0, 0.0, 0.0)
     lab.wait(0.8)
     w, x, y, z = lab.robot.truth["quaternion_wb"][0]
@@ -268,7 +268,7 @@ def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
     assert lab.tilt < 2.0
     lab.start("hover")
     lab.wait(4.0)
-    assert lab.stack.control_mode is ControlMode.DIRECT
+    assert lab.stack.modes.control_mode is ControlMode.DIRECT
     assert np.abs(lab.robot.truth["velocity_w"][0]).max() < 0.05
     assert lab.height == pytest.approx(1.5, abs=0.4)
 
@@ -281,7 +281,7 @@ def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> 
     lab.sticks = (1.0, 0.0, 0.0, 0.0)
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
     assert "outside the flight volume" in lab.texts()
-    assert lab.stack.control_mode is ControlMode.DIRECT
+    assert lab.stack.modes.control_mode is ControlMode.DIRECT
     lab.landed()
 
 

@@ -45,8 +45,8 @@ def fly(seconds):
             stack.measure(mailbox.Pose(now, position, quaternion))
         for sample in mcu.receive():
             motors = stack.tick(sample)
-            if stack.motor_state_wanted is not motor_state:
-                motor_state = stack.motor_state_wanted
+            if stack.modes.motor_state_wanted is not motor_state:
+                motor_state = stack.modes.motor_state_wanted
                 mcu.set_motor_state(motor_state)
             if motors is not None:
                 mcu.command(motors)

@@ -70,7 +70,7 @@ def test_with_5_percent_of_all_bytes_damaged_it_flies_the_8_on_and_lands(seed: i
     flight.disturb(corrupted_bytes=0.05)
     flight.wait(8.0)
     assert flight.stack.mode is Mode.ARMED
-    assert flight.stack.control_mode is ControlMode.DIRECT
+    assert flight.stack.modes.control_mode is ControlMode.DIRECT
     times, true, wanted = flight.trace()
     off = np.linalg.norm(true - wanted, axis=1)
     assert len(times) > 3000

@@ -1,0 +1,122 @@
+"""Mode STARTING of the flight stack: find the gyroscope's bias, at the start and on request."""
+
+from __future__ import annotations
+
+import math
+
+from estimation.calibration.gyroscope import GyroscopeCalibration
+from quadrotor.errors import MeasurementError
+from vehicle.calibration.gyroscope import GyroCalibration
+from vehicle.calibration.imu import ImuCalibrator
+from vehicle.estimators.navigation import Navigation
+from vehicle.flight.mode_machine import ModeMachine
+from vehicle.flight.modes import Mode
+from vehicle.flight.outbox import Outbox
+from vehicle.flight.tick_record import TickRecord
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.processes import mailbox
+from vehicle.safety.parameters import SafetyParameters
+from vehicle_link.serial.ids import MotorState
+
+TURNING = (MotorState.ON, MotorState.EMERGENCY)
+AT_START = "start"
+"""Requester of the calibration at the start."""
+
+
+class GyroscopeStart:
+    """Finds the bias of a vehicle that lies still (Sec. 5.1 of the paper)."""
+
+    def __init__(
+        self,
+        *,
+        safety: SafetyParameters,
+        tick: TickRecord,
+        outbox: Outbox,
+        modes: ModeMachine,
+        imu_calibrator: ImuCalibrator,
+        navigation: Navigation,
+    ) -> None:
+        self._safety, self._tick, self._outbox, self._modes = safety, tick, outbox, modes
+        self._imu_calibrator, self._navigation = imu_calibrator, navigation
+        self._running: GyroCalibration | None = None
+        self._begun_ns = 0
+        self._request: mailbox.CalibrateGyroscope | None = None  # None: it is the start
+        self._motors_reported = False
+
+    def begin(self, request: mailbox.CalibrateGyroscope) -> None:
+        """Find the bias again; the one in use stays until then. Raises RefusedError."""
+        why = f"gyroscope calibration by {request.requester}; keep the vehicle still"
+        self._modes.move(Mode.STARTING, why)
+        self._request, self._running = request, None
+
+    def step(self, sample: RawSample) -> None:
+        """Take one sample: at the start until a bias is found, on request for one attempt."""
+        motors_on = sample.motor_state in TURNING
+        if motors_on and self._request is None:  # started again while the microcontroller lands
+            if not self._motors_reported:
+                line = "gyroscope not calibrated: motors run; waiting for them"
+                self._outbox.say(line, mailbox.WARN)
+            self._motors_reported, self._running = True, None
+            return
+        if self._running is None:
+            self._begun_ns = self._tick.stamp_ns
+            deviation = math.radians(self._safety.gyro_deviation_max)
+            self._running = GyroCalibration(self._safety.gyro_samples, deviation)
+        try:
+            found = self._running.add(self._tick.angular_velocity_b, motors_on=motors_on)
+            if found is not None:
+                self._check_bias(found)
+        except MeasurementError as error:
+            self._refuse(str(error))
+            return
+        if found is not None:
+            self._accept(found, self._running.deviation_max, sample.battery_voltage)
+
+    def _check_bias(self, found: GyroscopeCalibration) -> None:
+        """Raise MeasurementError for a bias too large: a steady turn has no deviation."""
+        largest, what = self._safety.gyro_drift_max, "drift"
+        if self._request is not None:
+            largest, what = self._safety.gyro_change_max, "the drift would change by"
+        drift = math.degrees(float(abs(found.bias_b).max()))
+        if drift > largest:
+            raise MeasurementError(
+                f"gyroscope not calibrated: {what} {drift:.1f} deg/s, allowed {largest:g}; keep "
+                "the vehicle still"
+            )
+
+    def _refuse(self, reason: str) -> None:
+        request, self._request, self._running = self._request, None, None
+        if request is None:
+            self._outbox.say(reason, mailbox.WARN)  # and tried again
+            return
+        self._outbox.add(
+            mailbox.GyroscopeFound(
+                self._tick.stamp_ns, request.request_id, request.requester, reason
+            )
+        )
+        self._modes.move(Mode.READY, f"the gyroscope's drift stays: {reason}", mailbox.WARN)
+
+    def _accept(self, found: GyroscopeCalibration, deviation_max: float, voltage: float) -> None:
+        request, self._request, self._running = self._request, None, None
+        # The samples were corrected by the bias in use.
+        bias_b = self._imu_calibrator.gyroscope_bias_b + found.bias_b
+        self._imu_calibrator.set_gyroscope_bias(bias_b)
+        self._navigation.reset()  # it saw the uncalibrated gyroscope and learnt from it
+        x, y, z = bias_b.tolist()
+        deviation_x, deviation_y, deviation_z = found.deviation_b.tolist()
+        stamp_ns = self._tick.stamp_ns
+        self._outbox.add(
+            mailbox.GyroscopeFound(
+                stamp_ns=stamp_ns,
+                request_id=request.request_id if request else "",
+                requester=request.requester if request else AT_START,
+                bias_b=(x, y, z),
+                deviation_b=(deviation_x, deviation_y, deviation_z),
+                samples=found.samples,
+                deviation_max=deviation_max,
+                seconds=(stamp_ns - self._begun_ns) * 1e-9,
+                voltage=voltage,
+            )
+        )
+        degrees = ", ".join(f"{math.degrees(bias):.2f}" for bias in (x, y, z))
+        self._modes.move(Mode.READY, f"gyroscope bias {degrees} deg/s")

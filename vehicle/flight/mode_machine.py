@@ -1,0 +1,190 @@
+"""Mode changes of the flight stack: arming to off, which side turns what into motor references,
+and what the vehicle does by its own decision.
+"""
+
+from __future__ import annotations
+
+from control.behaviors.machine import BehaviorMachine
+from control.behaviors.table import BehaviorName
+from quadrotor.errors import QuadlabError
+from vehicle.estimators.bearings_guard import BearingsGuard
+from vehicle.estimators.navigation import Navigation
+from vehicle.flight.control_law import Steering
+from vehicle.flight.flown_mass import FlownMass
+from vehicle.flight.modes import ControlMode, Mode, check_control_move, check_move
+from vehicle.flight.motor_bench import Bench
+from vehicle.flight.outbox import Outbox
+from vehicle.flight.tick_record import TickRecord
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.processes import mailbox
+from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.parameters import SafetyParameters
+from vehicle.safety.supervisor import Reaction, Supervisor, Verdict
+from vehicle_link.serial.ids import FlightControlMode, MotorState
+
+MOTOR_START_GRACE_NS = 1_500_000_000
+_BRAKING = (BehaviorName.LAND, BehaviorName.BRAKE, BehaviorName.EMERGENCY_LANDING)
+
+
+class ModeMachine:
+    """The modes of one vehicle, and the moves from a cause to the mode it leads to.
+
+    Attributes:
+        mode: of the vehicle as a whole; changed by `move`.
+        control_mode: which side turns what into motor references; changed by `steer_by`.
+        motor_state_wanted: of the microcontroller.
+        lost_ports: of the microcontroller, by its last report.
+        obstacle: why the microcontroller would not start the motors; "" if it would.
+    """
+
+    def __init__(
+        self,
+        *,
+        safety: SafetyParameters,
+        tick: TickRecord,
+        outbox: Outbox,
+        behaviors: BehaviorMachine,
+        steering: Steering,
+        navigation: Navigation,
+        ground: GroundContact,
+        supervisor: Supervisor,
+        mass: FlownMass,
+        guard: BearingsGuard,
+        bench: Bench,
+    ) -> None:
+        self._safety, self._tick, self._outbox = safety, tick, outbox
+        self._behaviors, self._steering, self._navigation = behaviors, steering, navigation
+        self._ground, self._supervisor, self._mass = ground, supervisor, mass
+        self._guard, self._bench = guard, bench
+        self._armed_ns = 0
+        self.mode = Mode.STARTING
+        self.control_mode = ControlMode.DIRECT
+        self.motor_state_wanted = MotorState.OFF
+        self.lost_ports = 0
+        self.obstacle = ""
+
+    @property
+    def motors_had_time(self) -> bool:
+        """Return whether motors that were switched on should be turning by now."""
+        return self._tick.stamp_ns - self._armed_ns > MOTOR_START_GRACE_NS
+
+    @property
+    def flight_control_mode(self) -> FlightControlMode:
+        """Return how the microcontroller is to read what a tick commands."""
+        if self.control_mode is ControlMode.NEAR_HOVERING:
+            return FlightControlMode.NEAR_HOVERING
+        return FlightControlMode.DIRECT
+
+    @property
+    def command_timeout_ms(self) -> int:
+        """Return silence of commands after which the microcontroller is to land alone."""
+        return round(1000 * self._safety.command_timeout)
+
+    def microcontroller_reports(self, lost_ports: int, obstacle: str) -> None:
+        """Take over what the microcontroller reports of its ports and of its motors' start."""
+        self.lost_ports, self.obstacle = lost_ports, obstacle
+
+    def move(self, mode: Mode, why: str, level: int = mailbox.INFO) -> None:
+        """Change the mode by the table of vehicle.flight.modes and say so. Raises RefusedError."""
+        check_move(self.mode, mode)
+        self.mode = mode
+        if mode in (Mode.ARMED, Mode.BENCH):
+            self.motor_state_wanted = MotorState.ON
+            self._armed_ns = self._tick.stamp_ns
+        if mode is Mode.ARMED:
+            self._ground.arm(float(self._tick.state["position_w"][0, 2]))
+            self._supervisor.begin_flight()
+            self._guard.begin_flight()
+            self._mass.begin_flight()
+        elif mode in (Mode.READY, Mode.CUT):
+            self.motor_state_wanted = MotorState.OFF
+            self.control_mode = ControlMode.DIRECT
+            self._ground.disarm()
+            self._bench.end()
+            self._behaviors.reset()
+            self._steering.controller.reset()
+        self._outbox.say(f"{mode.name.lower().replace('_', ' ')}: {why}", level)
+
+    def steer_by(self, control_mode: ControlMode) -> None:
+        """Change which side turns what into motor references. Raises RefusedError."""
+        if control_mode is self.control_mode:
+            return
+        check_control_move(self.control_mode, control_mode)
+        self.control_mode = control_mode
+        if control_mode is ControlMode.DIRECT:
+            self._steering.controller.reset()
+        self._outbox.say(f"{control_mode.name.lower().replace('_', '-')} mode")
+
+    # ------------------------------------------------------------------ the vehicle's own decisions
+    def react(self, verdict: Verdict) -> None:
+        """Carry out what the supervisor found due; a milder reaction than the present one waits."""
+        reaction, why = verdict.reaction, verdict.reason
+        if reaction is Reaction.CUT:
+            self.move(Mode.CUT, why, mailbox.ERROR)
+        elif self.control_mode is ControlMode.EMERGENCY:
+            return  # the microcontroller lands alone: nothing else is obeyed
+        elif reaction is Reaction.EMERGENCY:
+            self.hand_over(why)
+        elif reaction is Reaction.DESCEND:
+            self.descend(why)
+        elif reaction is Reaction.LAND:
+            if self.mode is Mode.ARMED:
+                self.land(why)
+        elif self._behaviors.name not in _BRAKING:
+            # Its inertial sensors are good enough to stop by, not to land by.
+            age = self._navigation.active.measurement_age
+            if age <= self._safety.pose_land_after:
+                self._override("brake")
+                self._outbox.say(f"braking: {why}", mailbox.WARN)
+            else:
+                self.descend(f"{why}, and no pose to brake by")
+
+    def land(self, why: str) -> None:
+        """Land under control from here, refusing everything but cut; without a pose, descend."""
+        if not self._navigation.has_pose:
+            self.descend(why)
+            return
+        self._enter_emergency(why)
+        self._override("land")
+
+    def descend(self, why: str) -> None:
+        """Descend level by the barometer; the microcontroller holds the angles."""
+        if self.control_mode is ControlMode.EMERGENCY:
+            return
+        self._enter_emergency(f"{why}; down by the barometer, not held in place")
+        self._override("emergency_landing")
+
+    def hand_over(self, why: str) -> None:
+        """Hand over to the microcontroller, which lands alone."""
+        if self.control_mode is ControlMode.EMERGENCY:
+            return
+        self._enter_emergency(f"{why}; the microcontroller lands alone")
+        self.motor_state_wanted = MotorState.EMERGENCY
+        self.steer_by(ControlMode.EMERGENCY)
+
+    def heed(self, sample: RawSample) -> None:
+        """Act on what the microcontroller reports of its motors, while they should turn."""
+        state = sample.motor_state
+        if self.control_mode is ControlMode.EMERGENCY:
+            if state == MotorState.OFF:
+                self._ground.touch_down(self._tick.stamp_ns)
+                self.move(Mode.READY, "landed by the microcontroller")
+        elif state == MotorState.EMERGENCY:
+            self.hand_over("the microcontroller took over: commands were missing, or the battery")
+        elif self.motors_had_time and state != MotorState.ON:
+            name, obstacle = MotorState(state).name.lower(), self.obstacle
+            why = f": {obstacle}" if obstacle else ""
+            self.move(Mode.CUT, f"microcontroller reports motors {name}{why}", mailbox.ERROR)
+
+    def _enter_emergency(self, why: str) -> None:
+        if self.mode is Mode.EMERGENCY_LAND:
+            self._outbox.say(f"emergency land: {why}", mailbox.ERROR)
+        else:
+            self.move(Mode.EMERGENCY_LAND, why, mailbox.ERROR)
+
+    def _override(self, behavior: str) -> None:
+        """Start `behavior` by the vehicle's own decision; the table allows it from any flight."""
+        try:
+            self._behaviors.request(behavior, {}, self._tick.state, armed=True, airborne=True)
+        except QuadlabError as error:  # never seen; no one else would land it then
+            self.hand_over(f"{behavior} refused: {error}")

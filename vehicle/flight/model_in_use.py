@@ -1,0 +1,72 @@
+"""The vehicle's model that is flown on, which follows the estimated mass and the battery."""
+
+from __future__ import annotations
+
+from control.behaviors.machine import BehaviorMachine
+from control.behaviors.table import BehaviorName
+from vehicle.flight.control_law import Steering
+from vehicle.flight.flown_mass import FlownMass
+from vehicle.flight.mode_machine import ModeMachine
+from vehicle.flight.modes import FLYING, ControlMode
+from vehicle.flight.tick_record import TickRecord
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.safety.ground_contact import GroundContact
+
+LANDING = (BehaviorName.LAND, BehaviorName.EMERGENCY_LANDING)
+
+
+class ModelInUse:
+    """One mass, one model and one disturbance for law, feed-forward and touch-down."""
+
+    def __init__(
+        self,
+        *,
+        tick: TickRecord,
+        modes: ModeMachine,
+        ground: GroundContact,
+        steering: Steering,
+        mass: FlownMass,
+        behaviors: BehaviorMachine,
+    ) -> None:
+        self._tick, self._modes, self._ground = tick, modes, ground
+        self._steering, self._mass, self._behaviors = steering, mass, behaviors
+
+    def fly_on(self, mass: float) -> None:
+        """Set the mass (kg) that is flown on."""
+        self._steering.weigh(mass)
+        self._behaviors.set_mass(mass)
+
+    def step(self, sample: RawSample, since: float, dt: float) -> None:
+        """Follow one tick.
+
+        Args:
+            since: s since the last tick. dt: the same, as long as laws are stepped at most.
+        """
+        tick, steering, mass = self._tick, self._steering, self._mass
+        airborne = self._ground.airborne
+        # The wrench is still the last tick's: what the vehicle obeyed until now.
+        mass.step(tick.state, tick.actuators, self._weighs(airborne), since, tick.estimate)
+        if mass.used:
+            self.fly_on(mass.mass)
+        # Disturbances are seen by what the law itself commanded; the ground's reaction is none.
+        flying = airborne and self._direct and self._modes.mode in FLYING
+        carried = self._ground.carried > 0.0 and self._behaviors.name in LANDING
+        steering.observe(tick.state, tick.actuators, flying, carried, dt)
+        if steering.follow_battery(sample.battery_voltage, dt):
+            self._behaviors.set_model(steering.model)
+
+    @property
+    def _direct(self) -> bool:
+        """Return whether the thrusts are the law's own, not the microcontroller's."""
+        return self._modes.control_mode is ControlMode.DIRECT
+
+    def _weighs(self, airborne: bool) -> bool:
+        """Return whether the commanded thrust alone carries the vehicle, as the mass estimate
+        requires.
+
+        An estimate that is only shown goes by the ground alone.
+        """
+        if not self._mass.used:
+            return airborne
+        landed = self._ground.carried and self._behaviors.name in LANDING
+        return self._direct and airborne and not landed

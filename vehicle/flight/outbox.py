@@ -1,0 +1,26 @@
+"""What the flight stack has to tell other processes."""
+
+from __future__ import annotations
+
+from vehicle.flight.tick_record import TickRecord
+from vehicle.processes import mailbox
+
+
+class Outbox:
+    """The messages of one flight stack, taken by its caller between two ticks.
+
+    Attributes:
+        messages: oldest first; the caller empties the list.
+    """
+
+    def __init__(self, tick: TickRecord) -> None:
+        self._tick = tick
+        self.messages: list[mailbox.Told] = []
+
+    def add(self, message: mailbox.Told) -> None:
+        """Add a message."""
+        self.messages.append(message)
+
+    def say(self, text: str, level: int = mailbox.INFO) -> None:
+        """Put one line into the log and on the page, with the time of the newest tick."""
+        self.add(mailbox.Event(stamp_ns=self._tick.stamp_ns, level=level, text=text))

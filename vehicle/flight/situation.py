@@ -1,0 +1,58 @@
+"""What the supervisor is to know of a tick, read from the parts of the flight stack."""
+
+from __future__ import annotations
+
+import math
+
+from control.behaviors.parameters import BehaviorParameters
+from estimation.outcome import Agreement
+from vehicle.flight.mode_machine import ModeMachine
+from vehicle.flight.modes import ControlMode
+from vehicle.flight.tick_record import TickRecord
+from vehicle.microcontroller.microcontroller import RawSample
+from vehicle.safety.ground_contact import GroundContact
+from vehicle.safety.supervisor import Situation
+
+
+class SituationReader:
+    """Fills one Situation again in each tick.
+
+    Args:
+        volume: walls of the flight volume, read in each tick.
+    """
+
+    def __init__(
+        self,
+        *,
+        volume: BehaviorParameters,
+        tick: TickRecord,
+        modes: ModeMachine,
+        ground: GroundContact,
+    ) -> None:
+        self._volume, self._tick, self._modes, self._ground = volume, tick, modes, ground
+        self._situation = Situation()
+
+    def read(self, sample: RawSample, pose_age: float) -> Situation:
+        """Return the situation of this tick; it holds until the next call.
+
+        Args:
+            pose_age: s since the newest measurement that was used.
+        """
+        now, tick, p = self._situation, self._tick, self._volume
+        now.airborne = self._ground.airborne
+        now.by_microcontroller = self._modes.control_mode is not ControlMode.DIRECT
+        now.voltage, now.pose_age, now.tilt = sample.battery_voltage, pose_age, tick.tilt
+        now.innovation = math.hypot(*tick.innovation_w.tolist())
+        now.jumped = tick.agreement.item() == Agreement.JUMPED
+        now.speed = math.hypot(*tick.velocity_w.tolist())
+        x, y, z = tick.position_w.tolist()
+        now.outside = max(
+            p.volume_x_min - x,
+            x - p.volume_x_max,
+            p.volume_y_min - y,
+            y - p.volume_y_max,
+            z - p.volume_z_max,
+        )
+        now.saturated = tick.saturated
+        now.lost_ports = self._modes.lost_ports
+        return now

@@ -1,0 +1,86 @@
+"""The record that one tick of the flight stack fills, with the views that its parts read."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from control.behaviors.ground import stand
+from quadrotor.records import ACTUATORS, Record, new_tick
+
+LONGEST_GAP = 1.0
+"""s that estimators predict at most: beyond nobody knows where the vehicle went, and a stamp that
+jumped must not throw the estimate away."""
+NOMINAL_STEP = 0.002
+
+
+class TickRecord:
+    """One TICK record and its fields.
+
+    The views are made once: looking a field up by its name in each tick costs as much as the laws.
+
+    Attributes:
+        stamp_ns: time of the newest sample, ns of the vehicle's clock.
+        record: TICK (1,); imu, state, reference, actuators, estimate and status are its fields.
+        specific_force_b: (3,) m/s², of the IMU.
+        position_w, velocity_w: (3,) m and m/s, of the estimated state.
+        innovation_w: (3,) m, from the predicted position to the newest measured one.
+        agreement: (1,), a number of `estimation.outcome.Agreement`.
+        motor_references: (4,) counts, wanted by the control law. wrench: (4,) N and N m.
+        scaling: (1,), below 1 while the motors saturate.
+    """
+
+    def __init__(self) -> None:
+        self.stamp_ns = 0
+        self.record: Record = new_tick()
+        self.imu = self.record["imu"]
+        self.state = self.record["state"]
+        self.reference = self.record["reference"]
+        self.actuators = self.record["actuators"]
+        self.estimate = self.record["estimate"]
+        self.status = self.record["status"]
+        self.specific_force_b = self.imu["specific_force_b"][0]
+        self.angular_velocity_b = self.imu["angular_velocity_b"][0]
+        self.position_w = self.state["position_w"][0]
+        self.velocity_w = self.state["velocity_w"][0]
+        self.innovation_w = self.estimate["position_innovation_w"][0]
+        self.agreement = self.estimate["agreement"]
+        self.motor_references = self.actuators["motor_references"][0]
+        self.wrench = self.actuators["wrench"][0]
+        self.scaling = self.actuators["scaling"]
+        self._quaternion_wb = self.state["quaternion_wb"][0]
+        self._sequence = self.record["sequence"]
+        self._motors_off = np.zeros(1, ACTUATORS)
+        self._motors_off["scaling"] = 1.0
+
+    @property
+    def tilt(self) -> float:
+        """Return the angle (rad) between z_B and z_W."""
+        _, x, y, _ = self._quaternion_wb.tolist()
+        return math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y))))
+
+    @property
+    def saturated(self) -> bool:
+        """Return whether the motors could not give the wrench that the control law wanted."""
+        return bool(self.scaling.item() < 1.0)
+
+    def begin(self, stamp_ns: int) -> float:
+        """Begin a tick, and return the time (s) since the last; 0 for a sample that is not newer,
+        which makes no tick.
+        """
+        since = (stamp_ns - self.stamp_ns) * 1e-9 if self.stamp_ns else NOMINAL_STEP
+        if since <= 0.0:
+            return 0.0
+        self.stamp_ns = stamp_ns
+        self._sequence[0] += 1
+        return min(since, LONGEST_GAP)
+
+    def motors_off(self) -> None:
+        """Write that no motor is commanded."""
+        self.actuators[...] = self._motors_off
+
+    def rest(self) -> None:
+        """Write a tick without flight: no motor is commanded, the reference follows the state."""
+        stand(self.state, self.reference)
+        self.motors_off()
