@@ -1,14 +1,14 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Clock, SPEEDS, stamp } from "../../web/static/replay/play_head.js";
+import { PlayHead, SPEEDS, stamp } from "../../web/static/replay/play_head.js";
 import { Range } from "../../web/static/replay/range.js";
 
 let drawn = () => {};
 globalThis.requestAnimationFrame = (act) => { drawn = act; };
 
 function made() {
-  const clock = new Clock();
+  const clock = new PlayHead();
   clock.setRange(0, 100);
   return clock;
 }
@@ -64,11 +64,11 @@ test("charts show all, or seconds about the play-head, or turn a drawn piece's p
   range.setWidth(10);
   clock.seek(30);
   assert.deepEqual(shown(), [25, 35]);
-  range.zoom(29, 31);
+  range.show(29, 31);
   clock.seek(30.5);
   assert.deepEqual(shown(), [29, 31]);
   clock.seek(40);
   assert.ok(range.start <= 40 && range.end >= 40 && Math.abs(range.end - range.start - 2) < 1e-9);
-  range.zoom(-500, 500); // as much as there is: all of it
+  range.show(-500, 500); // as much as there is: all of it
   assert.deepEqual([...shown(), range.isZoomed], [0, 60, false]);
 });

@@ -3,6 +3,8 @@
 
 import { BOUND, colorOf, wordsOf } from "./estimate_names.js";
 import { Chart } from "../charts/chart.js";
+import { LiveSignals } from "../charts/live_signals.js";
+import { pointingByKeys } from "../charts/pointer.js";
 import { TimeAxis } from "../charts/time_axis.js";
 import { element } from "../core/dom.js";
 import { fixed } from "../core/format.js";
@@ -18,11 +20,18 @@ export class ErrorChart extends Chart {
   constructor(place, history, description) {
     const seconds = Number(localStorage.getItem("chart.beacons.window"));
     const axis = new TimeAxis(history, WINDOWS.includes(seconds) ? seconds : 30);
-    super(place, { axis, signals: new Map(description.signals.map((signal) => [signal.name, signal])), who: "chart of errors" });
+    const signals = new Map(description.signals.map((signal) => [signal.name, signal]));
+    super(place, { axis, source: new LiveSignals(axis, signals, "chart of errors") });
+    pointingByKeys(this);
     place.prepend(element("h2", {}, "Position error", element("span", { className: "limit" }, "against the truth")));
-    const span = element("select", { ariaLabel: "seconds shown", onchange: () => { axis.setWindow(Number(span.value)); localStorage.setItem("chart.beacons.window", span.value); } },
+    const choose = () => {
+      axis.setWindow(Number(span.value));
+      localStorage.setItem("chart.beacons.window", span.value);
+    };
+    const span = element("select", { ariaLabel: "seconds shown", onchange: choose },
       ...WINDOWS.map((one) => element("option", { value: one, selected: one === axis.window }, `${one} s`)));
-    this.log = element("button", { title: "logarithmic scale, 1 mm up", onclick: () => this.setLog(!this.isLog) }, "log");
+    this.log = element("button", { title: "logarithmic scale, 1 mm up", onclick: () => this.setLog(!this.isLog) },
+      "log");
     this.tools.append(span, this.log);
     this.setLog(localStorage.getItem("chart.beacons.log") === "true");
     setInterval(() => document.hidden || this.draw(), LOOK);
@@ -37,12 +46,12 @@ export class ErrorChart extends Chart {
 
   scale(unit) {
     if (!this.isLog) return super.scale(unit);
-    return { distr: 3, range: () => { const [, high] = this.rangeOf(unit); return [1, Math.max(100, 10 ** Math.ceil(Math.log10(high)))]; } };
+    return { distr: 3, range: () => [1, Math.max(100, 10 ** Math.ceil(Math.log10(this.rangeOf(unit)[1])))] };
   }
 
   // names: of the comparison, in its order; none takes the signals back.
   compare(names) {
-    const errors = names.map((name) => ERROR + name).filter((name) => this.signals.has(name));
+    const errors = names.map((name) => ERROR + name).filter((name) => this.source.signals.has(name));
     const others = names.length ? [LIMIT, ...(names.includes("error_state") ? [DEVIATION] : [])] : [];
     this.select([...errors, ...others]);
   }
@@ -61,14 +70,15 @@ export class ErrorChart extends Chart {
   }
 
   labelsOf(names) {
-    return names.map((name) => (name === LIMIT ? "bound of one frame" : name === DEVIATION ? "error-state's stated deviation"
+    return names.map((name) => (name === LIMIT ? "bound of one frame"
+      : name === DEVIATION ? "error-state's stated deviation"
       : wordsOf(name.slice(ERROR.length)).replace("complementary, ", "compl. ").replace(" gains", "")));
   }
 
   // Errors without their values, which stand in the table above.
-  entry(label, title, style, output) {
-    const entry = super.entry(label, title, style, style.dash.length ? output : "");
-    entry.classList.toggle("dashed", style.dash.length > 0);
+  entry(line, output) {
+    const entry = super.entry(line, line.dash.length ? output : "");
+    entry.classList.toggle("dashed", line.dash.length > 0);
     return entry;
   }
 

@@ -1,6 +1,8 @@
 // The row of charts: one time axis, one to four charts, layouts, pause.
 
 import { Chart } from "./chart.js";
+import { LiveSignals } from "./live_signals.js";
+import { pointingByKeys } from "./pointer.js";
 import { ChartMenu } from "./signal_menu.js";
 import { LayoutMenu } from "./layout_menu.js";
 import { BUILT_IN, Layouts, MOST_CHARTS } from "./layouts.js";
@@ -37,23 +39,31 @@ export class Charts {
     setInterval(() => this.drawBar(), 500);
     new ResizeObserver(() => this.cover()).observe($("view"));
     place.addEventListener("keydown", (event) => { if (event.key === "Escape") this.expand(null); });
-    document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); }); // one column: nothing to cover
+    // One column: nothing to cover.
+    document.addEventListener("tab", ({ detail }) => { if (detail === "charts") this.expand(null); });
   }
 
   bar() {
-    this.pause = element("button", { title: "pause, or go on (space); what comes meanwhile is kept", onclick: () => this.axis.toggle() }, "Pause");
-    this.windows = element("select", { ariaLabel: "seconds shown", onchange: () => { this.axis.setWindow(Number(this.windows.value)); this.changed(); } });
-    this.reset = element("button", { title: "out of the zoom (double click in a chart)", hidden: true, onclick: () => this.axis.reset() }, "Whole window");
+    this.pause = element("button", { title: "pause, or go on (space); what comes meanwhile is kept",
+      onclick: () => this.axis.toggle() }, "Pause");
+    this.windows = element("select", { ariaLabel: "seconds shown",
+      onchange: () => { this.axis.setWindow(Number(this.windows.value)); this.changed(); } });
+    this.reset = element("button", { title: "out of the zoom (double click in a chart)", hidden: true,
+      onclick: () => this.axis.reset() }, "Whole window");
     this.state = element("output", { className: "state" });
     this.chosen = element("select", { ariaLabel: "layout of the charts", onchange: () => this.chooseLayout() });
-    this.add = element("button", { title: "one more chart", ariaLabel: "add a chart", onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, "+");
-    this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name, show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list() });
-    return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows, this.reset, this.state,
+    this.add = element("button", { title: "one more chart", ariaLabel: "add a chart",
+      onclick: () => { this.addChart({ signals: [], scales: {} }); this.changed(); } }, "+");
+    this.layoutMenu = new LayoutMenu(this.layouts, { current: () => this.layout, shown: () => this.name,
+      show: (name) => this.show(this.layouts.of(name), name), listed: () => this.list() });
+    return element("div", { className: "bar", role: "toolbar", ariaLabel: "charts" }, this.pause, this.windows,
+      this.reset, this.state,
       element("span", { className: "right" }, this.chosen, this.layoutMenu.button, this.add), this.layoutMenu.place);
   }
 
   get layout() {
-    return { window: Math.round(this.axis.window), charts: this.charts.map(({ names, scales }) => ({ signals: names, scales: { ...scales } })) };
+    return { window: Math.round(this.axis.window),
+      charts: this.charts.map(({ names, scales }) => ({ signals: names, scales: { ...scales } })) };
   }
 
   show(layout, name) {
@@ -78,7 +88,8 @@ export class Charts {
     this.chosen.replaceChildren(
       ...(this.name ? [] : [element("option", { value: "" }, "changed")]),
       element("optgroup", { label: "built in" }, ...Object.keys(BUILT_IN).map(option)),
-      ...(this.layouts.names.length ? [element("optgroup", { label: "saved here" }, ...this.layouts.names.map(option))] : []));
+      ...(this.layouts.names.length ? [element("optgroup", { label: "saved here" }, ...this.layouts.names.map(option))]
+        : []));
     this.chosen.value = this.name;
   }
 
@@ -91,10 +102,16 @@ export class Charts {
     if (this.charts.length >= MOST_CHARTS) return;
     const place = element("section", { className: "chart", id: `chart-${this.charts.length}` });
     this.row.append(place);
-    const chart = new Chart(place, { axis: this.axis, signals: this.signals, who: `chart ${this.counter++}`, names: signals, scales });
-    const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false", onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
-    chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)", ariaLabel: "expand", ariaPressed: "false", onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
-    chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart", onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
+    const source = new LiveSignals(this.axis, this.signals, `chart ${this.counter++}`);
+    const chart = new Chart(place, { axis: this.axis, source, names: signals, scales });
+    pointingByKeys(chart);
+    const choose = element("button", { title: "choose signals, set scales", ariaExpanded: "false",
+      onclick: () => this.menu.toggle(chart, choose, () => this.changed()) }, "Signals");
+    chart.grow = element("button", { className: "icon", title: "over the 3D view, and back (Escape)",
+      ariaLabel: "expand", ariaPressed: "false",
+      onclick: () => this.expand(place.classList.contains("expanded") ? null : chart) }, "⤢");
+    chart.less = element("button", { className: "icon", title: "take this chart away", ariaLabel: "remove chart",
+      onclick: () => { this.removeChart(chart); this.changed(); } }, "×");
     chart.tools.append(choose, chart.grow, chart.less);
     this.charts.push(chart);
     this.number();
@@ -131,7 +148,8 @@ export class Charts {
     const place = this.row.querySelector(".expanded"), { left, top, width, height } = $("view").getBoundingClientRect();
     for (const { place: one } of this.charts) if (one !== place) one.removeAttribute("style");
     this.row.style.setProperty("--count", String(Math.max(1, this.charts.length - (place ? 1 : 0))));
-    if (place) Object.assign(place.style, { left: `${left}px`, top: `${top + 40}px`, width: `${width}px`, height: `${height - 40}px` });
+    if (place) Object.assign(place.style, { left: `${left}px`, top: `${top + 40}px`, width: `${width}px`,
+      height: `${height - 40}px` });
   }
 
   draw() {
@@ -145,13 +163,15 @@ export class Charts {
     const choices = (WINDOWS.includes(seconds) ? WINDOWS : [...WINDOWS, seconds].sort((a, b) => a - b));
     if (choices.join() !== this.choices) {
       this.choices = choices.join();
-      this.windows.replaceChildren(...choices.map((one) => element("option", { value: one }, one < 120 ? `${one} s` : `${Number((one / 60).toFixed(1))} min`)));
+      this.windows.replaceChildren(...choices.map((one) => element("option", { value: one },
+        one < 120 ? `${one} s` : `${Number((one / 60).toFixed(1))} min`)));
     }
     if (this.windows.value !== String(seconds)) this.windows.value = seconds;
     this.pause.ariaPressed = String(paused);
     setText(this.pause, paused ? "Go on" : "Pause");
     hide(this.reset, !zoom);
     this.place.classList.toggle("paused", paused);
-    setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : ""}` : "");
+    const shown = zoom ? `, ${Number((zoom[1] - zoom[0]).toPrecision(2))} s shown` : "";
+    setText(this.state, paused ? `paused for ${duration(axis.pausedFor)}${shown}` : "");
   }
 }

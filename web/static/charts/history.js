@@ -75,7 +75,8 @@ export class History {
   freeze() {
     const { start, end } = this;
     const columns = new Map([...this.columns].map(([name, column]) => [name, column.slice(start, end)]));
-    return { times: this.times.slice(start, end), start: 0, end: end - start, column: (/** @type {string} */ name) => columns.get(name) };
+    return { times: this.times.slice(start, end), start: 0, end: end - start,
+      column: (/** @type {string} */ name) => columns.get(name) };
   }
 }
 
@@ -88,4 +89,15 @@ export function indexAt(times, time, start, end) {
     else end = middle;
   }
   return start;
+}
+
+// The samples that are drawn of [min, max]: those in it, and one on either side.
+/**
+ * @param {ArrayLike<number>} times
+ * @param {number} min @param {number} max
+ * @param {number} start @param {number} end
+ */
+export function between(times, min, max, start, end) {
+  return { from: Math.max(start, indexAt(times, min, start, end) - 1),
+    to: Math.min(end, indexAt(times, max, start, end) + 1) };
 }

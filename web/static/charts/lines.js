@@ -59,7 +59,7 @@ export function extent(values, from, to, low = null, high = null) {
  * @param {(time: number) => number} xOf
  * @param {(value: number) => number} yOf
  */
-export function trace(times, values, from, to, xOf, yOf) {
+export function trace(times, values, from, to, xOf, yOf, gap = BREAK) {
   const path = new Path2D();
   let pen = false, column = NaN, first = 0, low = 0, high = 0, last = 0, count = 0, end = null, start = 0;
   const flush = () => { // one stroke for all samples of a pixel
@@ -80,7 +80,7 @@ export function trace(times, values, from, to, xOf, yOf) {
   for (let i = from; i < to; i++) {
     const value = values[i];
     if (!(Math.abs(value) < Infinity)) { lift(); continue; }
-    if (i > from && times[i] - times[i - 1] > BREAK) lift();
+    if (i > from && times[i] - times[i - 1] > gap) lift();
     const x = Math.round(xOf(times[i])), y = yOf(value);
     if (x !== column) { flush(); column = x; }
     if (!count) first = low = high = y;
@@ -96,7 +96,8 @@ export function trace(times, values, from, to, xOf, yOf) {
 
 // A little air, and a least height for each unit: noise should look like noise.
 /** @type {Record<string, number>} */
-const LEAST = { m: 0.02, "m/s": 0.05, "m/s²": 0.2, "°": 1, "°/s": 2, N: 0.5, "N m": 0.02, kg: 0.01, V: 0.2, mm: 2, ms: 5, "µs": 50, count: 2, "%": 1, Hz: 2 };
+const LEAST = { m: 0.02, "m/s": 0.05, "m/s²": 0.2, "°": 1, "°/s": 2, N: 0.5, "N m": 0.02, kg: 0.01, V: 0.2, mm: 2,
+  ms: 5, "µs": 50, count: 2, "%": 1, Hz: 2 };
 
 /** @param {number | null} low @param {number | null} high @param {string} unit @returns {[number, number]} */
 export function spread(low, high, unit) {

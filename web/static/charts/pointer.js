@@ -10,6 +10,7 @@ export function pointing(chart) {
   const { axis, plot } = chart, { signal } = chart.shown;
   const mark = element("i", { className: "marked", hidden: true });
   let down = null; // where a drag began: { x, time, pans }
+  let dragged = false; // until the click that follows
   plot.append(mark);
   plot.title = "wheel or drag: zoom; Shift and drag: pan; double click: back";
   const at = (event) => event.clientX - plot.getBoundingClientRect().left;
@@ -39,11 +40,16 @@ export function pointing(chart) {
     const from = down;
     down = null;
     mark.hidden = true;
-    if (!from || from.pans || Math.abs(at(event) - from.x) < LEAST) return;
+    dragged = Boolean(from) && Math.abs(at(event) - from.x) >= LEAST;
+    if (!dragged || from.pans) return;
     const [start, end] = [from.time, chart.timeAt(at(event))].sort((a, b) => a - b);
     axis.show(start, end);
   });
   on("pointercancel", () => { down = null; mark.hidden = true; });
+  on("click", (event) => {
+    if (!dragged && chart.uplot) axis.choose(chart.timeAt(at(event)));
+    dragged = false;
+  });
   on("dblclick", () => axis.reset());
   on("wheel", (event) => {
     if (!axis.isKnown || !chart.uplot) return;
@@ -52,8 +58,14 @@ export function pointing(chart) {
     if (Math.abs(sideways) > Math.abs(event.shiftKey ? 0 : event.deltaY)) axis.pan((to - from) * sideways / 1000);
     else axis.scale(Math.exp(event.deltaY * 1.5e-3), chart.timeAt(at(event)));
   }, { passive: false });
-  on("blur", () => { if (chart.pointer === undefined) axis.point(null); });
-  on("keydown", (event) => {
+}
+
+// The same by keys, in the chart that has the focus.
+export function pointingByKeys(chart) {
+  const { axis, plot } = chart, { signal } = chart.shown;
+  plot.tabIndex = 0;
+  plot.addEventListener("blur", () => { if (chart.pointer === undefined) axis.point(null); }, { signal });
+  plot.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || !axis.isKnown) return;
     const [from, to] = axis.span, cursor = axis.cursor ?? to, side = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (side && event.shiftKey) axis.pan(side * 0.2 * (to - from));
@@ -64,5 +76,5 @@ export function pointing(chart) {
     else return;
     event.preventDefault();
     event.stopPropagation();
-  });
+  }, { signal });
 }

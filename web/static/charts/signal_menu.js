@@ -13,13 +13,16 @@ export class ChartMenu {
     this.signals = signals;
     this.named = new Set(signals.slice(0, named).map(({ name }) => name));
     this.byName = new Map(signals.map((signal) => [signal.name, signal]));
-    this.search = element("input", { type: "search", placeholder: "Search signals", ariaLabel: "search signals", oninput: () => this.list() });
+    this.search = element("input", { type: "search", placeholder: "Search signals", ariaLabel: "search signals",
+      oninput: () => this.list() });
     this.note = element("span", { className: "note", role: "status" });
     this.scales = element("div", { className: "scales" });
     this.lists = element("div", { className: "lists" });
     this.place = element("div", { className: "menu signals", role: "dialog", id: `signals-${ids++}` },
-      element("div", { className: "tools" }, this.search, this.note, element("button", { onclick: () => this.close() }, "Close")), this.scales, this.lists);
-    this.place.addEventListener("keydown", (event) => { if (event.key === "Escape") { this.close(); event.stopPropagation(); } });
+      element("div", { className: "tools" }, this.search, this.note,
+        element("button", { onclick: () => this.close() }, "Close")), this.scales, this.lists);
+    this.place.addEventListener("keydown",
+      (event) => { if (event.key === "Escape") { this.close(); event.stopPropagation(); } });
     this.outside = (event) => { if (!this.place.parentElement?.contains(event.target)) this.close(); };
   }
 
@@ -59,18 +62,21 @@ export class ChartMenu {
       });
       this.lists.replaceChildren(...groups(found.slice(0, FOUND)).map((members) => this.group(members, true)));
       if (!found.length) this.lists.append(element("p", { className: "empty" }, "No signal matches."));
-      if (found.length > FOUND) this.lists.append(element("p", { className: "empty" }, `${found.length - FOUND} more; search for more of the name.`));
+      if (found.length > FOUND) this.lists.append(element("p", { className: "empty" },
+        `${found.length - FOUND} more; search for more of the name.`));
     }
     this.limit();
   }
 
   topics() {
     return [...new Set(this.signals.map(({ topic }) => topic))].map((topic) => {
-      const all = this.signals.filter((signal) => signal.topic === topic), named = all.filter(({ name }) => this.named.has(name));
+      const all = this.signals.filter((signal) => signal.topic === topic);
+      const named = all.filter(({ name }) => this.named.has(name));
       const chosen = all.filter(({ name }) => this.chart.names.includes(name));
       return this.section(words(topic), chosen.length, () => [
         ...groups(named).map((members) => this.group(members)),
-        ...(all.length > named.length ? [this.rest(all.filter(({ name }) => !this.named.has(name)), named.length === 0)] : []),
+        ...(all.length > named.length
+          ? [this.rest(all.filter(({ name }) => !this.named.has(name)), named.length === 0)] : []),
       ]);
     });
   }
@@ -78,12 +84,14 @@ export class ChartMenu {
   rest(signals, isAll) {
     const make = () => groups(signals).map((members) => this.group(members));
     if (isAll) return element("div", {}, ...make());
-    return this.section("all else in the message", signals.filter(({ name }) => this.chart.names.includes(name)).length, make);
+    return this.section("all else in the message", signals.filter(({ name }) => this.chart.names.includes(name))
+      .length, make);
   }
 
   // Its members are made when it is first opened.
   section(title, chosen, make) {
-    const place = element("details", {}, element("summary", {}, title, element("span", {}, chosen ? `${chosen} shown` : "")));
+    const place = element("details", {}, element("summary", {}, title,
+      element("span", {}, chosen ? `${chosen} shown` : "")));
     const fill = () => { if (place.open && place.children.length === 1) { place.append(...make()); this.limit(); } };
     place.addEventListener("toggle", fill);
     if (chosen) { place.open = true; place.append(...make()); }
@@ -91,14 +99,19 @@ export class ChartMenu {
   }
 
   group(members, withTopic = false) {
-    const { group, topic } = members[0], unit = members.every((one) => one.unit === members[0].unit) ? members[0].unit : "";
-    return element("fieldset", {}, element("legend", {}, `${withTopic ? `${words(topic)}: ` : ""}${group}${unit ? `, ${unit}` : ""}`), ...members.map((signal) => this.box(signal)));
+    const { group, topic } = members[0];
+    const unit = members.every((one) => one.unit === members[0].unit) ? members[0].unit : "";
+    return element("fieldset", {}, element("legend", {},
+      `${withTopic ? `${words(topic)}: ` : ""}${group}${unit ? `, ${unit}` : ""}`),
+        ...members.map((signal) => this.box(signal)));
   }
 
   box(signal) {
-    const input = element("input", { type: "checkbox", checked: this.chart.names.includes(signal.name), onchange: () => this.choose(signal.name, input.checked) });
+    const input = element("input", { type: "checkbox", checked: this.chart.names.includes(signal.name),
+      onchange: () => this.choose(signal.name, input.checked) });
     input.dataset.name = signal.name;
-    return element("label", { title: signal.name }, input, signal.label);
+    const constant = "constant" in signal ? `: always ${signal.constant ?? "empty"}` : ""; // of a recorded run
+    return element("label", { title: signal.name + constant, className: constant && "constant" }, input, signal.label);
   }
 
   choose(name, isWanted) {
@@ -116,16 +129,20 @@ export class ChartMenu {
       box.disabled = !box.checked && (isFull || (noUnit && !units.includes(this.byName.get(name).unit)));
       box.parentElement.classList.toggle("off", box.disabled);
     }
-    this.note.textContent = isFull ? `${MOST} of ${MOST} signals` : noUnit ? `${names.length} of ${MOST} signals, ${MOST_UNITS} of ${MOST_UNITS} units` : `${names.length} of ${MOST} signals`;
+    this.note.textContent = isFull ? `${MOST} of ${MOST} signals` : noUnit
+      ? `${names.length} of ${MOST} signals, ${MOST_UNITS} of ${MOST_UNITS} units`
+        : `${names.length} of ${MOST} signals`;
   }
 
   // By unit: as the values are, or fixed.
   drawScales() {
     this.scales.replaceChildren(...this.chart.units.map((unit) => {
       const fixed = this.chart.scales[unit], [low, high] = fixed ?? this.shown(unit);
-      const field = (value, label) => element("input", { type: "number", step: "any", value, disabled: !fixed, ariaLabel: `${label} end of the ${unit || "plain"} scale`, onchange: () => apply() });
+      const field = (value, label) => element("input", { type: "number", step: "any", value, disabled: !fixed,
+        ariaLabel: `${label} end of the ${unit || "plain"} scale`, onchange: () => apply() });
       const from = field(low, "lower"), to = field(high, "upper");
-      const auto = element("input", { type: "checkbox", checked: !fixed, onchange: () => { from.disabled = to.disabled = auto.checked; apply(); } });
+      const auto = element("input", { type: "checkbox", checked: !fixed,
+        onchange: () => { from.disabled = to.disabled = auto.checked; apply(); } });
       const apply = () => {
         const isWrong = !(from.valueAsNumber < to.valueAsNumber);
         to.setCustomValidity(!auto.checked && isWrong ? "above the lower end" : "");
@@ -133,7 +150,8 @@ export class ChartMenu {
         this.chart.setScale(unit, auto.checked ? null : [from.valueAsNumber, to.valueAsNumber]);
         this.changed();
       };
-      return element("div", {}, element("span", {}, `scale ${unit || "without unit"}`), element("label", {}, auto, "auto"), from, "to", to);
+      return element("div", {}, element("span", {}, `scale ${unit || "without unit"}`),
+        element("label", {}, auto, "auto"), from, "to", to);
     }));
   }
 

@@ -4,8 +4,42 @@
 
 export const SHORTEST = 5, LONGEST = 600; // s
 const FINEST = 0.2; // s, of a zoom into what is paused
+const STEPS = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300]; // s between ticks
 
-export class TimeAxis extends EventTarget {
+// What a live and a replayed time axis have in common: a cursor, and a count of changes.
+export class Axis extends EventTarget {
+  /** @type {number | null} */
+  cursor = null; // s
+  version = 0; // counts what makes a chart that stands still draw again
+
+  /** @returns {number | null} s, where a replay is */
+  get head() { return null; }
+
+  /** @param {number | null} time */
+  point(time) {
+    if (time === this.cursor) return;
+    this.cursor = time;
+    this.dispatchEvent(new Event("point"));
+  }
+
+  // Where a chart was clicked.
+  /** @param {number} _time */
+  choose(_time) {}
+}
+
+// Times of at most about so many ticks in [min, max], in order; `now` is one of them where it is given.
+/** @param {number} min @param {number} max @param {number} most @param {number} [now] */
+export function ticksOf(min, max, most, now) {
+  if (!(max > min)) return [];
+  const least = (max - min) / most, step = STEPS.find((one) => one >= least) ?? 600 * Math.ceil(least / 600);
+  const ticks = [];
+  const last = now === undefined ? Math.floor(max / step) * step
+    : now - Math.ceil(Math.max(0, now - max) / step) * step;
+  for (let tick = last; tick >= min; tick -= step) ticks.push(tick);
+  return ticks.reverse();
+}
+
+export class TimeAxis extends Axis {
   /** @param {History} history @param {number} seconds */
   constructor(history, seconds) {
     super();
@@ -17,16 +51,15 @@ export class TimeAxis extends EventTarget {
     this.pausedAt = 0;
     /** @type {[number, number] | null} */
     this.zoom = null; // [from, to] in s, while paused
-    /** @type {number | null} */
-    this.cursor = null; // s
-    this.version = 0; // counts what makes a paused chart draw again
-    history.telemetry.addEventListener("frame", (/** @type {any} */ { detail }) => { this.offset = detail.time - performance.now() / 1e3; });
+    history.telemetry.addEventListener("frame",
+      (/** @type {any} */ { detail }) => { this.offset = detail.time - performance.now() / 1e3; });
   }
 
   get isKnown() { return this.offset !== undefined; }
   get now() { return this.isKnown ? performance.now() / 1e3 + this.offset : 0; } // runs on while nothing comes
   get paused() { return this.frozen !== null; }
   get pausedFor() { return this.paused ? this.now - this.pausedAt : 0; }
+  get hasRoom() { return !this.zoom; } // for the lines' names, on the right
   get source() { return this.frozen ?? this.history; }
 
   // What is shown, without the room on its right.
@@ -88,15 +121,29 @@ export class TimeAxis extends EventTarget {
     this.changed();
   }
 
-  /** @param {number | null} time */
-  point(time) {
-    if (time === this.cursor) return;
-    this.cursor = time;
-    this.dispatchEvent(new Event("point"));
+  /** @param {number} min @param {number} max @param {number} most */
+  ticks(min, max, most) {
+    return max - min < 2 * LONGEST ? ticksOf(min, max, most, this.paused ? undefined : this.now) : [];
+  }
+
+  // Before now while it runs, by the clock while it is paused.
+  /** @param {number} time */
+  label(time) {
+    const before = this.now - time;
+    if (this.paused) return clock(time, this.span);
+    if (before < 0.05) return "now";
+    return before > 119.5 ? `−${Number((before / 60).toFixed(1))} min` : `−${Math.round(before)} s`;
   }
 
   changed() {
     this.version += 1;
     this.dispatchEvent(new Event("change"));
   }
+}
+
+// 14:03:27, with tenths when that is what is looked at.
+/** @param {number} time @param {[number, number]} span */
+function clock(time, [from, to]) {
+  const text = new Date(time * 1e3).toTimeString().slice(0, 8);
+  return to - from > 6 ? text : `${text}.${Math.floor(time * 10) % 10}`;
 }

@@ -3,7 +3,7 @@
 export const SPEEDS = [0.125, 0.25, 0.5, 1, 2, 4, 8];
 
 // Events: `time` when it moved, `change` when playing, speed or range did.
-export class Clock extends EventTarget {
+export class PlayHead extends EventTarget {
   constructor() {
     super();
     this.t = 0; this.start = 0; this.end = 1; this.speed = 1; this.direction = 1; this.playing = false;

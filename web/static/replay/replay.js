@@ -5,7 +5,7 @@ import { $, element } from "../core/dom.js";
 import { head } from "../core/page_header.js";
 import { Alignment } from "./align.js";
 import { ReplayChart } from "./chart.js";
-import { Clock } from "./play_head.js";
+import { PlayHead } from "./play_head.js";
 import { TimeLine } from "./timeline.js";
 import { ReplayPanel } from "./panel.js";
 import { Range } from "./range.js";
@@ -47,7 +47,7 @@ async function others(id) {
 class Page {
   constructor(runs, choices) {
     this.runs = runs;
-    const clock = (this.clock = new Clock()), range = (this.range = new Range(clock));
+    const clock = (this.clock = new PlayHead()), range = (this.range = new Range(clock));
     this.scene = new ReplayScene($("view"), clock);
     this.charts = [0, 1].map((index) => new ReplayChart($(`chart-${index}`), index, clock, range));
     this.table = new ReplayTable($("table"));

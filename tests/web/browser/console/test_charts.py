@@ -41,6 +41,7 @@ HOUR = """async ([names, minutes, rate]) => {
   const { History } = await import('/static/charts/history.js');
   const { TimeAxis } = await import('/static/charts/time_axis.js');
   const { Chart } = await import('/static/charts/chart.js');
+  const { LiveSignals } = await import('/static/charts/live_signals.js');
   if (!window.hour) {
     const description = await (await fetch('/api/signals')).json();
     const telemetry = new Telemetry(description);
@@ -48,7 +49,7 @@ HOUR = """async ([names, minutes, rate]) => {
     const place = document.body.appendChild(document.createElement('section'));
     const signals = new Map(description.signals.map((one) => [one.name, one]));
     const axis = new TimeAxis(new History(telemetry), 600);
-    const chart = new Chart(place, { axis, signals, who: 'hour', names });
+    const chart = new Chart(place, { axis, source: new LiveSignals(axis, signals, 'hour'), names });
     window.hour = { telemetry, chart, now: Date.now() / 1e3 };
   }
   const { telemetry, chart } = window.hour, head = 12 + 2 * telemetry.topics.length;
@@ -65,7 +66,7 @@ HOUR = """async ([names, minutes, rate]) => {
     await null;
   }
   const { start, end, times } = chart.axis.history;
-  return [end - start, times.length, chart.piece.to - chart.piece.from];
+  return [end - start, times.length, chart.pieces[0].to - chart.pieces[0].from];
 }"""
 
 

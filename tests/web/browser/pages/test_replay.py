@@ -160,10 +160,10 @@ def test_the_address_carries_the_moment(replay: Any, open_replay: Any) -> None:
 def test_charts_show_any_signal_of_the_log(replay: Any, look_at: Any) -> None:
     replay.click("#chart-1 >> text=Signals")
     replay.fill("#chart-1 input[type=search]", "estimator mass_variance")
-    replay.wait_for_selector("#chart-1 .menu label >> nth=0")
-    assert replay.locator("#chart-1 .menu label").count() == 1
+    replay.wait_for_selector("#chart-1 .lists label >> nth=0")
+    assert replay.locator("#chart-1 .lists label").count() == 1
     replay.fill("#chart-1 input[type=search]", "battery voltage")
-    replay.click("#chart-1 .menu label >> nth=0")
+    replay.click("#chart-1 .lists label >> nth=0")
     replay.keyboard.press("Escape")
     look_at(replay).text("#chart-1 .legend", r"voltage15\.99")
     assert "battery.voltage" in replay.evaluate("localStorage.getItem('replay.chart.1')")
