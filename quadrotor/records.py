@@ -8,11 +8,15 @@ maps body to world. Units are SI; stamps are integer nanoseconds of the vehicle'
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 Record = npt.NDArray[np.void]
 """A structured array, shape (1,) in the tick, (N,) in a batch."""
+Numbers = Sequence[float] | npt.NDArray[np.float64]
+Ids = npt.NDArray[np.int32]
 
 STATE = np.dtype(
     [
@@ -66,6 +70,7 @@ BEARINGS_SAMPLE = np.dtype(
         ("sigma", "f8"),  # rad on each of two tangent axes
         ("beacon_w", "f8", (MAX_BEACONS, 3)),  # m
         ("bearing_b", "f8", (MAX_BEACONS, 3)),  # unit, from the body towards the beacon
+        ("beacon_id", "i4", MAX_BEACONS),
     ],
     align=True,
 )
@@ -165,6 +170,32 @@ def new_state() -> Record:
 def new_reference() -> Record:
     """Return one reference at the origin, at rest, yaw 0, shape (1,)."""
     return np.zeros(1, REFERENCE)
+
+
+def pose_sample(stamp_ns: int, position_w: Numbers, quaternion_wb: Numbers) -> Record:
+    """Return a POSE_SAMPLE, shape (1,)."""
+    sample = np.zeros(1, POSE_SAMPLE)
+    sample[0] = stamp_ns, position_w, quaternion_wb
+    return sample
+
+
+def bearings_sample(
+    stamp_ns: int, beacon_ids: Sequence[int] | Ids, bearings_b: npt.ArrayLike, sigma: float
+) -> Record:
+    """Return a BEARINGS_SAMPLE without the beacons' places, shape (1,): the first MAX_BEACONS."""
+    count = min(len(beacon_ids), MAX_BEACONS)
+    sample = np.zeros(1, BEARINGS_SAMPLE)
+    item = sample[0]
+    item["stamp_ns"], item["count"], item["sigma"] = stamp_ns, count, sigma
+    item["beacon_id"][:count] = beacon_ids[:count]
+    item["bearing_b"][:count] = np.reshape(bearings_b, (-1, 3))[:count]
+    return sample
+
+
+def beacon_ids_of(sample: Record) -> list[int]:
+    """Return the ids in a BEARINGS_SAMPLE (1,), in its order."""
+    ids: list[int] = sample["beacon_id"][0, : sample["count"][0]].tolist()
+    return ids
 
 
 def new_tick() -> Record:

@@ -46,7 +46,7 @@ class FlightUnderTest:
         folder: Path,
         rate: int,
         ports: Sequence[str] = (),
-        poses: Callable[[], list[mailbox.Pose]] = list,
+        poses: Callable[[], list[Record]] = list,
     ) -> None:
         self._out = folder / f"flight{rate}.npz"
         self._poses = poses
@@ -157,7 +157,7 @@ class FlightUnderTest:
             elif isinstance(told, mailbox.Event):
                 self.events.append(told.text)
         for pose in self._poses():
-            self._rings.inbox.push(mailbox.encode(pose))
+            self._rings.poses.push(pose)
         now_ns = time.time_ns()
         if self.newest is not None and now_ns - self._heartbeat_ns > HEARTBEAT_NS:
             self._heartbeat_ns = now_ns

@@ -38,7 +38,7 @@ from benchmarks.onboard.flight_under_test import FlightUnderTest, Notes
 from benchmarks.onboard.recorded_simulator import HEADER
 from quadrotor.checkout import ROOT
 from quadrotor.errors import QuadlabError
-from vehicle.processes import mailbox
+from quadrotor.records import Record, pose_sample
 from vehicle.simulator.firmware.firmware import START_MS
 from vehicle_link.serial.ids import TIME_PERIOD_MS
 from vehicle_link.topics.ticks import decode_odometry
@@ -60,7 +60,7 @@ class PipedTruth:
         os.set_blocking(self._reader, False)
         self._data = b""
 
-    def poses(self) -> list[mailbox.Pose]:
+    def poses(self) -> list[Record]:
         """Return the poses that came since the last call."""
         try:
             self._data += os.read(self._reader, 65536)
@@ -74,9 +74,7 @@ class PipedTruth:
                 break
             _, state = decode_odometry(self._data[HEADER.size : end])
             self._data = self._data[end:]
-            x, y, z = state["position_w"][0].tolist()
-            q_w, q_x, q_y, q_z = state["quaternion_wb"][0].tolist()
-            found.append(mailbox.Pose(stamp_ns, (x, y, z), (q_w, q_x, q_y, q_z)))
+            found.append(pose_sample(stamp_ns, state["position_w"][0], state["quaternion_wb"][0]))
         return found
 
     def close(self) -> None:

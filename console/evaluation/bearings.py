@@ -21,6 +21,7 @@ from flight_log.gathered import Topic, read_topics
 from quadrotor.errors import LinkError, LogFormatError, MeasurementError
 from quadrotor.parameters import ParameterValue
 from quadrotor.plain_rotations import rotation_vectors_between
+from quadrotor.records import beacon_ids_of
 from vehicle_link.messages import decode
 from vehicle_link.topics import decode_bearings
 
@@ -264,7 +265,7 @@ def _frames(topic: Topic, begin: float, end: float) -> list[Frame]:
         if begin <= ns * 1e-9 <= end:
             with suppress(LinkError, MeasurementError):
                 seen = decode_bearings(payload)
-                frames[ns] = Frame(ns * 1e-9, seen.beacon_ids, seen.sigma)
+                frames[ns] = Frame(ns * 1e-9, tuple(beacon_ids_of(seen)), float(seen["sigma"][0]))
     return [frames[ns] for ns in sorted(frames)]
 
 

@@ -21,7 +21,6 @@ from quadrotor.errors import LinkError, LogFormatError, MeasurementError, Parame
 from quadrotor.parameters import ParameterStore, ParameterValue
 from quadrotor.plain_rotations import rotate
 from quadrotor.records import IMU_SAMPLE, STATE, Record
-from vehicle.processes import mailbox
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.topics import decode_bearings, decode_odometry, decode_pose
 from vehicle_link.topics.ticks import FROM_ROS, SECOND_NS, WORLD, body_frame, layout
@@ -48,7 +47,8 @@ class Arrival(NamedTuple):
     """A measurement and when the vehicle had it; it acts at the first sample after that."""
 
     arrival_ns: int
-    measurement: mailbox.Pose | mailbox.Bearings
+    measurement: Record
+    """POSE_SAMPLE, or BEARINGS_SAMPLE without places, (1,)."""
 
 
 class Change(NamedTuple):
@@ -108,7 +108,7 @@ def read_recording(path: Path) -> Recording:
         truth_ns,
         truth,
         poses=_arrivals(whole["tracker_pose"], _pose),
-        bearings=_arrivals(whole["bearings"], _bearings),
+        bearings=_arrivals(whole["bearings"], decode_bearings),
         parameters=_parameters(path),
         changes=sorted(map(_change, whole["parameter_changes"]), key=lambda one: one[:2]),
         resets=_calibrations(whole["events"]),
@@ -234,23 +234,14 @@ def _arrivals(messages: list[LogMessage], read: Any) -> list[Arrival]:
     return out
 
 
-def _pose(payload: bytes) -> mailbox.Pose:
+def _pose(payload: bytes) -> Record:
     pose = decode_pose(payload)
-    quaternion = pose["quaternion_wb"][0]
     poses = layout("geometry_msgs/PoseStamped", WORLD)
     if poses.fits(payload):
         sent = poses.decode(payload)["pose.orientation"][FROM_ROS]
         if abs(float(sent @ sent) - 1.0) < UNIT:
-            quaternion = sent
-    position = pose["position_w"][0]
-    return mailbox.Pose(
-        int(pose["stamp_ns"][0]), tuple(position.tolist()), tuple(quaternion.tolist())
-    )
-
-
-def _bearings(payload: bytes) -> mailbox.Bearings:
-    frame = decode_bearings(payload)
-    return mailbox.Bearings(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
+            pose["quaternion_wb"] = sent
+    return pose
 
 
 def _change(message: LogMessage) -> Change:

@@ -12,7 +12,7 @@ from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from quadlab.replay.errors import Array, Stamps, Truth
 from quadlab.replay.lines import Run
 from quadlab.replay.log import Arrival, Recording
-from vehicle.processes import mailbox
+from quadrotor.records import bearings_sample, pose_sample
 
 T = TypeVar("T")
 
@@ -65,9 +65,7 @@ def emulated_bearings(
     return [
         Arrival(
             arrival_ns,
-            mailbox.Bearings(
-                frame.stamp_ns, frame.beacon_ids.tolist(), frame.bearings_b.tolist(), frame.sigma
-            ),
+            bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma),
         )
         for arrival_ns, frame in _arrivals(emulator, truth, samples_ns)
     ]
@@ -79,12 +77,7 @@ def emulated_poses(
     """Return poses as the simulated tracker would have sent them."""
     tracker = SimulatedTracker(parameters)
     return [
-        Arrival(
-            arrival_ns,
-            mailbox.Pose(
-                pose.stamp_ns, tuple(pose.position_w.tolist()), tuple(pose.quaternion_wb.tolist())
-            ),
-        )
+        Arrival(arrival_ns, pose_sample(pose.stamp_ns, pose.position_w, pose.quaternion_wb))
         for arrival_ns, pose in _arrivals(tracker, truth, samples_ns)
     ]
 

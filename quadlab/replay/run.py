@@ -18,17 +18,9 @@ from quadlab.replay.lines import BELIEVED_LAYOUT, Run
 from quadlab.replay.log import Arrival, Change, Recording
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
 from quadrotor.parameters import ParameterStore
-from quadrotor.records import (
-    BEARINGS_SAMPLE,
-    ESTIMATE,
-    MAX_BEACONS,
-    POSE_SAMPLE,
-    STATE,
-    Record,
-    new_state,
-)
+from quadrotor.records import ESTIMATE, POSE_SAMPLE, STATE, Record, new_state, pose_sample
+from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle.flight.tick_record import LONGEST_GAP, NOMINAL_STEP
-from vehicle.processes import mailbox
 
 STATE_AGE_NS = 50_000_000
 """A recorded state older than this is no start."""
@@ -145,25 +137,21 @@ class _Vehicle:
         self._estimator.configure(p.estimation)
         self._source = p.estimation.source
         self._timeout_ns = round(1e9 * p.estimation.measurement_timeout)
-        beacons = parse_layout(p.beacons.layout)
-        places = beacons.positions_w.tolist()
-        self._places = dict(zip(beacons.ids.tolist(), places, strict=True))
+        self._beacons = KnownBeacons(parse_layout(p.beacons.layout))
 
-    def _take(self, measurement: mailbox.Pose | mailbox.Bearings, now_ns: int) -> None:
+    def _take(self, measurement: Record, now_ns: int) -> None:
         estimator, raised = self._estimator, False
         applied = _number(estimator, "applied")
         try:
-            if isinstance(measurement, mailbox.Pose):
+            if measurement.dtype == POSE_SAMPLE:
                 if self._source == "bearings":
                     return
                 self._last_pose_ns = now_ns
-                pose = np.zeros(1, POSE_SAMPLE)
-                pose[0] = measurement.stamp_ns, measurement.position_w, measurement.quaternion_wb
-                estimator.correct(pose, self._estimate)
+                estimator.correct(measurement, self._estimate)
             else:
                 if self._source == "poses" or not self._wants_bearings(now_ns):
                     return
-                frame = self._frame(measurement)
+                frame = self._beacons.place(measurement)
                 if frame is None:
                     return
                 estimator.correct_bearings(frame, self._estimate)
@@ -182,9 +170,8 @@ class _Vehicle:
         k = int(np.searchsorted(stamps, now_ns, side="right")) - 1
         if k < 0 or now_ns - stamps[k] > STATE_AGE_NS:
             return
-        pose, flown = np.zeros(1, POSE_SAMPLE), self._recording.state[k]
-        pose[0] = now_ns, flown["position_w"], flown["quaternion_wb"]
-        self._estimator.initialize(pose)
+        flown = self._recording.state[k]
+        self._estimator.initialize(pose_sample(now_ns, flown["position_w"], flown["quaternion_wb"]))
 
     def _note(self, now_ns: int, raised: bool, applied: bool) -> None:
         out, estimator = self._out, self._estimator
@@ -214,22 +201,6 @@ class _Vehicle:
         if self._source == "bearings" or self._estimator.deviations is not None:
             return True
         return now_ns - self._last_pose_ns > self._timeout_ns
-
-    def _frame(self, measurement: mailbox.Bearings) -> Record | None:
-        """Return BEARINGS_SAMPLE of the beacons that are known, None when none is."""
-        seen = [
-            (self._places[one], bearing)
-            for one, bearing in zip(measurement.beacon_ids, measurement.bearings_b, strict=False)
-            if one in self._places
-        ][:MAX_BEACONS]
-        if not seen:
-            return None
-        frame = np.zeros(1, BEARINGS_SAMPLE)
-        frame["stamp_ns"], frame["count"] = measurement.stamp_ns, len(seen)
-        frame["sigma"] = measurement.sigma
-        frame["beacon_w"][0, : len(seen)] = [place for place, _ in seen]
-        frame["bearing_b"][0, : len(seen)] = [bearing for _, bearing in seen]
-        return frame
 
 
 def _posterior(estimator: ErrorStateEstimator) -> Posterior:

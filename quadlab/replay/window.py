@@ -71,16 +71,11 @@ def _airborne(recording: Recording, truth: Truth) -> tuple[int, int, str]:
 
 def tracked_truth(recording: Recording) -> Truth:
     """Return the tracker's recorded poses in the truth's place; velocities are not known."""
-    from vehicle.processes import mailbox
-
-    ordered: dict[int, mailbox.Pose] = {}
-    for _, pose in recording.poses:
-        assert isinstance(pose, mailbox.Pose)
-        ordered[pose.stamp_ns] = pose
+    ordered = {int(pose["stamp_ns"][0]): pose[0] for _, pose in recording.poses}
     states = np.zeros(len(ordered), recording.truth.dtype)
     stamps = np.array(sorted(ordered), np.int64)
     for k, stamp_ns in enumerate(stamps.tolist()):
-        states["position_w"][k] = ordered[stamp_ns].position_w
-        states["quaternion_wb"][k] = ordered[stamp_ns].quaternion_wb
+        states["position_w"][k] = ordered[stamp_ns]["position_w"]
+        states["quaternion_wb"][k] = ordered[stamp_ns]["quaternion_wb"]
     states["velocity_w"] = math.nan
     return Truth(stamps, states)

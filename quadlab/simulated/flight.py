@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from bearing_sim.beacons import parse_layout
-from bearing_sim.emulator import BearingEmulator, BearingMeasurement, BearingParameters
+from bearing_sim.emulator import BearingEmulator, BearingParameters
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
@@ -21,8 +21,9 @@ from quadlab.simulated.guide import REQUESTER, SimulatedGuide
 from quadlab.simulated.stage_clock import StageClock
 from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import Record
-from vehicle.comms.bearing_pose import BearingPose
+from quadrotor.records import Record, bearings_sample, pose_sample
+from vehicle.comms.bearing_pose import bearing_pose
+from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
 from vehicle.flight.modes import MOTORS_ON
@@ -76,7 +77,7 @@ class SimulatedFlight(SimulatedGuide):
         self._mcu = Microcontroller(simulated.ports, epoch_ns=0, rate=parameters.simulator.imu_rate)
         self._tracker = SimulatedTracker(parameters.tracker)
         self._emulator = BearingEmulator(parameters.bearings)
-        self._bearing_pose = BearingPose(parse_layout(parameters.beacons.layout))
+        self._beacons = KnownBeacons(parse_layout(parameters.beacons.layout))
         self._orders = Orders(self.stack.modes, self._mcu)
         self._complained_ns = -COMPLAIN_NS
         self._next_heartbeat_ns = self._next_station_ns = self._next_truth_ns = 0
@@ -184,43 +185,28 @@ class SimulatedFlight(SimulatedGuide):
             self._emulator.observe(now_ns, position_w, quaternion_wb)
             self._log.truth(now_ns, self._simulated.truth)
         for pose in self._tracker.due(now_ns):
-            measurement = mailbox.Pose(
-                pose.stamp_ns, tuple(pose.position_w.tolist()), tuple(pose.quaternion_wb.tolist())
-            )
-            self.stack.measure(measurement)
+            self.stack.measure(pose_sample(pose.stamp_ns, pose.position_w, pose.quaternion_wb))
             self._pose = pose
             self._log.pose(pose.stamp_ns, pose.position_w, pose.quaternion_wb, now_ns)
         for frame in self._emulator.due(now_ns):
             self._log.bearings(frame, now_ns)
-            self.stack.measure(
-                mailbox.Bearings(
-                    frame.stamp_ns,
-                    frame.beacon_ids.tolist(),
-                    frame.bearings_b.tolist(),
-                    frame.sigma,
-                )
-            )
-            self._solve(frame, now_ns)
+            seen = bearings_sample(frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma)
+            self.stack.measure(seen)
+            self._solve(seen, now_ns)
         self._next_station_ns = now_ns - now_ns % TRUTH_NS + TRUTH_NS
         for arrival_ns in (self._tracker.next_ns, self._emulator.next_ns):
             if arrival_ns is not None and arrival_ns < self._next_station_ns:
                 self._next_station_ns = arrival_ns
 
-    def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:
+    def _solve(self, seen: Record, now_ns: int) -> None:
         try:
-            payload = self._bearing_pose.solve(
-                frame.stamp_ns,
-                frame.beacon_ids.tolist(),
-                frame.bearings_b,
-                frame.sigma,
-                self.stack.state,
-            )
+            payload = bearing_pose(seen, self._beacons, self.stack.state)
         except MeasurementError as error:
             if now_ns - self._complained_ns > COMPLAIN_NS:  # 30 frames a second may be such
                 self._complained_ns = now_ns
                 self.stack.say(f"bearings: {error}", mailbox.WARN)
             return
-        self._log.bearing_pose(frame.stamp_ns, payload, now_ns)
+        self._log.bearing_pose(int(seen["stamp_ns"][0]), payload, now_ns)
 
     def _drain_outbox(self) -> None:
         for message in self.stack.outbox:
@@ -231,7 +217,7 @@ class SimulatedFlight(SimulatedGuide):
             else:
                 self._log.parameter_change(message)
                 if message.name == "beacons.layout":
-                    self._bearing_pose.place(parse_layout(str(message.new)))
+                    self._beacons = KnownBeacons(parse_layout(str(message.new)))
         self.stack.outbox.clear()
 
 

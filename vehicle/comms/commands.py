@@ -7,11 +7,14 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription, ParameterStore, ParameterValue
+from quadrotor.records import Record
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
-from vehicle.processes.rings import ByteRing
+from vehicle.processes.config import Rings
 from vehicle_link.parameters.replica import ParameterReplica
 
 REPLY_TIMEOUT_S = 1.0
@@ -19,17 +22,23 @@ FETCH_PATIENCE_S = 1.5  # less than a parameter client waits
 
 
 class FlightMailbox:
-    """The producer's side of the inbox ring, shared by all threads of this process."""
+    """The producer's side of the rings to flight, shared by all threads of this process."""
 
-    def __init__(self, inbox: ByteRing) -> None:
-        self._inbox = inbox
+    def __init__(self, rings: Rings) -> None:
+        self._inbox = rings.inbox
+        self._measured = {ring.dtype: ring for ring in (rings.poses, rings.bearings)}
         self._lock = threading.Lock()
         self._waiting: dict[str, tuple[threading.Event, list[mailbox.Reply]]] = {}
         # The process id keeps replies to a comms process that died from being taken for ours.
         self._ids = (f"{os.getpid()}-{k}" for k in itertools.count())
 
-    def send(self, message: mailbox.Inbound) -> bool:
-        """Put into the ring without waiting; False when there is no room."""
+    def send(self, message: mailbox.Inbound | Record) -> bool:
+        """Put a message, POSE_SAMPLE or BEARINGS_SAMPLE (1,) into its ring without waiting; False
+        when there is no room.
+        """
+        if isinstance(message, np.ndarray):
+            with self._lock:
+                return self._measured[message.dtype].push(message)
         data = mailbox.encode(message)
         with self._lock:
             return self._inbox.push(data)

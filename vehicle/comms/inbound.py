@@ -17,12 +17,14 @@ from collections.abc import Callable
 
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
 from estimation.outcome import LATEST_NS
+from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import LinkError, MeasurementError
 from quadrotor.records import Record
-from vehicle.comms.bearing_pose import BearingPose
+from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.commands import FlightMailbox
 from vehicle.comms.preferred_source import FirstHeard
 from vehicle.comms.vehicle_clock import VehicleClock
+from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns
@@ -80,8 +82,8 @@ class Inbound:
         self._complain = SaidSometimes(say, clock)
         self._bearing_pose = bearing_pose
         self._log = log
-        self._solver: BearingPose | None = None
-        self._layout, self._beacons = "paper", PAPER_BEACONS
+        self._solves = False
+        self._layout, self._beacons = "paper", KnownBeacons(PAPER_BEACONS)
         self._preparing: threading.Thread | None = None
         self._heard_ns: int | None = None
         self._say = say
@@ -110,19 +112,15 @@ class Inbound:
         return self._preparing
 
     def _make_solver(self) -> None:
-        self._solver = BearingPose(self._beacons)
+        PlanarPoseSolver(PAPER_BEACONS.positions_w)
+        self._solves = True
 
     def lay_out(self, text: str) -> None:
         """Take over the beacons' positions from the text of the parameter beacons.layout. Raises
         MeasurementError.
-
-        A solver of its own: the one in use may be solving in another thread.
         """
-        if text == self._layout:
-            return
-        self._layout, self._beacons = text, parse_layout(text)
-        if self._solver is not None:
-            self._make_solver()
+        if text != self._layout:
+            self._layout, self._beacons = text, KnownBeacons(parse_layout(text))
 
     @property
     def station_silence(self) -> float:
@@ -156,9 +154,7 @@ class Inbound:
         sample = topics.decode_pose(payload)
         stamp_ns = int(sample["stamp_ns"][0])
         if self._fresh("tracker_pose", stamp_ns):
-            x, y, z = sample["position_w"][0].tolist()
-            qw, qx, qy, qz = sample["quaternion_wb"][0].tolist()
-            self._send(mailbox.Pose(stamp_ns, (x, y, z), (qw, qx, qy, qz)))
+            self._send(sample)
             self._log("tracker_pose", payload, stamp_ns)
 
     def _joy(self, payload: bytes) -> None:
@@ -193,16 +189,13 @@ class Inbound:
 
     def _bearings(self, payload: bytes) -> None:
         seen = topics.decode_bearings(payload)
-        if not self._fresh("bearings", seen.stamp_ns, LATEST_NS):
+        stamp_ns = int(seen["stamp_ns"][0])
+        if not self._fresh("bearings", stamp_ns, LATEST_NS):
             return
-        self._send(mailbox.Bearings(seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma))
-        self._log("bearings", payload, seen.stamp_ns)
-        if self._solver is None:
-            return
-        encoded = self._solver.solve(
-            seen.stamp_ns, seen.beacon_ids, seen.bearings_b, seen.sigma, self.newest_state
-        )
-        self._bearing_pose(encoded, seen.stamp_ns)
+        self._send(seen)
+        self._log("bearings", payload, stamp_ns)
+        if self._solves:
+            self._bearing_pose(bearing_pose(seen, self._beacons, self.newest_state), stamp_ns)
 
     def _fresh(self, topic: str, stamp_ns: int, oldest_ns: int = OLDEST_NS) -> bool:
         age_ns = self._clock.now_ns() - stamp_ns
@@ -217,7 +210,7 @@ class Inbound:
         )
         return False
 
-    def _send(self, message: mailbox.Measurement) -> None:
+    def _send(self, message: mailbox.Measurement | Record) -> None:
         if not self._clock.started:
             return  # flight is still starting: no one empties its inbox
         if not self._flight.send(message):

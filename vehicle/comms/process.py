@@ -63,7 +63,7 @@ class Comms:
     def __init__(self, config: CommsConfig, rings: Rings, node: Node) -> None:
         self._rings = rings
         self._clock = VehicleClock()
-        self._flight = FlightMailbox(rings.inbox)
+        self._flight = FlightMailbox(rings)
         self._parameters = FlightParameters(self._flight, config.parameters)
         self._events: deque[mailbox.Event] = deque()
         self._bearing_poses: deque[tuple[bytes, int]] = deque()

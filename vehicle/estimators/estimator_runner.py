@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estimation.estimator import Estimator
-from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state
+from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record, new_state, pose_sample
 from vehicle.estimators.unused_measurements import UnusedMeasurements
 
 POSES, BEARINGS, BOTH = "poses", "bearings", "both"
@@ -65,9 +65,9 @@ class Runner:
 
     def start_at(self, stamp_ns: int, state: Record) -> None:
         """Start at the pose of a STATE (1,). Raises MeasurementError."""
-        pose = np.zeros(1, POSE_SAMPLE)
-        pose[0] = stamp_ns, state["position_w"][0], state["quaternion_wb"][0]
-        self.estimator.initialize(pose)
+        self.estimator.initialize(
+            pose_sample(stamp_ns, state["position_w"][0], state["quaternion_wb"][0])
+        )
 
     def unused(self, now_ns: int) -> str | None:
         """Return what it did not use because of its time, when that is news."""

@@ -5,43 +5,40 @@ from __future__ import annotations
 import numpy as np
 
 from bearing_sim.beacons import Beacons
-from quadrotor.records import BEARINGS_SAMPLE, MAX_BEACONS, Record
-from vehicle.processes import mailbox
+from quadrotor.records import BEARINGS_SAMPLE, Record, beacon_ids_of
+
+ROWS = ("beacon_w", "bearing_b", "beacon_id")
+"""Fields of a BEARINGS_SAMPLE with a row a beacon."""
 
 
 class KnownBeacons:
-    """Makes the record that estimators take out of a message of ids and bearings."""
+    """Knows where the beacons are."""
 
     def __init__(self, beacons: Beacons) -> None:
         self._places = dict(zip(beacons.ids.tolist(), beacons.positions_w.tolist(), strict=True))
-        self._ids = {tuple(place): one for one, place in self._places.items()}
 
     @property
     def ids(self) -> list[int]:
         return sorted(self._places)
 
-    def ids_of(self, frame: Record) -> list[int]:
-        """Return the ids in a BEARINGS_SAMPLE (1,) that `frame` made, in its order."""
-        count = int(frame["count"][0])
-        return [self._ids[tuple(place)] for place in frame["beacon_w"][0, :count].tolist()]
-
-    def frame(self, measurement: mailbox.Bearings) -> Record | None:
-        """Return BEARINGS_SAMPLE (1,) of those that are known; None when none is."""
-        places = self._places
-        seen = [
-            (places[one], bearing)
-            for one, bearing in zip(measurement.beacon_ids, measurement.bearings_b, strict=False)
-            if one in places
-        ][:MAX_BEACONS]
-        if not seen:
+    def place(self, seen: Record) -> Record | None:
+        """Return a BEARINGS_SAMPLE (1,) with the places of its beacons, without those that are not
+        known; None when none is.
+        """
+        places, ids = self._places, beacon_ids_of(seen)
+        known = [k for k, one in enumerate(ids) if one in places]
+        if not known:
             return None
-        frame = np.zeros(1, BEARINGS_SAMPLE)
-        item = frame[0]
-        item["stamp_ns"], item["count"], item["sigma"] = (
-            measurement.stamp_ns,
-            len(seen),
-            measurement.sigma,
-        )
-        item["beacon_w"][: len(seen)] = [place for place, _ in seen]
-        item["bearing_b"][: len(seen)] = [bearing for _, bearing in seen]
+        frame = with_rows(seen, known)
+        frame["beacon_w"][0, : len(known)] = [places[ids[k]] for k in known]
         return frame
+
+
+def with_rows(frame: Record, rows: list[int]) -> Record:
+    """Return a copy of a BEARINGS_SAMPLE (1,) with these of its rows only."""
+    kept = np.frombuffer(bytearray(frame.tobytes()), BEARINGS_SAMPLE)  # `copy` takes 5 times longer
+    if len(rows) < frame["count"][0]:
+        kept["count"] = len(rows)
+        for field in ROWS:
+            kept[field][0, : len(rows)] = frame[field][0, rows]
+    return kept

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
-
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
 from estimation import registry
 from estimation.convergence import difference
@@ -18,7 +16,7 @@ from estimation.estimator import Estimator, fewest_beacons
 from estimation.parameters import EstimationParameters
 from quadrotor.errors import MeasurementError, UndeterminedStartError
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import POSE_SAMPLE, Record
+from quadrotor.records import POSE_SAMPLE, Record, beacon_ids_of
 from vehicle.estimators.agreement_watch import AgreementWatch
 from vehicle.estimators.bearings_watch import BearingsWatch
 from vehicle.estimators.choice import (
@@ -32,7 +30,7 @@ from vehicle.estimators.choice import (
     check,
 )
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
-from vehicle.estimators.known_beacons import KnownBeacons
+from vehicle.estimators.known_beacons import KnownBeacons, with_rows
 from vehicle.estimators.measurement_rate import MeasurementRate
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
@@ -128,19 +126,19 @@ class Navigation:
         if self.agreement.flags:
             self.agreement.step(imu["stamp_ns"].item())
 
-    def measure(self, measurement: mailbox.Pose | mailbox.Bearings) -> None:
-        """Take one measurement; it acts at the next step."""
-        if isinstance(measurement, mailbox.Pose):
+    def measure(self, measurement: Record) -> None:
+        """Take one POSE_SAMPLE, or BEARINGS_SAMPLE without places, (1,); it acts at the next
+        step.
+        """
+        if measurement.dtype == POSE_SAMPLE:
             if self._takes_poses:
-                pose = np.zeros(1, POSE_SAMPLE)
-                pose[0] = measurement.stamp_ns, measurement.position_w, measurement.quaternion_wb
-                self._queue.append(pose)
+                self._queue.append(measurement)
         elif self._takes_bearings and not self._refuses_bearings:
-            frame = self._beacons.frame(measurement)
+            frame = self._beacons.place(measurement)
             if frame is not None:
                 self._queue.append(frame)
-            elif measurement.beacon_ids:
-                self._say_unknown(measurement)
+            elif ids := beacon_ids_of(measurement):
+                self._say_unknown(ids)
 
     def refuse_bearings(self) -> None:
         """Take no more bearings, until another estimator or source is flown on."""
@@ -284,17 +282,11 @@ class Navigation:
         passed = self._without_suspect(measurement, passed)
         if len(passed) == count:
             return measurement
-        if not passed:
-            return None
-        kept = measurement.copy()
-        kept["count"] = len(passed)
-        for field in ("beacon_w", "bearing_b"):
-            kept[field][0, : len(passed)] = measurement[field][0, passed]
-        return kept
+        return with_rows(measurement, passed) if passed else None
 
     def _without_suspect(self, frame: Record, rows: list[int]) -> list[int]:
         """Return the rows of a frame without a beacon whose bearings are off, if that is wanted."""
-        watch, ids = self.watch, self._beacons.ids_of(frame)
+        watch, ids = self.watch, beacon_ids_of(frame)
         watch.average(frame, ids, self.reserve_ready)
         suspect, wanted, hindrance = watch.offsets.suspect, watch.parameters.exclude_beacon, ""
         left = rows
@@ -350,7 +342,7 @@ class Navigation:
         self._remember_seats()
         self._say(f"{what} {runner.name} stopped: {type(error).__name__}: {error}", mailbox.WARN)
 
-    def _say_unknown(self, measurement: mailbox.Bearings) -> None:
-        line = f"no known beacon among {list(measurement.beacon_ids)}"
+    def _say_unknown(self, ids: list[int]) -> None:
+        line = f"no known beacon among {ids}"
         for unsaid in self._rate.unsaid([line]):
             self._say(f"{unsaid}; known are {self._beacons.ids}", mailbox.WARN)

@@ -30,7 +30,8 @@ SILENCE_NS = 500_000_000
 SECOND_NS = 1_000_000_000
 NOTHING_YET = LoopStatistics(0.0, 0.0, 0.0, 0.0, 0.0)
 NEEDS_SAMPLES = mailbox.Arm | mailbox.StartBehavior | mailbox.Bench | mailbox.CalibrateGyroscope
-COMMANDS_A_TICK = 32  # more wait for the next tick: a flood of messages must not delay the motors
+MESSAGES_A_TICK = 32
+"""Of each ring; more wait for the next tick: a flood of messages must not delay the motors."""
 
 
 class Stack(Protocol):
@@ -49,7 +50,7 @@ class Stack(Protocol):
     def tick(self, sample: RawSample) -> tuple[int, int, int, int] | None: ...
     def handle(self, command: mailbox.Command) -> mailbox.Reply: ...
     def say(self, text: str, level: int = mailbox.INFO) -> None: ...
-    def measure(self, measurement: mailbox.Measurement) -> None: ...
+    def measure(self, measurement: mailbox.Measurement | Record) -> None: ...
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
     ) -> None: ...
@@ -98,6 +99,7 @@ class FlightLoop:
         self._mcu = mcu
         self._part = part
         self._rings = rings
+        self._measured = rings.poses, rings.bearings
         self._real_time = real_time
         self._pacer = pacer
         self._deadlines = pacer.deadlines
@@ -175,10 +177,17 @@ class FlightLoop:
 
     def _drain_inbox(self) -> None:
         inbox = self._rings.inbox
-        for _ in range(min(len(inbox), COMMANDS_A_TICK)):
-            message = inbox.pop()
-            if message is not None:
-                self._take(mailbox.decode_inbound(message))
+        if waiting := len(inbox):  # mostly nothing waits
+            for _ in range(min(waiting, MESSAGES_A_TICK)):
+                message = inbox.pop()
+                if message is not None:
+                    self._take(mailbox.decode_inbound(message))
+        for ring in self._measured:
+            if waiting := len(ring):
+                for _ in range(min(waiting, MESSAGES_A_TICK)):
+                    sample = ring.pop()
+                    if sample is not None:
+                        self._stack.measure(sample)
 
     def _take(self, message: mailbox.Inbound) -> None:
         if isinstance(message, mailbox.Measurement):

@@ -68,7 +68,8 @@ def fly(config: FlightConfig) -> None:
         say(granted.refusal)
     freeze_garbage()
     # From here on without delay: the first samples' arrival sets the vehicle's clock.
-    rings.inbox.pop_all()  # commands from before the start have been given up by who sent them
+    for ring in (rings.inbox, rings.poses, rings.bearings):
+        ring.pop_all()  # commands from before the start have been given up by who sent them
     for port in ports:
         while port.read():  # samples from before are old
             pass

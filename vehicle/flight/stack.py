@@ -8,6 +8,8 @@ for identical input. Only the caller's thread may touch it.
 
 from __future__ import annotations
 
+import numpy as np
+
 from bearing_sim.beacons import parse_layout
 from control.behaviors.ground import stand
 from control.behaviors.machine import BehaviorMachine
@@ -242,9 +244,9 @@ class FlightStack:
         """Carry out or refuse one command; the reply says why."""
         return self.commands.handle(command)
 
-    def measure(self, measurement: mailbox.Measurement) -> None:
-        """Take one measurement; it acts at the next tick."""
-        if isinstance(measurement, mailbox.Pose | mailbox.Bearings):
+    def measure(self, measurement: mailbox.Measurement | Record) -> None:
+        """Take one message, POSE_SAMPLE or BEARINGS_SAMPLE (1,); it acts at the next tick."""
+        if isinstance(measurement, np.ndarray):
             self.navigation.measure(measurement)
         elif isinstance(measurement, mailbox.Joy):
             self._joy = (measurement.stamp_ns, measurement.axes, measurement.enabled)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from control.behaviors.table import BehaviorName
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import pose_sample
 from vehicle.flight.modes import Mode
 from vehicle.flight.stack import FlightStack
 from vehicle.microcontroller.microcontroller import RawSample
@@ -51,7 +52,7 @@ class _Hop:
         stack.measure(mailbox.Heartbeat(self._stamp_ns))
         stack.measure(mailbox.Joy(self._stamp_ns, (0.1, 0.0, 0.0, 0.1), True))
         x, y, z = stack.reference["position_w"][0].tolist()
-        stack.measure(mailbox.Pose(self._stamp_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0)))
+        stack.measure(pose_sample(self._stamp_ns, (x, y, z), (1.0, 0.0, 0.0, 0.0)))
         acceleration = (STILL, STILL, STILL + ONE_G)
         motors = stack.modes.motor_state_wanted
         stack.tick(RawSample(self._stamp_ns, acceleration, (STILL,) * 3, 16.0, 1e5, motors))

@@ -9,26 +9,29 @@ from dataclasses import dataclass
 import msgspec
 
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import TICK
+from quadrotor.records import BEARINGS_SAMPLE, POSE_SAMPLE, TICK
 from vehicle.processes.rings import ByteRing, RecordRing, create
 from vehicle_link.serial.capacity import DEFAULT_RATE
 from vehicle_link.serial.identity import THE_ONE, Identity
 
 TICK_SLOTS = 4096  # 8 s at 500 Hz, 4 s at 1000 Hz: longer than a restart of comms
 INBOX_SLOTS, INBOX_SLOT_SIZE = 256, 8192
+MEASUREMENT_SLOTS = 256
 OUTBOX_SLOTS, OUTBOX_SLOT_SIZE = 256, 16384  # a reply may quote a whole command
 
 
 class RingDescriptors(msgspec.Struct, frozen=True):
-    """File descriptors of the three rings, the same numbers in every process."""
+    """File descriptors of the rings, the same numbers in every process."""
 
     ticks: int  # TICK records, flight to comms
     inbox: int  # mailbox.Inbound, comms to flight
+    poses: int  # POSE_SAMPLE records, comms to flight
+    bearings: int  # BEARINGS_SAMPLE records without places, comms to flight
     outbox: int  # mailbox.Outbound, flight to comms
 
     @property
-    def all(self) -> tuple[int, int, int]:
-        return self.ticks, self.inbox, self.outbox
+    def all(self) -> tuple[int, ...]:
+        return self.ticks, self.inbox, self.poses, self.bearings, self.outbox
 
 
 class FlightConfig(msgspec.Struct, frozen=True):
@@ -67,10 +70,12 @@ class CommsConfig(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, slots=True)
 class Rings:
-    """The three rings as this process maps them."""
+    """The rings as this process maps them."""
 
     ticks: RecordRing
     inbox: ByteRing
+    poses: RecordRing
+    bearings: RecordRing
     outbox: ByteRing
 
 
@@ -79,6 +84,8 @@ def create_rings() -> RingDescriptors:
     return RingDescriptors(
         ticks=create(TICK_SLOTS, TICK.itemsize, "ticks"),
         inbox=create(INBOX_SLOTS, INBOX_SLOT_SIZE, "inbox"),
+        poses=create(MEASUREMENT_SLOTS, POSE_SAMPLE.itemsize, "poses"),
+        bearings=create(MEASUREMENT_SLOTS, BEARINGS_SAMPLE.itemsize, "bearings"),
         outbox=create(OUTBOX_SLOTS, OUTBOX_SLOT_SIZE, "outbox"),
     )
 
@@ -88,5 +95,7 @@ def open_rings(descriptors: RingDescriptors) -> Rings:
     return Rings(
         ticks=RecordRing(descriptors.ticks, TICK, TICK_SLOTS),
         inbox=ByteRing(descriptors.inbox, INBOX_SLOTS, INBOX_SLOT_SIZE),
+        poses=RecordRing(descriptors.poses, POSE_SAMPLE, MEASUREMENT_SLOTS),
+        bearings=RecordRing(descriptors.bearings, BEARINGS_SAMPLE, MEASUREMENT_SLOTS),
         outbox=ByteRing(descriptors.outbox, OUTBOX_SLOTS, OUTBOX_SLOT_SIZE),
     )

@@ -1,7 +1,8 @@
 """The messages that the comms process puts into the flight process's mailbox, and the answers.
 
-msgpack by msgspec: 1 µs each, so the flight loop can drain them between ticks. Stamps are
-nanoseconds of the vehicle's clock.
+msgpack by msgspec: 1 µs each, so the flight loop can drain them between ticks. Poses and bearings
+are records in rings of their own (vehicle.processes.config). Stamps are nanoseconds of the
+vehicle's clock.
 """
 
 from __future__ import annotations
@@ -68,23 +69,6 @@ class Bench(msgspec.Struct, frozen=True, tag="bench"):
     secured: bool
 
 
-class Pose(msgspec.Struct, frozen=True, tag="pose"):
-    """A pose measurement, position in m (world), quaternion (w, x, y, z) body to world."""
-
-    stamp_ns: int
-    position_w: tuple[float, float, float]
-    quaternion_wb: tuple[float, float, float, float]
-
-
-class Bearings(msgspec.Struct, frozen=True, tag="bearings"):
-    """Unit vectors in body axes towards beacons at known world positions (m)."""
-
-    stamp_ns: int
-    beacon_ids: tuple[int, ...]
-    bearings_b: tuple[tuple[float, float, float], ...]
-    sigma: float  # rad on each of two tangent axes
-
-
 class Joy(msgspec.Struct, frozen=True, tag="joy"):
     """Sticks: axes (forward, left, up, yaw) in -1..1; enabled while the dead-man is held."""
 
@@ -118,7 +102,7 @@ Command = (
     | CalibrateGyroscope
     | Bench
 )
-Measurement = Pose | Bearings | Joy | ExternalReference | Heartbeat
+Measurement = Joy | ExternalReference | Heartbeat
 Inbound = Command | Measurement
 
 

@@ -137,7 +137,9 @@ class ByteRing(_Ring):
 
 
 class RecordRing(_Ring):
-    """A ring of numpy records of one dtype: consumed by `pop_all`, or by `read` and `free`."""
+    """A ring of numpy records of one dtype: consumed by `pop` and `pop_all`, or by `read` and
+    `free`.
+    """
 
     def __init__(self, fd: int, dtype: np.dtype[np.void], slots: int) -> None:
         super().__init__(fd, slots, dtype.itemsize)
@@ -157,6 +159,18 @@ class RecordRing(_Ring):
         fence()
         words[HEAD] = head + 1
         return True
+
+    def pop(self) -> Record | None:
+        """Return a copy of the oldest record, shape (1,), or None when the ring is empty."""
+        words = self._words
+        tail = words[TAIL]
+        if tail == words[HEAD]:
+            return None
+        fence()
+        record = np.frombuffer(bytearray(self._bytes(tail % self.slots, 1)), self.dtype)
+        fence()
+        words[TAIL] = tail + 1
+        return record
 
     def pop_all(self) -> Record:
         """Return a read-only copy of all records that wait now, oldest first, shape (N,)."""

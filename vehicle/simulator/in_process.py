@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
-from vehicle.processes import mailbox
+from quadrotor.records import Record, pose_sample
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
-Measure = Callable[[mailbox.Measurement], None]
+Measure = Callable[[Record], None]
 
 
 class InProcessRobot:
@@ -49,10 +49,8 @@ class InProcessRobot:
         now_ns = self.simulated.stamp_ns
         self._tracker.observe(now_ns, self._position_w, self._quaternion_wb)
         for pose in self._tracker.due(now_ns):
-            x, y, z = pose.position_w.tolist()
-            q_w, q_x, q_y, q_z = pose.quaternion_wb.tolist()
             stamp_ns = self.epoch_ns + pose.stamp_ns
-            self._measure(mailbox.Pose(stamp_ns, (x, y, z), (q_w, q_x, q_y, q_z)))
+            self._measure(pose_sample(stamp_ns, pose.position_w, pose.quaternion_wb))
 
     def skip(self, samples: int) -> None:
         self.simulated.skip(samples)

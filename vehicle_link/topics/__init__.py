@@ -2,7 +2,6 @@
 
 from vehicle_link.topics.bench import encode_bench_reading
 from vehicle_link.topics.measurements import (
-    Bearings,
     Sticks,
     decode_bearings,
     decode_external_reference,
@@ -47,7 +46,6 @@ __all__ = [
     "SERVICES",
     "TOPICS",
     "UNHEARD",
-    "Bearings",
     "Priority",
     "Sticks",
     "Topic",

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from quadrotor.errors import MeasurementError
-from quadrotor.records import POSE_SAMPLE, REFERENCE, Record
+from quadrotor.records import POSE_SAMPLE, REFERENCE, Record, bearings_sample
 from vehicle_link.messages import decode, stamp_of
 from vehicle_link.messages.cdr_layout import FixedLayout, Records, payloads_of
 from vehicle_link.topics.ticks import (
@@ -35,16 +35,6 @@ from vehicle_link.topics.ticks import (
 Array = npt.NDArray[np.float64]
 
 STICK_AXES = ("forward", "left", "up", "yaw")
-
-
-@dataclass(frozen=True, slots=True)
-class Bearings:
-    """Unit vectors in body axes towards beacons; sigma in rad on each of two tangent axes."""
-
-    stamp_ns: int
-    beacon_ids: tuple[int, ...]
-    bearings_b: tuple[tuple[float, float, float], ...]
-    sigma: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +133,11 @@ def encode_bearings(
     return out.tobytes()
 
 
-def decode_bearings(payload: bytes) -> Bearings:
-    """Raise LinkError; MeasurementError when numbers are not usable as bearings."""
+def decode_bearings(payload: bytes) -> Record:
+    """Decode BEARINGS_SAMPLE of shape (1,) without the beacons' places.
+
+    Raises LinkError; MeasurementError when numbers are not usable as bearings.
+    """
     message = decode(payload, "quadlab_msgs/BearingArray")
     ids = tuple(int(one) for one in message.beacon_ids)
     bearings = tuple(xyz(one) for one in message.bearings)
@@ -154,7 +147,7 @@ def decode_bearings(payload: bytes) -> Bearings:
         raise MeasurementError(f"bearings must be finite unit vectors, not {bearings}")
     if not (math.isfinite(message.sigma) and message.sigma > 0.0):
         raise MeasurementError(f"sigma of the bearings must be above 0 rad, not {message.sigma}")
-    return Bearings(stamp_of(message), ids, bearings, float(message.sigma))
+    return bearings_sample(stamp_of(message), ids, bearings, float(message.sigma))
 
 
 @cache

@@ -15,7 +15,7 @@ from bearing_sim.beacons import PAPER_BEACONS
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, ParameterError
-from quadrotor.records import POSE_SAMPLE, TICK, Record
+from quadrotor.records import POSE_SAMPLE, TICK, Record, pose_sample
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
@@ -78,10 +78,15 @@ class Flight:
 
     def __init__(self) -> None:
         self.rings = open_rings(create_rings())
-        self.mailbox = FlightMailbox(self.rings.inbox)
+        self.mailbox = FlightMailbox(self.rings)
 
     def received(self) -> list[mailbox.Inbound]:
         return [mailbox.decode_inbound(data) for data in self.rings.inbox.pop_all()]
+
+    def measured(self) -> list[Record]:
+        """Return the samples of either ring."""
+        rings = self.rings
+        return [*rings.poses.pop_all(), *rings.bearings.pop_all()]
 
 
 def answer(flight: Flight, accepted: bool, reason: str = "", **fields: object) -> threading.Thread:
@@ -392,9 +397,8 @@ def receiver(fake_time: FakeTime) -> Receiver:
 def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
     receiver.pose(age_ns=30 * MS)
     stamp = START_NS - 30 * MS
-    assert receiver.flight.received() == [
-        mailbox.Pose(stamp, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0))
-    ]
+    (pose,) = receiver.flight.measured()
+    assert pose.tobytes() == pose_sample(stamp, (1.0, 2.0, 3.0), (0.0, 1.0, 0.0, 0.0)).tobytes()
     assert receiver.logged == ["tracker_pose"]
 
 
@@ -403,7 +407,7 @@ def test_a_fresh_pose_reaches_flight_and_log(receiver: Receiver) -> None:
 )
 def test_what_is_not_of_now_is_ignored(receiver: Receiver, age_ms: int, words: str) -> None:
     receiver.pose(age_ns=age_ms * MS)
-    assert receiver.flight.received() == []
+    assert receiver.flight.measured() == []
     assert receiver.logged == []
     assert len(receiver.said) == 1
     assert words in receiver.said[0]
@@ -412,7 +416,7 @@ def test_what_is_not_of_now_is_ignored(receiver: Receiver, age_ms: int, words: s
 @pytest.mark.parametrize("age_ms", [-200, 0, 200])
 def test_200_ms_are_allowed(receiver: Receiver, age_ms: int) -> None:
     receiver.pose(age_ns=age_ms * MS)
-    assert len(receiver.flight.received()) == 1
+    assert len(receiver.flight.measured()) == 1
 
 
 def test_complaints_come_once_in_five_seconds_with_their_number(receiver: Receiver) -> None:
@@ -485,9 +489,8 @@ def test_four_bearings_give_the_pose(receiver: Receiver) -> None:
     assert found == pytest.approx(position, abs=1e-6)
     assert abs(pose.pose.orientation.w) == pytest.approx(1.0, abs=1e-6)
     assert stamp == START_NS
-    (bearings,) = receiver.flight.received()
-    assert isinstance(bearings, mailbox.Bearings)
-    assert bearings.beacon_ids == (1, 2, 3, 4)
+    (bearings,) = receiver.flight.measured()
+    assert bearings["beacon_id"][: bearings["count"]].tolist() == [1, 2, 3, 4]
 
 
 def test_an_unknown_beacon_is_left_out(receiver: Receiver) -> None:
@@ -500,7 +503,7 @@ def test_bearings_may_be_as_late_as_a_filter_can_use_them(
     receiver: Receiver, age_ns: int, used: int
 ) -> None:
     receiver.bearings(np.array([0.3, -0.2, 1.4]), [1, 2, 3, 4], age_ns)
-    assert len(receiver.flight.received()) == used
+    assert len(receiver.flight.measured()) == used
     assert len(receiver.said) == 1 - used
 
 
@@ -513,11 +516,11 @@ def test_too_few_bearings_are_said_and_still_reach_flight(
     assert receiver.poses == []
     assert len(receiver.said) == 1
     assert receiver.said[0].startswith("bearings: ")
-    assert len(receiver.flight.received()) == 3
+    assert len(receiver.flight.measured()) == 3
 
 
 def test_rubbish_is_said_and_harms_nothing(receiver: Receiver) -> None:
     for topic in receiver.inbound.handlers:
         receiver.inbound.take(topic, b"\x00\x01\x00\x00rubbish")
-    assert receiver.flight.received() == []
+    assert (receiver.flight.received(), receiver.flight.measured()) == ([], [])
     assert len(receiver.said) == len(receiver.inbound.handlers)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from bearing_sim.beacons import parse_layout
 from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS, Agreement
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.parameters import ParameterValue
+from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -47,12 +47,12 @@ class Lab(SimulatedFlight):
         self._take, self.stack.measure = self.stack.measure, self._measure  # type: ignore[method-assign]
         self.change({f"estimation.{name}": value for name, value in settings.items()})
 
-    def _measure(self, measurement: mailbox.Measurement) -> None:
-        if isinstance(measurement, mailbox.Pose):
-            x, y, z = (np.array(measurement.position_w) + self.moved).tolist()
-            measurement = replace(measurement, position_w=(x, y, z))
-        elif isinstance(measurement, mailbox.Bearings):
-            measurement = replace(measurement, stamp_ns=measurement.stamp_ns - self.older_ns)
+    def _measure(self, measurement: mailbox.Measurement | Record) -> None:
+        if isinstance(measurement, np.ndarray):
+            if measurement.dtype == POSE_SAMPLE:
+                measurement["position_w"] += self.moved
+            else:
+                measurement["stamp_ns"] -= self.older_ns
         self._take(measurement)
 
     def ready(self) -> Lab:

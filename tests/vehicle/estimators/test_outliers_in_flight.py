@@ -10,7 +10,7 @@ import pytest
 
 from estimation.outcome import Agreement
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
-from quadrotor.records import ESTIMATE
+from quadrotor.records import ESTIMATE, POSE_SAMPLE
 from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
@@ -46,8 +46,8 @@ class Lab(SimulatedFlight):
         take = self.stack.measure
 
         def measure(one: Any) -> None:
-            if isinstance(one, mailbox.Pose):
-                one = mailbox.Pose(one.stamp_ns, self.displace(one.position_w), one.quaternion_wb)
+            if getattr(one, "dtype", None) == POSE_SAMPLE:
+                one["position_w"] = self.displace(one["position_w"][0])
             take(one)
 
         self.stack.measure = measure  # type: ignore[method-assign]

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bearing_sim.emulator import BearingMeasurement
 from estimation import registry
 from estimation.complementary import ComplementaryEstimator
 from estimation.parameters import PRESETS, EstimationParameters
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError, UnknownParameterError
+from quadrotor.records import Record, bearings_sample
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
@@ -44,15 +44,8 @@ class Lab(SimulatedFlight):
     def set(self, **values: Any) -> None:
         self.change({f"estimation.{name}": value for name, value in values.items()})
 
-    def _solve(self, frame: BearingMeasurement, now_ns: int) -> None:
-        self.stack.measure(
-            mailbox.Bearings(
-                frame.stamp_ns,
-                tuple(frame.beacon_ids.tolist()),
-                tuple(tuple(b) for b in frame.bearings_b.tolist()),
-                frame.sigma,
-            )
-        )
+    def _solve(self, seen: Record, now_ns: int) -> None:
+        self.stack.measure(seen)
 
     def hovering(self) -> Lab:
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
@@ -229,7 +222,7 @@ def test_an_unknown_estimator_is_refused_by_name() -> None:
 def test_unknown_beacons_are_said_once_and_ignored() -> None:
     lab = Lab(source="both")
     for k in range(5):
-        frame = mailbox.Bearings(k * 1_000_000, (77,), ((0.0, 0.0, -1.0),), 0.02)
+        frame = bearings_sample(k * 1_000_000, (77,), ((0.0, 0.0, -1.0),), 0.02)
         lab.stack.measure(frame)
         lab.advance()
     assert sum("77" in text for text in lab.texts()) == 1

@@ -9,13 +9,14 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError
 from quadrotor.parameters import Parameters, ParameterStore, parameter
-from quadrotor.records import Record, new_tick
+from quadrotor.records import Record, bearings_sample, new_tick, pose_sample
 from vehicle.flight.lateness import LoopCounts, LoopStatistics
-from vehicle.flight.loop import COMMANDS_A_TICK, FlightLoop
+from vehicle.flight.loop import MESSAGES_A_TICK, FlightLoop
 from vehicle.flight.modes import Mode
 from vehicle.flight.pacing import Deadlines, PortPacer
 from vehicle.flight.process import open_ports
@@ -75,8 +76,9 @@ class FakeStack:
     def say(self, text: str, level: int = mailbox.INFO) -> None:
         self.outbox.append(mailbox.Event(0, level, text))
 
-    def measure(self, measurement: mailbox.Measurement) -> None:
-        self.calls.append(measurement)
+    def measure(self, measurement: mailbox.Measurement | Record) -> None:
+        is_record = isinstance(measurement, np.ndarray)
+        self.calls.append(measurement.tobytes() if is_record else measurement)
 
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool
@@ -176,7 +178,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     made.mcu.close()
 
 
-POSE = mailbox.Pose(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
+POSE = pose_sample(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0))
+BEARINGS = bearings_sample(8, (3, 1), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0.02)
 
 
 class Compiled:
@@ -253,9 +256,13 @@ def test_nothing_is_sent_to_the_motors_when_the_stack_gives_none(bench: Bench) -
 
 def test_the_inbox_is_drained_in_order_before_the_tick(bench: Bench) -> None:
     arm = mailbox.Arm("r1", "anna")
-    bench.send(POSE, arm, mailbox.Heartbeat(9))
+    joy = mailbox.Joy(6, (0.0, 0.0, 0.0, 0.0), True)
+    bench.rings.bearings.push(BEARINGS)
+    bench.rings.poses.push(POSE)
+    bench.send(joy, arm, mailbox.Heartbeat(9))
     (stamp,) = bench.samples(1)
-    assert bench.stack.calls == [POSE, arm, mailbox.Heartbeat(9), stamp]
+    messages = [joy, arm, mailbox.Heartbeat(9)]
+    assert bench.stack.calls == [*messages, POSE.tobytes(), BEARINGS.tobytes(), stamp]
 
 
 def test_changes_leave_before_the_reply_that_reports_them(bench: Bench) -> None:
@@ -277,9 +284,14 @@ def test_the_motor_state_is_passed_on_once_when_it_changes(bench: Bench) -> None
 
 
 def test_a_flood_of_messages_does_not_delay_the_motors(bench: Bench) -> None:
-    bench.send(*[POSE] * (COMMANDS_A_TICK + 5))
+    beat = mailbox.Heartbeat(9)
+    bench.send(*[beat] * (MESSAGES_A_TICK + 5))
+    for _ in range(MESSAGES_A_TICK + 4):
+        bench.rings.poses.push(POSE)
     first, second = bench.samples(2)
-    assert bench.stack.calls == [POSE] * COMMANDS_A_TICK + [first] + [POSE] * 5 + [second]
+    pose, most = POSE.tobytes(), MESSAGES_A_TICK
+    before = [beat] * most + [pose] * most
+    assert bench.stack.calls == [*before, first, *[beat] * 5, *[pose] * 4, second]
 
 
 def test_an_empty_change_asks_for_all_parameters(bench: Bench) -> None:

@@ -8,10 +8,10 @@ import time
 import numpy as np
 import pytest
 
+from quadrotor.records import POSE_SAMPLE, Record
 from vehicle.flight.pacing import GIVE_UP_NS, Deadlines, MemoryPacer, PortPacer
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.microcontroller.sample_stamps import MS, FineStamps
-from vehicle.processes import mailbox
 from vehicle.simulator.in_process import InProcessRobot
 
 PERIOD = 2 * MS
@@ -176,7 +176,7 @@ def test_behind_ports_the_loop_waits_until_bytes_come_or_the_sample_is_overdue()
 
 
 def test_a_vehicle_in_process_gives_a_sample_a_step_and_poses_of_the_same_clock() -> None:
-    measured: list[mailbox.Measurement] = []
+    measured: list[Record] = []
     robot = InProcessRobot(1000, measured.append)
     robot.epoch_ns = 5_000_000_000
     mcu = Microcontroller(robot.ports, robot.epoch_ns, rate=1000)
@@ -185,5 +185,5 @@ def test_a_vehicle_in_process_gives_a_sample_a_step_and_poses_of_the_same_clock(
         robot.step()
         stamps += [sample.stamp_ns for sample in mcu.receive()]
     assert stamps == [robot.epoch_ns + k * MS for k in range(25)]
-    assert [type(measurement) for measurement in measured] == [mailbox.Pose] * 3
-    assert {measurement.stamp_ns for measurement in measured} <= set(stamps)
+    assert [sample.dtype for sample in measured] == [POSE_SAMPLE] * 3
+    assert {int(sample["stamp_ns"][0]) for sample in measured} <= set(stamps)

@@ -17,6 +17,7 @@ from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.flight.modes import Mode
 from vehicle.parameters import new_parameters
 from vehicle.simulator.parameters import SimulatorParameters
+from quadrotor.records import pose_sample
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle.flight.stack import FlightStack
 
@@ -42,7 +43,7 @@ def fly(seconds):
         if k % 5 == 0:
             position = tuple(simulated.truth["position_w"][0].tolist())
             quaternion = tuple(simulated.truth["quaternion_wb"][0].tolist())
-            stack.measure(mailbox.Pose(now, position, quaternion))
+            stack.measure(pose_sample(now, position, quaternion))
         for sample in mcu.receive():
             motors = stack.tick(sample)
             if stack.modes.motor_state_wanted is not motor_state:

@@ -49,6 +49,21 @@ def test_a_full_ring_keeps_the_old_and_counts_the_new() -> None:
     assert ring.pop() == b"again"
 
 
+def test_records_come_out_one_by_one_and_are_the_consumers_own() -> None:
+    ring = tick_ring(slots=3)
+    ticks = np.zeros(5, TICK)
+    ticks["sequence"] = np.arange(5)
+    assert [ring.push(ticks[k : k + 1]) for k in range(4)] == [True, True, True, False]
+    first = ring.pop()
+    assert first is not None
+    assert first.tobytes() == ticks[:1].tobytes()
+    first["sequence"] = 9  # its memory is not the ring's
+    assert ring.push(ticks[4:])
+    taken = [ring.pop() for _ in range(4)]
+    assert [int(one["sequence"][0]) for one in taken[:3] if one is not None] == [1, 2, 4]
+    assert taken[3] is None
+
+
 def test_a_message_longer_than_a_slot_is_dropped_whole() -> None:
     ring = byte_ring()
     assert not ring.push(b"x" * (ring.longest + 1))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import LinkError, MeasurementError
-from quadrotor.records import POSE_SAMPLE, TICK, Record
+from quadrotor.records import POSE_SAMPLE, TICK, Record, beacon_ids_of
 from quadrotor.rotations import rotate_inverse
 from vehicle_link.messages import TYPESTORE, decode, encode, header, new, stamp_of, stored_name
 from vehicle_link.parameters.messages import AppliedChange, decode_change
@@ -253,8 +253,8 @@ def test_bearing_pose_keeps_covariance() -> None:
 def test_bearings_survive_and_bad_ones_are_refused() -> None:
     bearings = [(1.0, 0.0, 0.0), (0.0, 0.6, -0.8)]
     back = decode_bearings(encode_bearings(STAMP, [3, 1], bearings, 0.026))
-    assert (back.stamp_ns, back.beacon_ids, back.sigma) == (STAMP, (3, 1), 0.026)
-    np.testing.assert_array_equal(back.bearings_b, bearings)
+    assert (back["stamp_ns"][0], beacon_ids_of(back), back["sigma"][0]) == (STAMP, [3, 1], 0.026)
+    np.testing.assert_array_equal(back["bearing_b"][0, :2], bearings)
     with pytest.raises(MeasurementError, match="2 bearings with 1 beacon"):
         decode_bearings(encode_bearings(STAMP, [3], bearings, 0.026))
     with pytest.raises(MeasurementError, match="finite unit vectors"):
