@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from bearing_sim import PoseMeasurement
+from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.beacon_layout import BeaconLayout, in_force, vehicle_teller
 from console.calibrations import Calibrations
 from console.catalogue.catalogue import Catalogue
@@ -23,7 +23,7 @@ from console.checks.checks import CheckDesk
 from console.commands.gateway import CommandGateway
 from console.commands.lease_service import ControlDesk
 from console.commands.stick_control import StickDesk
-from console.comparison.feed import ComparisonFeed, both
+from console.comparison.feed import ComparisonFeed
 from console.experiment_running.run_files import settings_of
 from console.experiment_running.runner import ExperimentRunner
 from console.link.identification import Introduction
@@ -140,10 +140,7 @@ class BaseStation:
             lambda: is_alone or self._outbox.is_heard("comparison"),
         )
         self._tracker = TrackerFeed(
-            parameters.tracker,
-            parameters.bearings,
-            both(self._outbox.pose, self._on_pose),
-            both(self._outbox.bearings, self._comparison.bearings),
+            parameters.tracker, parameters.bearings, self._on_pose, self._on_bearings
         )
         self._layout = BeaconLayout(
             lambda: parameters.bearings.layout,
@@ -357,7 +354,12 @@ class BaseStation:
         if text.startswith(topics.UNHEARD):
             print(f"station: {self._vehicle}: {text}", flush=True)
 
+    def _on_bearings(self, frame: BearingMeasurement) -> None:
+        self._outbox.bearings(frame)
+        self._comparison.bearings(frame)
+
     def _on_pose(self, pose: PoseMeasurement) -> None:
+        self._outbox.pose(pose)
         self._comparison.pose(pose)
         self.experiments.readings.pose(pose)
 

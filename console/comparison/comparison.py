@@ -10,6 +10,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,16 +18,17 @@ import numpy.typing as npt
 
 from bearing_sim.beacons import Beacons
 from bearing_sim.emulator import BearingMeasurement
+from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.observability import frame_bound
 from bearing_sim.pose_track import Pose
-from console.comparison.bearings import Frame, residuals
+from console.comparison.bearings import residuals
 from console.comparison.results import Comparison, Result
 from console.comparison.samples import Event, SampleQueue
 from console.comparison.shadow import Shadow
 from console.comparison.statistics import QUATERNION, ErrorStatistics, errors
 from console.comparison.truth import Row, Source, TruthMerge
 from quadrotor.plain_rotations import rows_of
-from quadrotor.records import STATE, Record
+from quadrotor.records import STATE, Record, beacon_ids_of, bearings_sample
 
 if TYPE_CHECKING:
     from estimation.estimator import Estimator
@@ -67,7 +69,7 @@ class EstimatorComparison:
         self._samples = samples
         self._merge = TruthMerge()
         self._rows: deque[Row] = deque(maxlen=ROWS)
-        self._frames: deque[Frame] = deque(maxlen=FRAMES)
+        self._frames: deque[tuple[int, Record]] = deque(maxlen=FRAMES)
         self._compared: tuple[Row, Pose] | None = None
         self._told_ns = -(1 << 62)
         self._statistics = {word: ErrorStatistics() for word in (VEHICLE, *self._words)}
@@ -122,10 +124,12 @@ class EstimatorComparison:
 
     def bearings(self, measurement: BearingMeasurement, beacons: Beacons) -> None:
         """Take a frame, early or late, with the beacons as they were when it was taken."""
-        frame = Frame.of(measurement, beacons)
-        self._frames.append(frame)
-        if frame.beacon_ids:
-            self._samples.frame(frame.stamp_ns, frame.record())
+        stamp_ns, ids, bearings_b, sigma, _ = measurement
+        seen = bearings_sample(stamp_ns, ids, bearings_b, sigma)
+        frame = KnownBeacons(beacons).place(seen)
+        self._frames.append((stamp_ns, frame))
+        if frame["count"][0]:
+            self._samples.frame(stamp_ns, frame)
 
     def status(self, armed: bool, starting: bool) -> None:
         """Begin a session at arming; a vehicle that has calibrated its gyroscope again begins
@@ -182,26 +186,25 @@ class EstimatorComparison:
     def _describe_bearings(self, out: Comparison, true: Pose | None) -> None:
         """Describe the newest frame for which there are estimates."""
         newest_ns = self._rows[-1].stamp_ns
-        frame = max(
-            (one for one in self._frames if one.stamp_ns <= newest_ns),
-            key=lambda one: one.stamp_ns,
-            default=None,
+        newest = max(
+            (one for one in self._frames if one[0] <= newest_ns), key=itemgetter(0), default=None
         )
-        if frame is None:
+        if newest is None:
             return
-        out.sigma = frame.sigma
+        stamp_ns, frame = newest
+        out.sigma = float(frame["sigma"][0])
         if true is not None:
             R = rows_of(true.quaternion_wb)
             out.position_bound, out.attitude_bound = frame_bound(
-                true.position_w, R, frame.places_w, frame.sigma
+                true.position_w, R, frame["beacon_w"][0, : frame["count"][0]], out.sigma
             )
-        row = next((one for one in reversed(self._rows) if one.stamp_ns <= frame.stamp_ns), None)
-        if row is None or frame.stamp_ns - row.stamp_ns > CARRIED_NS:
+        row = next((one for one in reversed(self._rows) if one.stamp_ns <= stamp_ns), None)
+        if row is None or stamp_ns - row.stamp_ns > CARRIED_NS:
             return
-        angles = residuals(frame, row.states, 1e-9 * (frame.stamp_ns - row.stamp_ns))
+        angles = residuals(frame, row.states, 1e-9 * (stamp_ns - row.stamp_ns))
         for result in out.results:
             if result.name in row.names:
-                result.beacon_ids = frame.beacon_ids
+                result.beacon_ids = beacon_ids_of(frame)
                 result.residuals = angles[row.names.index(result.name)].tolist()
 
     # ------------------------------------------------------------------ parts

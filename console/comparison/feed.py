@@ -172,13 +172,3 @@ class ComparisonFeed:
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
-
-
-def both(first: Callable[[Any], None], second: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Return a function that hands its argument to two."""
-
-    def hand(one: Any) -> None:
-        first(one)
-        second(one)
-
-    return hand

@@ -6,14 +6,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from bearing_sim import BearingMeasurement, PoseMeasurement
 from console.commands.stick_watchdog import StickOrder
 from console.link.permission import Standing
 from console.link.telemetry_topics import ENCODERS
 from quadrotor.parameters import ParameterValue
-from quadrotor.records import POSE_SAMPLE
+from quadrotor.records import pose_sample
 from vehicle_link import topics
 from vehicle_link.clock import time_ns
 from vehicle_link.messages import encode
@@ -95,17 +93,11 @@ class Outbox:
         self.put(name, encode(message), stamp_ns)
 
     def pose(self, pose: PoseMeasurement) -> None:
-        sample = np.zeros(1, POSE_SAMPLE)
-        sample["stamp_ns"], sample["position_w"], sample["quaternion_wb"] = pose
-        self.put("tracker_pose", topics.encode_poses(sample)[0], pose.stamp_ns)
+        self.put("tracker_pose", topics.encode_poses(pose_sample(*pose))[0], pose.stamp_ns)
 
     def bearings(self, frame: BearingMeasurement) -> None:
         payload = topics.encode_bearings(
-            frame.stamp_ns,
-            frame.beacon_ids.tolist(),
-            frame.bearings_b.tolist(),
-            frame.sigma,
-            self._vehicle,
+            frame.stamp_ns, frame.beacon_ids, frame.bearings_b, frame.sigma, self._vehicle
         )
         self.put("bearings", payload, frame.stamp_ns)
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bearing_sim.beacons import parse_layout
+from bearing_sim.known_beacons import KnownBeacons
 from estimation import registry
 from estimation.error_state.estimator import ErrorStateEstimator
 from estimation.estimator import Estimator
@@ -19,7 +20,6 @@ from quadlab.replay.log import Arrival, Change, Recording
 from quadrotor.errors import MeasurementError, ParameterError, UndeterminedStartError
 from quadrotor.parameters import ParameterStore
 from quadrotor.records import ESTIMATE, POSE_SAMPLE, STATE, Record, new_state, pose_sample
-from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle.flight.tick_record import LONGEST_GAP, NOMINAL_STEP
 
 STATE_AGE_NS = 50_000_000
@@ -152,7 +152,7 @@ class _Vehicle:
                 if self._source == "poses" or not self._wants_bearings(now_ns):
                     return
                 frame = self._beacons.place(measurement)
-                if frame is None:
+                if not frame["count"][0]:
                     return
                 estimator.correct_bearings(frame, self._estimate)
         except UndeterminedStartError as error:

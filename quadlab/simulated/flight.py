@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 
 from bearing_sim.beacons import parse_layout
 from bearing_sim.emulator import BearingEmulator, BearingParameters
+from bearing_sim.known_beacons import KnownBeacons
 from bearing_sim.tracker import SimulatedTracker, TrackerParameters
 from console.experiments.client import VehicleView
 from estimation.convergence import Convergence
@@ -23,7 +24,6 @@ from quadrotor.errors import MeasurementError, RefusedError, UsageError
 from quadrotor.parameters import ParameterValue
 from quadrotor.records import Record, bearings_sample, pose_sample
 from vehicle.comms.bearing_pose import bearing_pose
-from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle.estimators.navigation import COMPLAIN_NS
 from vehicle.flight.microcontroller_commands import Orders
 from vehicle.flight.modes import MOTORS_ON

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from bearing_sim.known_beacons import KnownBeacons
 from estimation.poses.beacon_plane import require_distinct
 from estimation.poses.planar_pose import planar_pose
 from quadrotor.errors import MeasurementError
 from quadrotor.records import Record, beacon_ids_of
-from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle_link import topics
 
 
@@ -22,12 +22,12 @@ def bearing_pose(seen: Record, beacons: KnownBeacons, state: Record | None) -> b
     twice, or they do not determine a pose.
     """
     frame = beacons.place(seen)
-    if frame is None:
+    item = frame[0]
+    count = int(item["count"])
+    if not count:
         ids = beacon_ids_of(seen)
         raise MeasurementError(f"no known beacon among {ids}; known are {beacons.ids}")
     require_distinct(beacon_ids_of(frame))
-    item = frame[0]
-    count = int(item["count"])
     start = None
     if state is not None:
         start = (state["position_w"][0], state["quaternion_wb"][0])

@@ -16,6 +16,7 @@ import threading
 from collections.abc import Callable
 
 from bearing_sim.beacons import PAPER_BEACONS, parse_layout
+from bearing_sim.known_beacons import KnownBeacons
 from estimation.outcome import LATEST_NS
 from estimation.poses.planar_pose import PlanarPoseSolver
 from quadrotor.errors import LinkError, MeasurementError
@@ -24,7 +25,6 @@ from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.commands import FlightMailbox
 from vehicle.comms.preferred_source import FirstHeard
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle.processes import mailbox
 from vehicle_link import topics
 from vehicle_link.clock import monotonic_ns

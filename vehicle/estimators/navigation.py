@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from bearing_sim.beacons import PAPER_BEACONS, Beacons
+from bearing_sim.known_beacons import KnownBeacons, with_rows
 from estimation import registry
 from estimation.convergence import difference
 from estimation.estimator import Estimator, fewest_beacons
@@ -30,7 +31,6 @@ from vehicle.estimators.choice import (
     check,
 )
 from vehicle.estimators.estimator_runner import BEARINGS, POSES, Runner
-from vehicle.estimators.known_beacons import KnownBeacons, with_rows
 from vehicle.estimators.measurement_rate import MeasurementRate
 from vehicle.estimators.suspect_beacon import SuspectBeacon
 from vehicle.parameters import FallBackParameters
@@ -135,7 +135,7 @@ class Navigation:
                 self._queue.append(measurement)
         elif self._takes_bearings and not self._refuses_bearings:
             frame = self._beacons.place(measurement)
-            if frame is not None:
+            if frame["count"][0]:
                 self._queue.append(frame)
             elif ids := beacon_ids_of(measurement):
                 self._say_unknown(ids)

@@ -117,7 +117,7 @@ def _bearings_layout(ids: int, bearings: int, vehicle: str) -> FixedLayout:
 
 def encode_bearings(
     stamp_ns: int,
-    beacon_ids: Sequence[int],
+    beacon_ids: Sequence[int] | npt.NDArray[np.int32],
     bearings_b: Sequence[Sequence[float]] | Array,
     sigma: float,
     vehicle: str = VEHICLE,

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from bearing_sim.beacons import PRESETS
+from bearing_sim.known_beacons import KnownBeacons
 from quadrotor.errors import MeasurementError
 from quadrotor.records import bearings_sample, new_state
 from vehicle.comms.bearing_pose import bearing_pose
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.estimators.known_beacons import KnownBeacons
 from vehicle_link import topics
 from vehicle_link.messages import decode
 

@@ -1,4 +1,4 @@
-"""The beacons' positions, by id, as the vehicle knows it."""
+"""Where beacons stand, by id, and the rows of a frame of bearings to them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,15 @@ class KnownBeacons:
     def ids(self) -> list[int]:
         return sorted(self._places)
 
-    def place(self, seen: Record) -> Record | None:
+    def place(self, seen: Record) -> Record:
         """Return a BEARINGS_SAMPLE (1,) with the places of its beacons, without those that are not
-        known; None when none is.
+        known.
         """
         places, ids = self._places, beacon_ids_of(seen)
         known = [k for k, one in enumerate(ids) if one in places]
-        if not known:
-            return None
         frame = with_rows(seen, known)
-        frame["beacon_w"][0, : len(known)] = [places[ids[k]] for k in known]
+        if known:
+            frame["beacon_w"][0, : len(known)] = [places[ids[k]] for k in known]
         return frame
 
 
