@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 
-_ALL = 0xFFFF_FFFF_FFFF_FFFF
-_STEP = 0x9E37_79B9_7F4A_7C15
+ALL = 0xFFFF_FFFF_FFFF_FFFF
+STEP = 0x9E37_79B9_7F4A_7C15
+"""From one state of SplitMix64 to the next, in 64 bits."""
 _UNIT = 2.0**-53
 
 
@@ -21,18 +22,19 @@ class Draws:
     def __init__(self, *key: int) -> None:
         state = 0
         for part in key:
-            state = _mixed((state ^ part) + _STEP & _ALL)
+            state = mixed((state ^ part) + STEP & ALL)
         self._state = state
 
     def uniform(self) -> float:
         """Return the next one, in (0, 1]."""
-        self._state = self._state + _STEP & _ALL
-        return ((_mixed(self._state) >> 11) + 1) * _UNIT
+        self._state = self._state + STEP & ALL
+        return ((mixed(self._state) >> 11) + 1) * _UNIT
 
 
-def _mixed(z: int) -> int:
-    z = ((z ^ z >> 30) * 0xBF58_476D_1CE4_E5B9) & _ALL
-    z = ((z ^ z >> 27) * 0x94D0_49BB_1331_11EB) & _ALL
+def mixed(z: int) -> int:
+    """Return the word that SplitMix64 makes of a state."""
+    z = ((z ^ z >> 30) * 0xBF58_476D_1CE4_E5B9) & ALL
+    z = ((z ^ z >> 27) * 0x94D0_49BB_1331_11EB) & ALL
     return z ^ z >> 31
 
 

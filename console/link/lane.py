@@ -16,7 +16,7 @@ from console.link.monitor import LinkMonitor
 from console.link.permission import OBSERVER
 from vehicle_link import topics
 from vehicle_link.lane.datagram import HELLO, TO_VEHICLE
-from vehicle_link.lane.first_only import FirstOnly
+from vehicle_link.lane.replay_window import ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
 from vehicle_link.messages import Message, new
 from vehicle_link.security.access import LANE, PILOT_LANE
@@ -63,7 +63,8 @@ class LaneIn:
     ) -> None:
         self._node, self._link = node, link
         self._callbacks = {"telemetry": telemetry, "vehicle_heartbeat": heartbeat}
-        self._first = FirstOnly()
+        self._came: dict[tuple[str, bytes], ReplayWindow] = {}
+        """By topic and publisher, which numbers its messages; the same on both ways."""
         self._one_at_a_time = {name: threading.Lock() for name in self._callbacks}
         self._lane: StationLane | None = None
         self._over_zenoh: Node | None = None
@@ -118,8 +119,10 @@ class LaneIn:
 
     def _heard(self, name: str, path: str, received: Received) -> None:
         with self._one_at_a_time[name]:
-            if not self._first.is_first(name, received):
+            came = self._came.setdefault((name, received.gid), ReplayWindow())
+            if not came.is_new(received.sequence):
                 return
+            came.take(received.sequence)
             if name == "telemetry":
                 self._link.path = path
             self._callbacks[name](received)

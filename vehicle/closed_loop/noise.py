@@ -13,6 +13,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from bearing_sim.chance import ALL, STEP, mixed
 from quadrotor.compiled import compiled
 
 Array = npt.NDArray[np.float64]
@@ -22,7 +23,6 @@ LAYERS = 256
 TAIL = 3.6541528853610088
 """Where the tail begins when each of 256 layers has the same area."""
 
-_MASK = (1 << 64) - 1
 _R17, _R23, _R41, _R45, _R19 = (np.uint64(n) for n in (17, 23, 41, 45, 19))
 
 
@@ -49,12 +49,8 @@ def seeded(seeds: list[int]) -> Words:
     """
     out = np.empty((len(seeds), 4), np.uint64)
     for k, seed in enumerate(seeds):
-        state = seed & _MASK
         for i in range(4):
-            state = (state + 0x9E3779B97F4A7C15) & _MASK
-            z = ((state ^ (state >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
-            z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _MASK
-            out[k, i] = z ^ (z >> 31)
+            out[k, i] = mixed(seed + (i + 1) * STEP & ALL)
     return out
 
 

@@ -1,4 +1,7 @@
-"""The counters that came already (RFC 4303, section 3.4.3): a bitmap behind the newest one."""
+"""The counters that came already (RFC 4303, section 3.4.3): a bitmap behind the newest one.
+
+Of the datagrams of a lane, and of the messages of a publisher that may come by two ways.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ _ALL = (1 << SIZE) - 1
 
 
 class ReplayWindow:
-    """A window that refuses replayed datagrams, used by one thread. Counters begin at 1."""
+    """A window that refuses what came before, used by one thread at a time. Counters begin at 1."""
 
     def __init__(self) -> None:
         self.newest = 0
@@ -21,7 +24,7 @@ class ReplayWindow:
         return counter > 0 and behind < SIZE and not self._came >> behind & 1
 
     def take(self, counter: int) -> None:
-        """Mark the counter of an authentic datagram as received."""
+        """Mark a counter as received."""
         if counter > self.newest:
             # A jump of 2⁶³ must not shift by as much.
             ahead = min(counter - self.newest, SIZE)

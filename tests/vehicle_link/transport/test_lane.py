@@ -31,7 +31,6 @@ from vehicle_link.lane.datagram import (
     Sealer,
     key_id_of,
 )
-from vehicle_link.lane.first_only import KEPT, FirstOnly
 from vehicle_link.lane.newest_only import NewestOnly
 from vehicle_link.lane.replay_window import SIZE, ReplayWindow
 from vehicle_link.lane.station_lane import StationLane
@@ -140,18 +139,6 @@ def test_bytes_of_any_length_are_no_datagram_and_no_error() -> None:
     assert len(whole) == LARGEST + 1
     assert key_id_of(whole) is None
     assert refused.replayed + refused.forged == refused.total
-
-
-def test_of_two_ways_the_first_counts() -> None:
-    first = FirstOnly()
-    assert first.is_first("joy", message(1))
-    assert not first.is_first("joy", message(1))
-    assert first.is_first("tracker_pose", message(1))
-    assert first.is_first("joy", Received(b"", 1, 0, 0, b"another's"))
-    assert first.again == 1
-    for k in range(2, KEPT + 3):  # what is forgotten is bounded, and not the newest
-        assert first.is_first("joy", message(k))
-    assert not first.is_first("joy", message(KEPT + 2))
 
 
 def test_an_order_is_not_undone_by_an_older_one_that_comes_later() -> None:
