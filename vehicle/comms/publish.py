@@ -99,7 +99,9 @@ class Publisher:
         stamps = ticks["imu"]["stamp_ns"]
         newest = int(stamps[-1])
         if self._radio is not None:
-            self._telemetry(self._radio, ticks[stamps >= newest - STALE_NS])
+            oldest = newest - STALE_NS
+            fresh = ticks if stamps[0] >= oldest else ticks[stamps >= oldest]  # a copy takes long
+            self._telemetry(self._radio, fresh)
         last = ticks[-1:]
         key = _status_key(ticks)
         if self._due("status", newest) or key != self._status_key:
@@ -169,7 +171,9 @@ class Publisher:
         size = self._packet_size = samples_a_packet(self._tick_rate, self._packets)
         if self._pending_count < size:
             return
-        waiting = np.concatenate(self._pending)
+        waiting = self._pending[0]
+        if len(self._pending) > 1:  # numpy takes long to see that all are of one type
+            waiting = np.concatenate(self._pending)
         for start in range(0, len(waiting) - size + 1, size):
             group = waiting[start : start + size]
             stamp_ns = int(group["imu"]["stamp_ns"][-1])
