@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO
 
+from flight_log.run_folder import log_of, station_log
 from quadrotor.errors import StorageError
 
 PIECE = 1 << 15
@@ -121,9 +122,11 @@ class LogFile:
 
 
 def open_log(path: Path) -> BinaryIO:
-    """Open a log for reading. Raises StorageError, also for what is not a regular file: a pipe
-    would wait for ever.
+    """Open a log for reading, of a run's folder that which `log_of` chooses.
+
+    Raises StorageError, also for what is not a regular file: a pipe would wait for ever.
     """
+    path = log_of(path)
     try:
         descriptor = os.open(path, READING)
     except OSError as error:
@@ -137,11 +140,12 @@ def open_log(path: Path) -> BinaryIO:
 
 
 def is_being_written(path: Path) -> bool:
-    """Return True while a LogFile has this path open, in any process of this machine.
+    """Return True while a LogFile has this path open, in any process of this machine; of a run's
+    folder the station's log.
 
     Raises OSError.
     """
-    descriptor = os.open(path, READING)
+    descriptor = os.open(station_log(path), READING)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

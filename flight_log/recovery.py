@@ -12,6 +12,7 @@ from flight_log.file import LogFile, is_being_written, open_log, sync_folder
 from flight_log.index import RECOVERED_METADATA, index_problem
 from flight_log.mcap_writer import McapWriter
 from flight_log.records import RawMessage, ReadState, records
+from flight_log.run_folder import station_log
 from quadrotor.errors import LogFormatError, StorageError
 
 PIECE = 1 << 20
@@ -32,7 +33,8 @@ class Recovery:
 
 
 def recover(path: Path) -> Recovery:
-    """Rewrite a torn file in place, atomically; one with a sound index is left alone.
+    """Rewrite a torn file in place, atomically; one with a sound index is left alone. Of a run's
+    folder it is the station's log.
 
     The new file carries the metadata record `quadlab.recovered`. A file that is damaged in its
     middle is kept next to it as `.torn`.
@@ -42,6 +44,7 @@ def recover(path: Path) -> Recovery:
         StorageError: it is being written or mended now, or there is no room for the copy.
             The torn file stays as it was.
     """
+    path = station_log(path)
     if not index_problem(path):
         return Recovery(path, torn=False)
     try:

@@ -25,6 +25,7 @@ from flight_log.index import (
     reading,
 )
 from flight_log.limits import MOST_DESCRIPTION, Kept, map_bytes
+from flight_log.run_folder import log_of
 from flight_log.writer import FILLED_METADATA, RUN_METADATA
 from quadrotor.errors import LogFormatError, StorageError
 
@@ -170,7 +171,7 @@ def _by_reading(path: Path, problem: str, progress: Callable[[float], None]) -> 
     first = min(first, last)
     return LogSummary(
         path=path,
-        bytes=path.stat().st_size,
+        bytes=log_of(path).stat().st_size,
         closed=not tear,
         recovered=RECOVERED_METADATA in reader.metadata,
         tear=tear,

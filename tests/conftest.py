@@ -21,7 +21,7 @@ REAL_TIME = (
     "system/",
     "vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",
     "console/evaluation/test_evaluation.py",
-    "console/runs/test_transfers.py::test_runs_are_filled_by_a_real_process",
+    "console/runs/test_transfers.py::test_runs_are_completed_by_a_real_process",
 )
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
 processes that leave it to others by theirs: the last, and nothing runs beside them."""

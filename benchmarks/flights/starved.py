@@ -171,7 +171,7 @@ class Laboratory:
         self._up.wait(120)
 
     def _runs(self) -> list[Path]:
-        return list((self._data / "runs").glob("*.mcap"))
+        return [path.parent for path in (self._data / "runs").glob("*/station.mcap")]
 
     def _is_down(self) -> bool:
         status = self.status()

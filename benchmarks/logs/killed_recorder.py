@@ -21,11 +21,12 @@ import numpy as np
 
 from benchmarks.logs.killed_file import Board, Kill, look
 from benchmarks.logs.recorded_run import MadeRun, write_run
-from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, run_name
+from console.catalogue.catalogue import Catalogue, RunEntry, run_name
 from console.runs.adoption import tidy_runs
 from console.runs.recorder import Recorder
 from console.runs.run import Run, RunEnd
 from flight_log import read_log
+from flight_log.run_folder import STATION
 from quadrotor.checkout import ROOT
 from vehicle_link import messages
 
@@ -67,9 +68,9 @@ def _killed(material: Path, folder: Path, after_s: float) -> Kill:
         process.wait()
     catalogue = Catalogue(folder)
     try:
-        [log] = catalogue.folder.glob(f"*{SUFFIX}")
+        [log] = catalogue.folder.glob(f"*/{STATION}")
         kill = look(log, board, lambda: tidy_runs(catalogue))
-        entry = catalogue.get(log.stem)
+        entry = catalogue.get(log.parent.name)
     finally:
         catalogue.close()
     if (entry.complete, entry.recovered, entry.messages) != (True, True, kill.kept):
@@ -88,7 +89,7 @@ def feed(material: Path, folder: Path) -> None:
                 vehicle="quad1",
                 start_ns=run.start_ns,
                 duration=0.0,
-                file=run.path.name,
+                file=run.path.parent.name,
                 bytes=0,
                 messages=0,
                 operator="",
@@ -112,7 +113,7 @@ def feed(material: Path, folder: Path) -> None:
     recorder.start(
         Run(
             name,
-            catalogue.folder / f"{name}{SUFFIX}",
+            catalogue.folder / name / STATION,
             {"vehicle": "quad1"},
             time.time_ns(),
             lambda: {"parameters.json": b"{}"},

@@ -19,6 +19,7 @@ from sqlalchemy.orm import Session, sessionmaker
 from console.catalogue.database_file import DatabaseFile
 from console.catalogue.search import RunSearch, condition
 from console.catalogue.tables import Base, RunRow, TrashRow
+from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
 
 RUNS = "runs"
@@ -34,7 +35,7 @@ class RunEntry:
     vehicle: str
     start_ns: int  # epoch, station clock
     duration: float  # s
-    file: str  # name within the runs folder
+    file: str  # name within the runs folder, of the run's folder or single file
     bytes: int
     messages: int
     operator: str
@@ -136,7 +137,8 @@ class Catalogue:
             session.delete(self.existing(session, run_id))
 
     def resolve(self, run_id: str) -> Path:
-        """Return the file of a catalogued run, never anything outside the runs folder.
+        """Return the folder of a catalogued run, or its single file (`flight_log.run_folder`),
+        never anything outside the runs folder.
 
         Raises StorageError for an unknown or deleted run, a missing file, or a name that leads
         elsewhere.
@@ -144,9 +146,9 @@ class Catalogue:
         entry = self.get(run_id)
         folder = self.folder.resolve()
         path = (folder / entry.file).resolve()
-        if path.parent != folder or path.suffix != SUFFIX:
+        if path.parent != folder or not (path.suffix == SUFFIX or path.is_dir() or not path.suffix):
             raise StorageError(f"the file of run {run_id!r} does not lie in {folder}; not opened")
-        if not path.is_file():
+        if not log_of(path).is_file():
             raise StorageError(f"the file of run {run_id} is gone: {path}")
         return path
 
@@ -171,15 +173,24 @@ class Catalogue:
             raise _storage_error(error) from error
 
 
+def runs_in(folder: Path) -> list[Path]:
+    """Return the runs that lie in a folder: those that are folders, then single files; both in
+    the order of their names. Raises OSError.
+    """
+    found = sorted(folder.iterdir()) if folder.is_dir() else []
+    folders = [path for path in found if path.is_dir() and log_of(path).is_file()]
+    return folders + [path for path in found if path.suffix == SUFFIX]
+
+
 def run_name(
     now: datetime, vehicle: str, folder: Path, taken: Collection[str] = frozenset()
 ) -> str:
-    """Return `20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its file
+    """Return `20260131T093042Z_quad1`, with `_2`, `_3`, … where that is taken or its folder or file
     exists.
     """
     name = stem = f"{now.astimezone(UTC):%Y%m%dT%H%M%SZ}_{vehicle}"
     number = 1
-    while name in taken or (folder / f"{name}{SUFFIX}").exists():
+    while name in taken or (folder / name).exists() or (folder / f"{name}{SUFFIX}").exists():
         number += 1
         name = f"{stem}_{number}"
     return name

@@ -69,19 +69,6 @@ def open_runs(catalogue: Catalogue, vehicle: str) -> list[str]:
         return list(session.scalars(query))
 
 
-def end_of_run_before(catalogue: Catalogue, run_id: str) -> int:
-    """Return when the vehicle's run before this one ended, epoch ns of the station; 0 without
-    one.
-    """
-    with catalogue.session() as session:
-        run = catalogue.existing(session, run_id)
-        query = select(RunRow).where(
-            RunRow.vehicle == run.vehicle, RunRow.start_ns < run.start_ns, RunRow.id != run_id
-        )
-        before = session.scalar(query.order_by(RunRow.start_ns.desc()).limit(1))
-        return before.start_ns + round(before.duration * 1e9) if before is not None else 0
-
-
 def as_json(found: Completeness | None) -> dict[str, Any] | None:
     return None if found is None else {**asdict(found), "line": found.line}
 

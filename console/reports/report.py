@@ -23,6 +23,7 @@ from console.reports.log_tables import (
 from console.reports.plots import require_matplotlib
 from console.reports.run_log import RunLog, read_run
 from console.reports.tables import calibration_blocks, day, metrics_blocks, proposal_blocks
+from flight_log.run_folder import log_of
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
 
@@ -148,7 +149,7 @@ def _subtitle(log: RunLog) -> str:
 
 def _facts(log: RunLog, judged: Judgement) -> list[tuple[str, str]]:
     count = sum(len(one.time) for one in log.topics.values())
-    size = log.path.stat().st_size / 1e6
+    size = log_of(log.path).stat().st_size / 1e6
     recorder = log.run.get("recorder", "not recorded")
     facts = [
         ("Experiment", judged.experiment or "none"),
@@ -170,7 +171,7 @@ def _date(log: RunLog) -> str:
 
 
 def _written(log: RunLog) -> str:
-    return day(log.path.stat().st_mtime_ns)
+    return day(log_of(log.path).stat().st_mtime_ns)
 
 
 def _duration(seconds: float) -> str:

@@ -6,12 +6,15 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry
+from console.catalogue.catalogue import Catalogue, RunEntry, runs_in
 from console.runs.log_marks import keep_marks_of_log
 from console.runs.trash import finish_moves, is_deleted, is_in_trash
 from flight_log import is_closed, recover, summarize
 from flight_log.file import is_being_written
+from flight_log.run_folder import STATION, log_of, run_bytes, station_log
 from quadrotor.errors import LogFormatError, StorageError
+
+NO_STATION_LOG = f"{STATION} is missing in its folder; what the vehicle logged is there"
 
 
 def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
@@ -24,11 +27,16 @@ def tidy_runs(catalogue: Catalogue, skip: Collection[str] = ()) -> list[str]:
     lines = finish_moves(catalogue)
     known = {entry.id: entry for entry in catalogue.runs(limit=1_000_000)}
     try:
-        paths = sorted(catalogue.folder.glob(f"*{SUFFIX}"))
+        paths = runs_in(catalogue.folder)
     except OSError as error:
         raise StorageError(f"cannot list {catalogue.folder}: {error.strerror}") from error
+    folders = {path.name for path in paths if path.is_dir()}
     for path in paths:
-        if path.stem not in skip:
+        if path.stem in folders and not path.is_dir():
+            lines.append(
+                f"two runs are called {path.stem}: rename {path.name}, which is left alone"
+            )
+        elif path.stem not in skip:
             lines += _tidy_file(catalogue, path, known.pop(path.stem, None))
         else:
             known.pop(path.stem, None)
@@ -44,25 +52,29 @@ def _is_gone(catalogue: Catalogue, entry: RunEntry) -> bool:
     """Return whether the file is neither there nor in the trash, where a deletion under way has put
     it.
     """
-    log = catalogue.folder / entry.file
+    log = log_of(catalogue.folder / entry.file)
     # Looked at twice: it may be put back between the two looks.
-    return not (log.exists() or is_in_trash(catalogue, entry.file) or log.exists())
+    return not (log.is_file() or is_in_trash(catalogue, entry.file) or log.is_file())
 
 
 def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list[str]:
     if entry is None and is_deleted(catalogue, path.stem):
         return []  # it is being put back
     try:
-        closed = is_closed(path)
-        if (closed and entry is not None and entry.complete) or is_being_written(path):
+        log = station_log(path) if station_log(path).is_file() else log_of(path)
+        closed = is_closed(log)
+        known = entry is not None and entry.complete and entry.file == path.name
+        if (closed and known) or is_being_written(path):
             return []
-        recovery = recover(path)  # also of a closed one whose index is damaged
-        _enter(catalogue, path, entry)
+        recovery = recover(log)  # also of a closed one whose index is damaged
+        problem = _enter(catalogue, path, entry)
     except (LogFormatError, StorageError) as error:
         if not path.exists():
             return []  # it was deleted under our eyes
         catalogue.add(_unreadable(path, entry, str(error)))
         return [f"run {path.stem}: {error}"]
+    if problem:
+        return [f"run {path.stem}: {problem}"]
     if not recovery.torn:
         return [f"run {path.stem}: entered in the catalogue"]
     return [
@@ -71,9 +83,12 @@ def _tidy_file(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> list
     ]
 
 
-def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> None:
-    catalogue.add(described(path, entry))
+def _enter(catalogue: Catalogue, path: Path, entry: RunEntry | None) -> str:
+    """Enter a run with its marks; return what is wrong with it."""
+    found = described(path, entry)
+    catalogue.add(found)
     keep_marks_of_log(catalogue, path, path.stem)
+    return found.problem
 
 
 def described(path: Path, entry: RunEntry | None) -> RunEntry:
@@ -88,18 +103,18 @@ def described(path: Path, entry: RunEntry | None) -> RunEntry:
         start_ns=entry.start_ns if entry else summary.start_ns,
         duration=summary.duration,
         file=path.name,
-        bytes=summary.bytes,
+        bytes=run_bytes(path),
         messages=summary.message_count,
         operator=summary.run.get("operator", ""),
         complete=summary.closed,
         recovered=summary.recovered,
-        problem="",
+        problem="" if station_log(path).is_file() else NO_STATION_LOG,
         notes=entry.notes if entry else "",
     )
 
 
 def enter_again(catalogue: Catalogue, path: Path) -> None:
-    """Enter a run whose file was filled: its new size and count; what else is known of it stays.
+    """Enter a run again: its new size, count and place; what else is known of it stays.
 
     Raises LogFormatError or StorageError.
     """
@@ -115,7 +130,7 @@ def _unreadable(path: Path, entry: RunEntry | None, problem: str) -> RunEntry:
         start_ns=entry.start_ns if entry else 0,
         duration=0.0,
         file=path.name,
-        bytes=path.stat().st_size if path.exists() else 0,
+        bytes=run_bytes(path) if path.exists() else 0,
         messages=0,
         operator=entry.operator if entry else "",
         complete=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from console.runs.run import AGAIN_SPARE, Run, RunEnd
@@ -24,9 +25,13 @@ class RunFile:
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        self.writer = LogWriter(
-            run.path, run.metadata, run.attachments(), chunk_age_ns=CHUNK_AGE_NS
-        )
+        attachments = run.attachments()
+        try:
+            self.writer = LogWriter(run.path, run.metadata, attachments, chunk_age_ns=CHUNK_AGE_NS)
+        except StorageError:
+            with suppress(OSError):  # not made, or others' files are in it
+                run.path.parent.rmdir()
+            raise
         self.synced, self._since = time.monotonic(), monotonic()
         self.sync_problem: StorageError | None = None
 

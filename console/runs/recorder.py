@@ -104,9 +104,9 @@ class Recorder:
         """
         try:
             # Not within the lock: a disk that does not answer must not hold up `stop`.
-            check_folder(run.path.parent, run.keep_free + again * AGAIN_SPARE)
+            check_folder(self._folder, run.keep_free + again * AGAIN_SPARE)
             if again:
-                try_disk(run.path.parent)
+                try_disk(self._folder)
         except StorageError as error:
             if not again:
                 self._alarms["run"] = str(error)

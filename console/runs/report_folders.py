@@ -1,4 +1,5 @@
-"""The place of a run's report: a folder next to its file, `runs/<run_id>_report/`.
+"""The place of a run's report: `runs/<run_id>/report/`, next to a single file
+`runs/<run_id>_report/`.
 
 `result.json` is the verdict; the other files are the experiment's plots and text.
 """
@@ -17,8 +18,8 @@ FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,119}")
 
 
 def report_folder(log: Path) -> Path:
-    """Return the report's folder of the run whose file is `log`; it need not exist."""
-    return log.with_name(f"{log.stem}_report")
+    """Return the report's folder of a run; it need not exist."""
+    return log / "report" if log.is_dir() else log.with_name(f"{log.stem}_report")
 
 
 def has_report(log: Path) -> bool:

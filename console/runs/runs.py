@@ -10,7 +10,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from console.catalogue.catalogue import SUFFIX, Catalogue, RunEntry, run_name
+from console.catalogue.catalogue import Catalogue, RunEntry, run_name
 from console.catalogue.completeness import Completeness, keep_completeness
 from console.parameters.store import StationStore
 from console.parameters.vehicle import VehicleParameters
@@ -18,6 +18,7 @@ from console.runs.recorder import Recorder
 from console.runs.recording_rules import Decision, RecordingPolicy
 from console.runs.run import Run, RunEnd
 from flight_log.provenance import provenance
+from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError
 from vehicle_link.clock import monotonic, time_ns
 
@@ -130,7 +131,7 @@ class RunKeeper:
         run_id = run_name(now, self._vehicle, self._catalogue.folder, self._names)
         run = Run(
             run_id=run_id,
-            path=self._catalogue.folder / f"{run_id}{SUFFIX}",
+            path=self._catalogue.folder / run_id / STATION,
             metadata={
                 "run_id": run_id,
                 "vehicle": self._vehicle,
@@ -203,7 +204,7 @@ class RunKeeper:
             vehicle=self._vehicle,
             start_ns=run.start_ns,
             duration=0.0,
-            file=run.path.name,
+            file=run.path.parent.name,
             bytes=0,
             messages=0,
             operator=run.metadata["operator"],

@@ -19,11 +19,10 @@ from pathlib import Path
 
 from sqlalchemy import delete, select
 
-from console.catalogue.catalogue import SUFFIX, Catalogue
+from console.catalogue.catalogue import SUFFIX, Catalogue, runs_in
 from console.catalogue.search import NOT_DELETED
 from console.catalogue.tables import CompletenessRow, MarkRow, NoteRow, RunRow, TagRow, TrashRow
 from console.runs.replay_caches import remove_replay
-from console.runs.report_folders import report_folder
 from flight_log.file import is_being_written
 from quadrotor.errors import RefusedError, StorageError
 
@@ -71,9 +70,10 @@ def delete_run(catalogue: Catalogue, run_id: str, requester: str) -> None:
     except StorageError:
         _move(trash / log.name, catalogue.folder)
         raise
-    for path in list(log.parent.glob(f"{escape(log.stem)}.*")):
-        if path.suffix in MADE_AGAIN:
-            path.unlink(missing_ok=True)
+    if not (trash / log.name).is_dir():
+        for path in list(log.parent.glob(f"{escape(log.stem)}.*")):
+            if path.suffix in MADE_AGAIN:
+                path.unlink(missing_ok=True)
     remove_replay(log)
 
 
@@ -146,7 +146,7 @@ def finish_moves(catalogue: Catalogue) -> list[str]:
         if log.exists() and not is_in_trash(catalogue, log.name):
             restore_run(catalogue, run.id)
             lines.append(f"run {run.id}: its deletion was undone")
-    for path in sorted((catalogue.folder / TRASH).glob(f"*{SUFFIX}")):
+    for path in sorted(runs_in(catalogue.folder / TRASH)):
         log = catalogue.folder / path.name
         with catalogue.session() as session:
             query = select(RunRow.id).where(RunRow.file == path.name, NOT_DELETED)
@@ -184,14 +184,14 @@ def _file_of(catalogue: Catalogue, run_id: str) -> Path:
             catalogue.existing(session, run_id)  # says so
         assert run is not None
         log = catalogue.folder / run.file
-    if log.name != run.file or log.suffix != SUFFIX:
+    if log.name != run.file or log.suffix not in (SUFFIX, ""):
         raise StorageError(f"the file of run {run_id!r} does not lie in {catalogue.folder}")
     return log
 
 
 def _belongings(log: Path) -> Iterator[Path]:
     """Yield what of a run lies in the folder of `log`, the log first."""
-    yield from (path for path in (log, report_folder(log)) if path.exists())
+    yield from (path for path in (log, log.with_name(f"{log.stem}_report")) if path.exists())
 
 
 def _move(log: Path, folder: Path) -> None:

@@ -13,28 +13,18 @@ import time
 from collections.abc import Callable
 
 from console.catalogue.catalogue import Catalogue
-from console.catalogue.completeness import (
-    Completeness,
-    end_of_run_before,
-    keep_completeness,
-    open_runs,
-)
+from console.catalogue.completeness import Completeness, keep_completeness, open_runs
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import enter_again
 from console.runs.disk import check_folder, folder_problem, free_bytes, make_again
-from console.transfers.backfill import Backfill
-from console.transfers.download import download
+from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher, Rate
 from console.transfers.job import CancelledError, Job, Kind, NotYetError
-from console.transfers.part_file import (
-    NoRoomError,
-    PartFile,
-    remove_old,
-    unwant,
-    want,
-    wanted_downloads,
-)
+from console.transfers.part_file import NoRoomError, PartFile, unwant, want, wanted_downloads
+from console.transfers.run_logs import complete_run, into_folder
 from console.transfers.vehicle_files import VehicleFiles, check_name
+from flight_log.index import is_closed
+from flight_log.run_folder import station_log
 from quadrotor.errors import LinkError, QuadlabError, RefusedError, StorageError
 from vehicle_link.messages import encode, header, new
 from vehicle_link.transport.heartbeat import LinkState
@@ -42,8 +32,6 @@ from vehicle_link.transport.heartbeat import LinkState
 log = logging.getLogger(__name__)
 
 ONBOARD = "onboard"
-KEPT = 7 * 86_400.0
-"""s for which pieces of a run that was not filled to the end are kept."""
 SHOWN = 5.0
 """s for which something that ended is still told."""
 LOOK = 1.0
@@ -167,7 +155,6 @@ class TransferDesk:
 
     def _take_up_again(self) -> None:
         try:
-            remove_old(self.folder, KEPT)
             for name in wanted_downloads(self.folder):
                 self.ask("download", name)
             if self._parameters.backfill:
@@ -203,7 +190,7 @@ class TransferDesk:
             except StorageError as error:
                 raise NotYetError(f"{error}; it goes on when it is there") from error
             if job.kind == "download":
-                download(job, self.folder, self._files, fetcher, self._room, self._wait)
+                self._download(job, fetcher).by_name()
             else:
                 self._backfill(job, fetcher)
         except CancelledError:
@@ -230,17 +217,18 @@ class TransferDesk:
             fetcher.close()
 
     def _backfill(self, job: Job, fetcher: Fetcher) -> None:
-        path = self._catalogue.resolve(job.name)
-        before_ns = end_of_run_before(self._catalogue, job.name)
+        log = self._catalogue.resolve(job.name)
+        if not is_closed(station_log(log)):
+            raise NotYetError(f"the file of run {job.name} is not closed yet")
+        if (folder := into_folder(log)) != log:
+            self._catalogue.update(job.name, file=folder.name)
 
         def check() -> None:
             job.check()
             self._check_open()
 
-        found = Backfill(
-            job, path, self.folder, self._files, fetcher, self._room, self._wait, before_ns, check
-        )()
-        enter_again(self._catalogue, path)
+        found = complete_run(folder, self._download(job, fetcher), check)
+        enter_again(self._catalogue, folder)
         keep_completeness(self._catalogue, job.name, found)
         if found.state == "missing":
             job.end("incomplete", found.line)
@@ -249,8 +237,13 @@ class TransferDesk:
         if found.state != "complete" or job.asked:
             self._say(WARN if found.missing else INFO, f"run {job.name}: {found.line}")
 
+    def _download(self, job: Job, fetcher: Fetcher) -> Download:
+        return Download(job, self.folder, self._files, fetcher, self._room, self._wait)
+
     def _cancelled(self, job: Job) -> None:
         if job.kind == "backfill":
+            for path in self._catalogue.resolve(job.name).glob("*.part*"):
+                path.unlink(missing_ok=True)
             self._keep(job.name, Completeness("unknown", why="filling it was cancelled"))
         else:
             PartFile.discard(self.folder, job.name)

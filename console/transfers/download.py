@@ -1,10 +1,11 @@
-"""A whole log of the vehicle, into `<data>/onboard/<vehicle>/`."""
+"""Whole logs of the vehicle, checked, into `<data>/onboard/<vehicle>/` or a run's folder."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 from console.transfers.fetcher import ChangedError, Fetcher
@@ -21,50 +22,89 @@ SUMS = 600
 """Times it is asked for."""
 
 
-def download(
-    job: Job,
-    folder: Path,
-    files: VehicleFiles,
-    fetcher: Fetcher,
-    room: Callable[[int], None],
-    wait: Callable[[float], None],
-) -> None:
-    """Fetch, check, and only then give it its name.
+@dataclass(frozen=True)
+class Download:
+    """Brings whole logs of the vehicle to this disk.
 
     Args:
+        folder: of what is on its way.
         room: raises when so many more bytes do not fit on the disk.
+        wait: for so many s; raises when the station closes.
 
-    Raises ChangedError, CancelledError, NotYetError, LinkError, RefusedError or StorageError;
-    what came stays.
+    Its methods raise ChangedError, CancelledError, NotYetError, LinkError, RefusedError or
+    StorageError; what came stays for the next time.
     """
-    file = _closed(job, files)
-    place = folder / file.name
-    if place.exists() and place.stat().st_size == file.size:
-        job.phase = "checking"
-        if sum_of(place, job.check) == _sum_on_board(job, file, files, wait):
-            unwant(folder, file.name)
-            job.bytes = job.total_bytes = file.size
-            job.end("done", "it was here already")
-            return
-    part = PartFile(folder, file, wanted=True)
-    try:
-        if part.restarted:
-            job.problem = "another file has this name on board now; begun again"
-        job.bytes, job.total_bytes, job.phase = part.size, file.size, "fetching"
-        room(file.size - part.size)
-        fetcher.fetch(part, [(0, file.size)])
-        room(0)  # the folder itself may have vanished meanwhile
-        job.phase = "checking"
-        part.sync()
-        if sum_of(part.path, job.check) != _sum_on_board(job, file, files, wait):
+
+    job: Job
+    folder: Path
+    files: VehicleFiles
+    fetcher: Fetcher
+    room: Callable[[int], None]
+    wait: Callable[[float], None]
+
+    def by_name(self) -> None:
+        """Fetch the log that the job names into the folder."""
+        file, _ = self.files.part(self.job.name, 0, 8)
+        is_here = self.fetch(file, self.folder, file.name, [self.folder / file.name])
+        unwant(self.folder, file.name)
+        self.job.end("done", "it was here already" if is_here else "")
+
+    def fetch(self, file: VehicleFile, folder: Path, name: str, copies: Iterable[Path]) -> bool:
+        """Fetch a log into a folder, check it, and only then give it its name, with `_2`, `_3`, …
+        when another log has that; return whether one of `copies` was the same log.
+        """
+        job = self.job
+        if not file.closed:
+            raise NotYetError(why_open(self.files, file))
+        same_size = [one for one in copies if one.exists() and one.stat().st_size == file.size]
+        job.phase = "checking" if same_size else "fetching"
+        for copy in same_size:
+            if sum_of(copy, job.check) == self._sum_on_board(file):
+                job.bytes = job.total_bytes = file.size
+                if copy.parent == folder or _linked(copy, free_place(folder / name)):
+                    return True
+        part = PartFile(folder, file)
+        try:
+            if part.restarted:
+                job.problem = "another file has this name on board now; begun again"
+            job.bytes, job.total_bytes, job.phase = part.size, file.size, "fetching"
+            self.room(file.size - part.size)
+            self.fetcher.fetch(part, [(0, file.size)])
+            self.room(0)  # the folder itself may have vanished meanwhile
+            job.phase = "checking"
+            part.sync()
+            if sum_of(part.path, job.check) != self._sum_on_board(file):
+                part.remove()
+                raise ChangedError(file)
+            os.replace(part.path, free_place(folder / name))
             part.remove()
-            raise ChangedError(file)
-        os.replace(part.path, free_place(place))
-        part.remove()
-        sync_folder(folder)
-    finally:
-        part.close()
-    job.end("done")
+            sync_folder(folder)
+        except OSError as error:
+            raise StorageError(f"cannot write into {folder}: {error.strerror}") from error
+        finally:
+            part.close()
+        return False
+
+    def _sum_on_board(self, file: VehicleFile) -> bytes:
+        """Return the checksum that is computed on board, which takes a while."""
+        for _ in range(SUMS):
+            self.job.check()
+            now, digest = self.files.sha256(file.name)
+            if now.identity != file.identity:
+                raise ChangedError(now)
+            if digest:
+                return digest
+            self.wait(SUM_PAUSE)
+        raise StorageError(f"the vehicle does not come to the end of the checksum of {file.name}")
+
+
+def _linked(copy: Path, place: Path) -> bool:
+    """Give a log a second name; return False where it lies on another disk."""
+    try:
+        os.link(copy, place)
+    except OSError:
+        return False
+    return True
 
 
 def free_place(place: Path) -> Path:
@@ -89,25 +129,3 @@ def sum_of(path: Path, check: Callable[[], None] = lambda: None) -> bytes:
     except OSError as error:
         raise StorageError(f"cannot read {path}: {error.strerror}") from error
     return digest.digest()
-
-
-def _closed(job: Job, files: VehicleFiles) -> VehicleFile:
-    file, _ = files.part(job.name, 0, 8)
-    if not file.closed:
-        raise NotYetError(why_open(files, file))
-    return file
-
-
-def _sum_on_board(
-    job: Job, file: VehicleFile, files: VehicleFiles, wait: Callable[[float], None]
-) -> bytes:
-    """Return the checksum that is computed on board, which takes a while."""
-    for _ in range(SUMS):
-        job.check()
-        now, digest = files.sha256(file.name)
-        if now.identity != file.identity:
-            raise ChangedError(now)
-        if digest:
-            return digest
-        wait(SUM_PAUSE)
-    raise StorageError(f"the vehicle does not come to the end of the checksum of {file.name}")

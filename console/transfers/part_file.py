@@ -10,7 +10,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import time
 import zlib
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
@@ -35,10 +34,9 @@ class PartFile:
 
     Attributes:
         restarted: another content was there.
-        wanted: it is fetched as a whole, also after a new start.
     """
 
-    def __init__(self, folder: Path, file: VehicleFile, wanted: bool = False) -> None:
+    def __init__(self, folder: Path, file: VehicleFile) -> None:
         self.path = folder / f"{file.name}.part"
         self.journal = folder / f"{file.name}.part.journal"
         self.file = file
@@ -48,7 +46,7 @@ class PartFile:
             folder.mkdir(exist_ok=True)  # no parents: its disk may be away
             self._data = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
             self._lines = os.open(self.journal, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-            self._resume(wanted)
+            self._resume()
         except OSError as error:
             raise _storage_error(self.path, error) from error
 
@@ -111,15 +109,15 @@ class PartFile:
         for ending in ("part", "part.journal"):
             (folder / f"{name}.{ending}").unlink(missing_ok=True)
 
-    def _resume(self, wanted: bool) -> None:
+    def _resume(self) -> None:
         lines = Path(self.journal).read_bytes().splitlines(keepends=True)
         head = _head(lines[0]) if lines else {}
         if head.get("identity") != self.file.identity:
             self.restarted = bool(head.get("identity"))
             os.ftruncate(self._data, 0)
             os.ftruncate(self._lines, 0)
-            was_wanted = any(_head(line).get("wanted") for line in lines)
-            self._append(_head_line(self.file, wanted or was_wanted))
+            head = {"identity": self.file.identity, "size": self.file.size}
+            self._append(json.dumps(head) + "\n")
             return
         kept = len(lines[0])
         for line in lines[1:]:
@@ -132,8 +130,6 @@ class PartFile:
             if len(data) == length and zlib.crc32(data) == checksum:
                 self._add(offset, offset + length)
         os.ftruncate(self._lines, kept)  # a line cut off must not spoil the next one
-        if wanted and not head.get("wanted"):
-            self._append(_head_line(self.file, wanted))
 
     def _append(self, line: str) -> None:
         _write(self._lines, line.encode(), os.fstat(self._lines).st_size)
@@ -157,7 +153,7 @@ def want(folder: Path, name: str) -> None:
         return
     try:
         folder.mkdir(exist_ok=True)
-        journal.write_text(json.dumps({"identity": 0, "wanted": True}) + "\n")
+        journal.write_text(json.dumps({"identity": 0}) + "\n")
     except OSError as error:
         raise _storage_error(journal, error) from error
 
@@ -168,32 +164,10 @@ def unwant(folder: Path, name: str) -> None:
         PartFile.discard(folder, name)
 
 
-def remove_old(folder: Path, age: float) -> None:
-    """Remove parts of what is not wanted as a whole, to which nothing was added for `age` s."""
-    wanted = wanted_downloads(folder)
-    for journal in folder.glob("*.part.journal"):
-        name = journal.name.removesuffix(".part.journal")
-        if name not in wanted and time.time() - journal.stat().st_mtime > age:
-            PartFile.discard(folder, name)
-
-
 def wanted_downloads(folder: Path) -> list[str]:
-    """Return the names of files whose fetching was cut off, the newest first."""
-    found = []
-    for journal in folder.glob("*.part.journal"):
-        try:
-            lines = journal.read_bytes().splitlines(keepends=True)
-            if any(_head(line).get("wanted") for line in lines):
-                found.append(
-                    (journal.stat().st_mtime_ns, journal.name.removesuffix(".part.journal"))
-                )
-        except OSError:
-            continue
-    return [name for _, name in sorted(found, reverse=True)]
-
-
-def _head_line(file: VehicleFile, wanted: bool) -> str:
-    return json.dumps({"identity": file.identity, "size": file.size, "wanted": wanted}) + "\n"
+    """Return the names of files whose fetching was cut off, the newest first. Raises OSError."""
+    found = [(path.stat().st_mtime_ns, path.name) for path in folder.glob("*.part.journal")]
+    return [name.removesuffix(".part.journal") for _, name in sorted(found, reverse=True)]
 
 
 def _head(line: bytes) -> dict[str, int]:

@@ -33,16 +33,6 @@ class VehicleFile:
     recovered: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """Bytes of whole chunks, and the channels of the file: id → (topic, type)."""
-
-    file: VehicleFile
-    begin: int
-    end: int  # 0: what was asked for is not written yet
-    channels: dict[int, tuple[str, str]]
-
-
 class VehicleFiles(Protocol):
     """Every method raises LinkError without an answer, RefusedError with the vehicle's reason."""
 
@@ -52,8 +42,6 @@ class VehicleFiles(Protocol):
 
     def sha256(self, name: str) -> tuple[VehicleFile, bytes]: ...
 
-    def index(self, name: str, start_ns: int, end_ns: int) -> Stretch: ...
-
 
 class LinkedFiles:
     """VehicleFiles of the vehicle of `node`. Its methods may be called from several threads."""
@@ -61,7 +49,7 @@ class LinkedFiles:
     def __init__(self, node: Node) -> None:
         self._clients = {
             name: node.client(name, SERVICES[name], priority="background")
-            for name in ("onboard_files", "onboard_part", "onboard_index")
+            for name in ("onboard_files", "onboard_part")
         }
 
     def listed(self, request: Any) -> Any:
@@ -83,13 +71,6 @@ class LinkedFiles:
         answer = self._ask("onboard_part", SUM_TIMEOUT, name=name, offset=0, length=0)
         return _file(answer.file), bytes(answer.sha256)
 
-    def index(self, name: str, start_ns: int, end_ns: int) -> Stretch:
-        answer = self._ask("onboard_index", name=name, start_ns=start_ns, end_ns=end_ns)
-        numbers = (int(number) for number in answer.channels)
-        told = zip(numbers, answer.topics, answer.types, strict=True)
-        channels = {number: (str(topic), str(kind)) for number, topic, kind in told}
-        return Stretch(_file(answer.file), int(answer.begin), int(answer.end), channels)
-
     def _ask(self, service: str, timeout: float = TIMEOUT, **fields: Any) -> Any:
         request = new(f"{SERVICES[service]}_Request", requester="station", **fields)
         answer = self._clients[service].call(request, timeout=timeout)
@@ -107,7 +88,7 @@ def why_open(files: VehicleFiles, file: VehicleFile) -> str:
     if file.start_ns:
         return f"{name} is still being written on board; it is fetched when it is closed"
     try:
-        files.index(name, 0, 0)
+        files.sha256(name)
     except RefusedError as error:
         return str(error)
     return f"{name} is not closed on board yet; it is fetched when it is"

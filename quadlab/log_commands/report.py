@@ -24,7 +24,8 @@ class Report:
         check_log_file(self.file)
         from console.reports.report import write_report
 
-        folder = self.out or self.file.resolve().parent
+        here = self.file.resolve()
+        folder = self.out or (here if here.is_dir() else here.parent)
         for path in write_report(self.file, folder, pdf=not self.no_pdf, defaults=new_defaults):
             print(path)
         return 0

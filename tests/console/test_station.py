@@ -21,6 +21,7 @@ from console.catalogue.catalogue import Catalogue
 from console.commands import gateway
 from console.commands.gateway import CALL_TIMEOUT
 from flight_log import LogWriter, is_closed, read_attachments, read_log, read_metadata
+from flight_log.run_folder import run_bytes
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
 from quadrotor.parameters import ParameterDescription
 from quadrotor.records import TICK, Record, beacon_ids_of
@@ -458,7 +459,7 @@ def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Ben
     entry = bench.catalogue.get(run_id)
     assert (entry.complete, entry.recovered, entry.operator) == (True, False, "grace")
     path = bench.catalogue.resolve(run_id)
-    assert entry.bytes == path.stat().st_size
+    assert entry.bytes == run_bytes(path)
     messages = list(read_log(path))
     assert entry.messages == len(messages)
     for topic in ("state", "reference", "imu", "actuators"):
@@ -666,7 +667,7 @@ def test_a_signal_closes_the_run_and_exits_with_zero(
     finally:
         child.kill()
         child.communicate()
-    path = tmp_path / "runs" / f"{answer.run_id}.mcap"
+    path = tmp_path / "runs" / answer.run_id
     assert is_closed(path)
     entry = Catalogue(tmp_path).get(answer.run_id)
     assert (entry.complete, entry.problem) == (True, "")

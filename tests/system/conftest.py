@@ -258,8 +258,9 @@ class Laboratory:
         return self._process.poll() is not None
 
     def newest(self, folder: str) -> Path:
-        """The log begun last in `runs` or `onboard`."""
-        return max((self.data / folder).glob("*.mcap"), key=lambda path: path.name)
+        """The run or log begun last in `runs` or `onboard`."""
+        runs = [path.parent for path in (self.data / folder).glob("*/station.mcap")]
+        return max([*(self.data / folder).glob("*.mcap"), *runs], key=lambda path: path.name)
 
     def wait(self, patience: float = PATIENCE) -> int:
         """The exit status of a laboratory that ends by itself."""

@@ -52,8 +52,7 @@ def test_bearings_are_flown_from_the_page_judged_and_reported(
     told = [
         decode(message.payload, message.type_name)
         for message in read_log(
-            lab.data / "runs" / f"{run['id']}.mcap",
-            {"/quad1/experiment_status", "/quad1/parameter_changes"},
+            lab.data / "runs" / run["id"], {"/quad1/experiment_status", "/quad1/parameter_changes"}
         )
     ]
     assert {m.phase for m in told if hasattr(m, "phase")} >= {"flying"}
@@ -80,5 +79,5 @@ def calibrate(lab: Any, until: Callable[..., Any]) -> None:
         return history[0]["name"], history[0]["run_id"]
 
     until("the vehicle's history", lambda: newest() == ("gyroscope", run["id"]), 10)
-    kept = read_attachments(lab.data / "runs" / f"{run['id']}.mcap")["calibrations.json"]
+    kept = read_attachments(lab.data / "runs" / run["id"])["calibrations.json"]
     assert json.loads(kept)["in_force"]["gyroscope"]["requester"] == "start"

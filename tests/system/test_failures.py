@@ -44,7 +44,7 @@ def test_a_killed_web_touches_neither_flight_nor_log_and_a_killed_flight_process
     lab.restarted("flight", dead)
     lab.reach(mode="ready")  # not before the microcontroller has landed and stopped the motors
     run = next(r for r in lab.runs())
-    path = lab.data / "runs" / f"{run['id']}.mcap"
+    path = lab.data / "runs" / run["id"]
     times = stamps(path, "state")
     assert np.diff(times[times < killed]).max() < 0.2, "the log has a hole"
     truth = [decode_odometry(m.payload) for m in read_log(path, {"/quad1/truth"})]

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from console.runs.replay_caches import REPLAYS, folder_bytes, replay_name
 from flight_log.file import is_being_written
+from flight_log.run_folder import log_of
 from quadrotor.errors import JobError, LogFormatError, QuadlabError, RefusedError, StorageError
 from vehicle_link.jobs import run
 from web.replay.build import build_cache
@@ -206,7 +207,7 @@ def _is_wanted(folder: Path, runs: Path) -> bool:
         fields = json.loads((folder / STAMP).read_text())
         log = Path(fields["log"])
         is_found_again = folder.name == replay_name(log, runs) and fields["version"] == VERSION
-        return is_found_again and log.is_file()
+        return is_found_again and log.exists()
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -220,7 +221,7 @@ def _too_large(log: Path) -> str:
 
 def _stamp(log: Path) -> tuple[int, int]:
     try:
-        status = log.stat()
+        status = log_of(log).stat()
     except OSError as error:
         raise StorageError(f"cannot read {log.name}: {error.strerror}") from error
     return status.st_size, status.st_mtime_ns

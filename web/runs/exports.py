@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from flight_log.file import is_being_written
+from flight_log.run_folder import log_of
 from quadrotor.errors import RefusedError, StorageError
 from web.runs.job_queue import Work, Workshop
 
@@ -54,9 +55,10 @@ class ViserExports:
 
         Raises RefusedError while the run is being recorded or too many wait, StorageError.
         """
-        file = log.with_name(f"{log.stem}.{self._version}.viser")
+        name = f"{log.stem}.{self._version}.viser"
+        file = log / name if log.is_dir() else log.with_name(name)
         try:
-            written_ns = log.stat().st_mtime_ns
+            written_ns = log_of(log).stat().st_mtime_ns
             if is_being_written(log):
                 raise RefusedError(f"run {run_id} is being recorded; its 3D recording comes after")
         except OSError as error:

@@ -20,7 +20,7 @@ from web.runs.bodies import MarkBody, NotesBody, TagsBody
 from web.runs.changes import tell_changed
 from web.runs.listing import about, lines
 from web.runs.onboard import add_onboard
-from web.runs.sharing import add_sharing
+from web.runs.sharing import add_sharing, log_response
 from web.runs.trash import add_trash
 from web.static_files import FILES
 
@@ -81,9 +81,8 @@ def _add_list(app: FastAPI, parts: Parts) -> None:
     @app.head("/api/runs/{run_id}/download", include_in_schema=False)
     @app.get("/api/runs/{run_id}/download")
     def download(run_id: str) -> FileResponse:
-        """Return the run's MCAP file; ranges work, so a broken download can be resumed."""
-        path = catalogue.resolve(run_id)
-        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+        """Return the run as one MCAP file; ranges work, so a broken download can be resumed."""
+        return log_response(catalogue.resolve(run_id))
 
 
 def _add_notes(app: FastAPI, parts: Parts) -> None:

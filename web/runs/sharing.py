@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlencode, urlsplit
 
 from fastapi import FastAPI, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, Response
 
+from flight_log.run_folder import log_of
 from quadrotor.errors import StorageError
 from web.access.signed_links import AGE, SUFFIX
 from web.requester import Asker
@@ -21,6 +23,12 @@ VIEWERS = {
     "lichtblick": "https://lichtblick-suite.github.io/lichtblick/",
 }
 """Where a deep link `?ds=remote-file&ds.url=…` is understood."""
+
+
+def log_response(run: Path) -> FileResponse:
+    """Return a run as one MCAP file."""
+    media_type = "application/octet-stream"
+    return FileResponse(log_of(run), filename=f"{run.stem}{SUFFIX}", media_type=media_type)
 
 
 def add_sharing(app: FastAPI, parts: Parts) -> None:
@@ -51,7 +59,7 @@ def add_sharing(app: FastAPI, parts: Parts) -> None:
             path = catalogue.resolve(name.removesuffix(SUFFIX))
         except StorageError as error:
             raise HTTPException(404, str(error)) from error
-        return FileResponse(path, filename=path.name, media_type="application/octet-stream")
+        return log_response(path)
 
     @app.post("/api/runs/{run_id}/viser")
     def make(run_id: str, _: Asker) -> dict[str, Any]:

@@ -3,6 +3,7 @@ catalogue."""
 
 from __future__ import annotations
 
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -137,7 +138,6 @@ def test_a_lost_catalogue_learns_the_marks_from_the_logs(
     mark(linked, text="door")
     stop(linked)
     fresh = Catalogue(tmp_path)
-    log = linked.catalogue.resolve(run)
-    (fresh.folder / log.name).write_bytes(log.read_bytes())
+    shutil.copytree(linked.catalogue.resolve(run), fresh.folder / run)
     tidy_runs(fresh)
     assert [one.text for one in marks_of(fresh, run)] == ["door"]

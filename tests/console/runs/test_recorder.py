@@ -151,12 +151,12 @@ def test_a_vanished_folder_ends_the_run_with_an_alarm(tmp_path: Path, ends: list
     assert is_closed(folder / "run2.mcap")
 
 
-def test_a_folder_that_cannot_be_made_is_refused_in_one_line(
-    tmp_path: Path, recorder: Recorder
-) -> None:
+def test_a_folder_that_cannot_be_made_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
+    recorder = Recorder(tmp_path / "file")
     with pytest.raises(StorageError, match="--data"):
         recorder.start(run_in(tmp_path / "file"))
+    recorder.close()
 
 
 def test_a_missing_folder_is_an_alarm_also_while_nothing_is_recorded(tmp_path: Path) -> None:

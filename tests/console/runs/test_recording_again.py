@@ -19,6 +19,7 @@ from console.runs.housekeeping import Housekeeping
 from console.runs.run import AGAIN_SPARE
 from console.runs.runs import RunKeeper
 from flight_log import is_closed
+from flight_log.run_folder import STATION
 from quadrotor.errors import StorageError
 from tests.waiting import until, wait_for
 
@@ -86,7 +87,7 @@ def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
     runs.asked("arm", "ada")
     runs.status(True)
     first = begun(runs)
-    wait_for((catalogue.folder / f"{first}.mcap").exists)
+    wait_for((catalogue.folder / first / STATION).exists)
     disk.free = KEPT - 1
     assert "only 9 MB are free" in ended(runs)
     assert "the next begins with 60 MB" in runs.recorder.status().alarms[0]
@@ -98,12 +99,12 @@ def test_a_disk_full_in_flight_costs_what_was_flown_until_there_is_room_again(
     second = begun(runs)
     assert (second != first, runs.recorder.status().alarms) == (True, ())
     runs.close()
-    assert [is_closed(catalogue.folder / f"{one}.mcap") for one in (first, second)] == [True] * 2
+    assert [is_closed(catalogue.folder / one / STATION) for one in (first, second)] == [True] * 2
     assert {entry.id: entry.operator for entry in map(catalogue.get, (first, second))} == {
         first: "ada",
         second: "ada",
     }
-    assert [p.name for p in catalogue.folder.iterdir() if p.suffix != ".mcap"] == []
+    assert {p.name for p in catalogue.folder.iterdir()} == {first, second}
 
 
 def test_a_run_that_could_not_begin_at_arming_begins_when_there_is_room(
@@ -122,10 +123,10 @@ def test_a_folder_that_vanishes_in_flight_is_made_again_and_recorded_into(
 ) -> None:
     runs.status(True)
     first = begun(runs)
-    wait_for((catalogue.folder / f"{first}.mcap").exists)
+    wait_for((catalogue.folder / first / STATION).exists)
     shutil.move(catalogue.folder, catalogue.folder.with_name("moved"))
     second = begun(runs, but=first)
-    wait_for((catalogue.folder / f"{second}.mcap").exists)
+    wait_for((catalogue.folder / second / STATION).exists)
     wait_for(lambda: runs.recorder.status().alarms == ())
 
 
@@ -142,7 +143,7 @@ def test_a_disk_that_tells_of_room_and_takes_nothing_begins_no_run(
         quota.setattr("console.runs.recorder.try_disk", full)
         runs.status(True)
         first = begun(runs)
-        wait_for((catalogue.folder / f"{first}.mcap").exists)
+        wait_for((catalogue.folder / first / STATION).exists)
         disk.free = 0
         ended(runs)
         disk.free = 10**12

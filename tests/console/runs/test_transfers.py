@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,16 +18,16 @@ from console.catalogue.completeness import Completeness, completeness_of, keep_c
 from console.parameters.station import RecorderParameters
 from console.runs.adoption import described
 from console.transfers import desk as desk_module
-from console.transfers.backfill import Backfill
 from console.transfers.desk import TransferDesk
-from console.transfers.download import download
+from console.transfers.download import Download
 from console.transfers.fetcher import ChangedError, Fetcher
 from console.transfers.job import Job, NotYetError
 from console.transfers.part_file import NoRoomError, PartFile
+from console.transfers.run_logs import complete_run
 from console.transfers.service import Transfers
 from console.transfers.vehicle_files import LinkedFiles
 from flight_log import read_log, read_metadata, recover
-from flight_log.run_index import index_run
+from flight_log.run_folder import MERGED, STATION, VEHICLE, run_bytes
 from flight_log.tick_columns import TICK_TOPICS
 from flight_log.writer import FILLED_METADATA
 from quadrotor.errors import LinkError, RefusedError, StorageError
@@ -87,14 +87,23 @@ def onboard(tmp_path: Path) -> Path:
 
 def in_process(function: Callable[..., Any], *arguments: Any, check: Any) -> Any:
     """As jobs.run, without the second a new interpreter takes."""
-    return json.loads(json.dumps(function(*arguments)))
+    return function(*arguments)
 
 
-def filler(run: Path, folder: Path, link: Link, **more: Any) -> Backfill:
+def download_of(link: Link, folder: Path, name: str = "flight.mcap") -> Download:
     files = LinkedFiles(link)  # type: ignore[arg-type]
-    more = {"room": lambda count: None, "wait": lambda s: None, "run": in_process, **more}
     fetcher = Fetcher(files, lambda count: None)
-    return Backfill(Job("backfill", run.stem), run, folder, files, fetcher, **more)
+    job = Job("download", name)
+
+    def wait(seconds: float) -> None:  # for the checksum, which the vehicle's thread computes
+        threading.Event().wait(seconds)
+
+    return Download(job, folder, files, fetcher, lambda count: None, wait)
+
+
+def completed(run: Path, link: Link) -> Completeness:
+    folder = run.parent / "onboard"
+    return complete_run(run, download_of(link, folder), lambda: None, in_process)
 
 
 def ticks_of(run: Path) -> list[list[int]]:
@@ -192,31 +201,45 @@ def test_another_content_under_the_name_is_begun_again(
 
 # ---------------------------------------------------------------- back-fill
 @pytest.mark.parametrize("seed", range(4))
-def test_a_run_with_holes_has_every_tick_after_its_back_fill_and_little_is_fetched(
+def test_a_run_with_holes_has_every_tick_of_the_vehicle_s_own_log(
     tmp_path: Path, link: Link, onboard: Path, seed: int
 ) -> None:
     print("seed", seed)
     count = 2000
     flight = Flight(flown(count, seed), with_holes(count, seed, holes=2 if seed else 0))
-    run = tmp_path / "run.mcap"
+    run = tmp_path / "runs" / "run"
     flight.log_onboard(onboard / "flight.mcap")
-    flight.record(run)
+    flight.record(run / STATION)
     lacking = int((~flight.heard).sum())
-    found = filler(run, tmp_path / "here", link)()
+    found = completed(run, link)
     assert ticks_of(run) == [flight.stamps.tolist()] * 4
     assert found.state == ("filled" if lacking else "complete")
     assert found.filled == pytest.approx(lacking * 0.002, rel=0.05)
-    assert list((tmp_path / "here").iterdir()) == []
-    fetched = sum(length for _, length in link.asked)
-    share = fetched / (onboard / "flight.mcap").stat().st_size
-    assert share < (0.5 if not lacking else lacking / count + 0.5)
-    if lacking:
-        told = read_metadata(run)[FILLED_METADATA]
-        assert json.loads(told["files"]) == ["flight.mcap"]
-        assert int(told["ticks"]) == lacking
-        assert told["missing"] == ""
-    again = filler(run, tmp_path / "here", link)()
-    assert again.line == found.line, "a second one changed something"
+    assert (run / VEHICLE).read_bytes() == (onboard / "flight.mcap").read_bytes()
+    names = [MERGED, STATION, VEHICLE]
+    assert sorted(path.name for path in run.iterdir()) == names, "something is left of the way"
+    told = read_metadata(run)[FILLED_METADATA]
+    assert float(told["seconds"]) == pytest.approx(found.filled, abs=0.001)
+    assert (told["missing_seconds"], told["missing"]) == ("0.000", "")
+    asked = len(link.asked)
+    assert completed(run, link).line == found.line, "a second one changed something"
+    assert len(link.asked) == asked, "what is there was fetched again"
+    assert sorted(path.name for path in run.iterdir()) == names
+
+
+def test_a_log_that_two_runs_share_is_fetched_once(
+    tmp_path: Path, link: Link, onboard: Path
+) -> None:
+    flight = Flight(flown(2000), np.ones(2000, np.bool_))
+    flight.log_onboard(onboard / "flight.mcap")
+    runs = [tmp_path / "runs" / name for name in ("first", "second")]
+    for run, part in zip(runs, (slice(0, 900), slice(900, 2000)), strict=True):
+        Flight(flight.ticks[part], flight.heard[part]).record(run / STATION)
+    completed(runs[0], link)
+    asked = len(link.asked)
+    completed(runs[1], link)
+    assert len(link.asked) == asked
+    assert [(run / VEHICLE).stat().st_nlink for run in runs] == [2, 2]
 
 
 def test_other_topics_that_were_lost_between_ticks_that_came_are_filled_in_too(
@@ -227,11 +250,11 @@ def test_other_topics_that_were_lost_between_ticks_that_came_are_filled_in_too(
         for k in range(200)
     ]
     flight = Flight(flown(2000), np.ones(2000, np.bool_), others)
-    run = tmp_path / "run.mcap"
+    run = tmp_path / "runs" / "run"
     flight.log_onboard(onboard / "flight.mcap")
     lost = {40, 41, 90, 150}
-    flight.record(run, frozenset(set(range(200)) - lost))
-    found = filler(run, tmp_path / "here", link)()
+    flight.record(run / STATION, frozenset(set(range(200)) - lost))
+    found = completed(run, link)
     assert (found.state, found.filled) == ("complete", 0.0)
     assert [m.publish_ns for m in read_log(run, ["/quad1/estimator"])] == [o[2] for o in others]
 
@@ -240,20 +263,22 @@ def test_a_back_fill_that_is_cut_off_at_any_piece_comes_to_the_same_end(
     tmp_path: Path, link: Link, onboard: Path
 ) -> None:
     flight = Flight(flown(1000, 4), with_holes(1000, 4))
-    run = tmp_path / "run.mcap"
+    run = tmp_path / "runs" / "run"
     flight.log_onboard(onboard / "flight.mcap")
-    flight.record(run)
-    before = run.read_bytes()
+    flight.record(run / STATION)
+    before = (run / STATION).read_bytes()
     cuts = 0
     while True:
         link.cut_at = len(link.asked) + 3
         try:
-            found = filler(run, tmp_path / "here", link)()
+            found = completed(run, link)
             break
         except LinkError:
             cuts += 1
-            assert run.read_bytes() == before
+            assert ticks_of(run) == [flight.stamps[flight.heard].tolist()] * 4
+            assert not (run / VEHICLE).exists()
     assert cuts > 3
+    assert (run / STATION).read_bytes() == before
     assert found.state == "filled"
     assert ticks_of(run) == [flight.stamps.tolist()] * 4
 
@@ -264,12 +289,12 @@ def test_what_the_vehicle_has_no_log_of_any_more_is_told_as_missing(
     heard = np.ones(1000, np.bool_)
     heard[300:500] = False
     flight = Flight(flown(1000), heard)
-    run = tmp_path / "run.mcap"
-    flight.record(run)
+    run = tmp_path / "runs" / "run"
+    flight.record(run / STATION)
     Flight(flown(100, 2, START_NS + 60_000_000_000), np.ones(100, np.bool_)).log_onboard(
         onboard / "later.mcap"
     )
-    found = filler(run, tmp_path / "here", link)()
+    found = completed(run, link)
     assert found.line == "0.4 s missing of 2.0 s: the vehicle's log of it was overwritten"
 
 
@@ -284,13 +309,13 @@ def test_what_was_lost_after_disarming_is_no_flaw_of_a_flight(
     for armed, words in ((False, "complete: "), (True, "1.6 s missing of 4.0 s: ")):
         status["status"]["armed"] = armed
         told = encode_status(status, "ready", "ground", ())
-        run = tmp_path / f"{armed}.mcap"
+        run = tmp_path / "runs" / f"armed {armed}"
         log = onboard / "flight.mcap"
         log.unlink(missing_ok=True)
         Flight(ticks[:1000], heard[:1000]).log_onboard(log)
         others = [("status", told, int(status["imu"]["stamp_ns"][0]))]
-        Flight(ticks, heard, others).record(run, frozenset({0}))
-        found = filler(run, tmp_path / "here", link)()
+        Flight(ticks, heard, others).record(run / STATION, frozenset({0}))
+        found = completed(run, link)
         assert found.line.startswith(words)
         assert found.filled == pytest.approx(0.4, abs=0.01)
 
@@ -301,10 +326,10 @@ def test_ticks_that_flight_itself_left_out_are_not_missing(
     ticks = flown(1000)
     ticks = np.delete(ticks, slice(400, 450))
     flight = Flight(ticks, np.ones(950, np.bool_))
-    run = tmp_path / "run.mcap"
+    run = tmp_path / "runs" / "run"
     flight.log_onboard(onboard / "flight.mcap")
-    flight.record(run)
-    found = filler(run, tmp_path / "here", link)()
+    flight.record(run / STATION)
+    found = completed(run, link)
     assert (found.state, found.missing, found.filled) == ("complete", 0.0, 0.0)
 
 
@@ -312,9 +337,9 @@ def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
     tmp_path: Path, link: Link, onboard: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flight = Flight(flown(1000), with_holes(1000, 6))
-    run, log = tmp_path / "run.mcap", onboard / "flight.mcap"
+    run, log = tmp_path / "runs" / "run", onboard / "flight.mcap"
     flight.log_onboard(log)
-    flight.record(run)
+    flight.record(run / STATION)
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
     when = "flight.mcap was torn, and is mended once 500 MB are free"
 
@@ -322,19 +347,14 @@ def test_a_torn_log_on_board_is_waited_for_until_it_is_mended(
         raise RefusedError(when)
 
     with monkeypatch.context() as vehicle:
-        vehicle.setattr(link.files, "index", torn)
+        vehicle.setattr(link.files, "part", torn)
         with pytest.raises(NotYetError) as told:
-            filler(run, tmp_path / "here", link)()
+            completed(run, link)
         assert str(told.value) == when, "the vehicle knows it, and nobody else"
-        files = LinkedFiles(link)  # type: ignore[arg-type]
-        job = Job("download", "flight.mcap")
-        fetcher = Fetcher(files, lambda count: None)
-        with pytest.raises(NotYetError, match="once 500 MB are free"):
-            download(job, tmp_path / "here", files, fetcher, lambda count: None, lambda s: None)
     recover(log)
-    found = filler(run, tmp_path / "here", link)()
-    kept = set(index_run(log).ticks.tolist())
-    assert kept <= set(index_run(run).ticks.tolist())
+    found = completed(run, link)
+    kept = {m.publish_ns for m in read_log(log, ["/quad1/state"])}
+    assert kept <= set(ticks_of(run)[0])
     assert found.state in ("missing", "filled", "complete")
 
 
@@ -456,17 +476,14 @@ def test_nothing_is_made_where_the_data_folder_is_away_and_it_goes_on_when_it_is
     assert (bench.desk.folder / "flight.mcap").read_bytes() == log
 
 
-@pytest.mark.parametrize("is_filled_first", [False, True])
 def test_a_download_that_had_to_wait_is_not_forgotten_when_the_station_stops(
-    bench: Bench, onboard: Path, link: Link, is_filled_first: bool
+    bench: Bench, onboard: Path
 ) -> None:
     data = random_file(onboard, 20_000)
     bench.state = LinkState.LOST
     bench.desk.start()
     bench.desk.ask("download", "flight.mcap")
     bench.desk.close()
-    if is_filled_first:  # a run's back-fill takes some of the same file
-        PartFile(bench.desk.folder, LinkedFiles(link).files()[0]).close()  # type: ignore[arg-type]
     bench.state = LinkState.GOOD
     bench.desk = bench.new_desk()
     bench.desk.start()
@@ -539,22 +556,61 @@ def test_a_name_that_is_no_log_s_is_refused(bench: Bench, name: str) -> None:
         bench.desk.ask("download", name)
 
 
-def test_runs_are_filled_by_a_real_process_also_those_of_before_the_start(
-    bench: Bench, onboard: Path
+@pytest.mark.parametrize("kind", ["folder", "single file"])
+def test_runs_are_completed_by_a_real_process_also_those_of_before_the_start(
+    bench: Bench, onboard: Path, kind: str
 ) -> None:
     flight = Flight(flown(1000, 8), with_holes(1000, 8))
-    run = bench.catalogue.folder / "r1.mcap"
+    folder = bench.catalogue.folder / "r1"
+    run = folder if kind == "folder" else folder.with_suffix(".mcap")
     flight.log_onboard(onboard / "flight.mcap")
-    flight.record(run)
+    flight.record(folder / STATION if kind == "folder" else run)
     bench.enter(run)
     entered = bench.catalogue.get("r1")
     bench.desk.start()  # nobody asks
     assert ended(bench, "r1").phase == "done"
-    assert ticks_of(run) == [flight.stamps.tolist()] * 4
+    assert bench.catalogue.resolve("r1") == folder.resolve()
+    assert ticks_of(folder) == [flight.stamps.tolist()] * 4
     after = bench.catalogue.get("r1")
     assert after.messages - entered.messages == 4 * int((~flight.heard).sum())
     assert completeness_of(bench.catalogue, ["r1"])["r1"].state == "filled"
-    assert after.bytes == run.stat().st_size
+    assert after.bytes == run_bytes(folder)
+
+
+def test_while_the_vehicle_s_log_comes_a_run_is_the_station_s_and_a_new_start_goes_on(
+    bench: Bench, onboard: Path, link: Link
+) -> None:
+    flight = Flight(flown(1000, 8), with_holes(1000, 8))
+    run = bench.catalogue.folder / "r1"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run / STATION)
+    bench.enter(run)
+    link.cut_at = 20
+    bench.desk.start()
+    assert until(lambda: bench.desk.jobs() and "cut" in bench.desk.jobs()[0].problem)
+    assert ticks_of(run) == [flight.stamps[flight.heard].tolist()] * 4
+    bench.desk.close()
+    link.cut_at = None
+    bench.desk = bench.new_desk()
+    bench.desk.start()
+    assert ended(bench, "r1").phase == "done"
+    assert ticks_of(run) == [flight.stamps.tolist()] * 4
+    fetched = sum(length for _, length in link.asked)
+    assert fetched < (onboard / "flight.mcap").stat().st_size + 16 * 2800, "fetched twice"
+
+
+def test_a_cancelled_run_keeps_nothing_of_the_vehicle_s_log(
+    bench: Bench, onboard: Path, link: Link
+) -> None:
+    flight = Flight(flown(1000, 8), with_holes(1000, 8))
+    run = bench.catalogue.folder / "r1"
+    flight.log_onboard(onboard / "flight.mcap")
+    flight.record(run / STATION)
+    bench.enter(run)
+    link.before_piece = lambda n: bench.desk.cancel("r1") if n == 5 else None
+    bench.desk.start()
+    assert ended(bench, "r1").phase == "cancelled"
+    assert [path.name for path in run.iterdir()] == [STATION]
 
 
 def test_over_the_link_the_service_fetches_and_the_topic_tells(

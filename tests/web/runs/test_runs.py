@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+
+from console.catalogue.catalogue import Catalogue
+from flight_log.run_folder import MERGED, STATION
 
 RUN = "20260131T093042Z_quad1"
 LOG = bytes(range(256)) * 40
@@ -26,6 +31,26 @@ def test_a_log_comes_whole(operator: httpx.Client) -> None:
     assert answer.status_code == 200
     assert answer.content == LOG
     assert f"{RUN}.mcap" in answer.headers["content-disposition"]
+
+
+def test_a_run_that_is_a_folder_comes_as_one_file(site: Any, operator: httpx.Client) -> None:
+    """As the station's log, and as both logs in one once that was made."""
+    catalogue, run_id = Catalogue(Path(site.data)), "20260130T093042Z_quad1"
+    folder = catalogue.folder / run_id
+    folder.mkdir()
+    try:
+        catalogue.add(replace(catalogue.get(RUN), id=run_id, file=run_id))
+        for name, content in ((STATION, b"the station's"), (MERGED, b"both in one")):
+            (folder / name).write_bytes(content)
+            answer = operator.get(f"/api/runs/{run_id}/download")
+            assert (answer.status_code, answer.content) == (200, content)
+            assert f"{run_id}.mcap" in answer.headers["content-disposition"]
+            part = operator.get(f"/api/runs/{run_id}/download", headers={"Range": "bytes=4-"})
+            assert (part.status_code, part.content) == (206, content[4:])
+    finally:
+        shutil.rmtree(folder)
+        catalogue.remove(run_id)
+        catalogue.close()
 
 
 def test_head_tells_the_size(operator: httpx.Client) -> None:

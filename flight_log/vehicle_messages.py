@@ -1,0 +1,169 @@
+"""A first look at a log: its times and, of the topics of the vehicle, which messages it has."""
+
+from __future__ import annotations
+
+import zlib
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flight_log.blocks import Block, BlockReader, Places, field_at
+from flight_log.format import HEAD_BYTES, LENGTH_AT, LOG_AT, PUBLISH_AT
+from flight_log.run_folder import station_log
+from flight_log.tick_columns import TICK_TOPICS
+from flight_log.writer import RUN_METADATA
+from quadrotor.errors import LinkError
+from vehicle_link.messages import decode
+from vehicle_link.topics.table import TOPICS
+
+FILLED_TOPICS = (
+    *TICK_TOPICS,
+    *(row.name for row in TOPICS.values() if row.sender == "vehicle" and row.recorded),
+)
+"""Topics that are taken from the vehicle's log."""
+EARLIEST, LATEST = -(2**62), 2**62
+
+Stamps = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
+
+
+class Channel(NamedTuple):
+    """The messages of one channel, in the order of the file."""
+
+    name: str  # of its topic, without the namespace
+    stamps_ns: Stamps
+    received_ns: Stamps
+    keys: Stamps  # equal for the same message in two logs
+
+
+class Log:
+    """A first look at a log: its times and, of the topics of the vehicle, which messages it has."""
+
+    def __init__(self, path: Path) -> None:
+        """Read it once. Raises LogFormatError or StorageError."""
+        self.path = path
+        self.armed: dict[int, bool] = {}  # by stamp
+        self.delay_ns = 0  # reception minus the vehicle's stamp, as usual in this log
+        self.first_ns, self.last_ns = LATEST, 0  # of reception
+        self.reader = reader = BlockReader(path)
+        parts: dict[int, list[tuple[Stamps, Stamps, Stamps]]] = defaultdict(list)
+        offset_ns = 0
+        for block in reader:
+            for number, places in block.places.items():
+                received = field_at(block.data, places, LOG_AT, "<u8").astype(np.int64)
+                self.first_ns = min(self.first_ns, int(received.min()))
+                self.last_ns = max(self.last_ns, int(received.max()))
+                name = self._name(number)
+                stamps = field_at(block.data, places, PUBLISH_AT, "<u8").astype(np.int64)
+                if name in FILLED_TOPICS:
+                    keys = stamps if name in TICK_TOPICS else _keys(block, places, stamps)
+                    parts[number].append((stamps, received, keys))
+                if name == "status":
+                    self._look_for_armed(block, stamps, places)
+                if name == "link_status":
+                    with suppress(LinkError):
+                        payload = _payload(block, int(places[-1]))
+                        told = decode(payload, "quadlab_msgs/LinkStatus")
+                        offset_ns = round(float(told.clock_offset) * 1e9)
+        self.channels = {
+            number: Channel(self._name(number), *map(np.concatenate, zip(*found, strict=True)))
+            for number, found in parts.items()
+        }
+        states = [one for one in self.channels.values() if one.name == "state"]
+        delays = [one.received_ns - one.stamps_ns for one in states]
+        self.delay_ns = int(np.median(np.concatenate(delays))) if delays else -offset_ns
+        self.vehicle = reader.metadata.get(RUN_METADATA, {}).get("vehicle", "")
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Return the stamps of the first and the last tick; the first is later without any."""
+        stamps = stamps_of(self, "state")
+        return int(stamps.min(initial=LATEST)), int(stamps.max(initial=EARLIEST))
+
+    def messages(
+        self, kept: Mapping[int, Mask], logs: Mapping[int, Stamps], *, others: bool
+    ) -> Iterator[tuple[int, int, int, bytes]]:
+        """Yield log time, channel, stamp and payload, nearly in the order of the log time.
+
+        Args:
+            kept: by channel, which messages.
+            logs: by channel, their log times; those of the file for a channel without.
+            others: whether the messages of all other channels are wanted too.
+        """
+        at: Counter[int] = Counter()
+        for block in BlockReader(self.path):
+            found: list[tuple[int, int, int, int]] = []
+            for number, places in block.places.items():
+                its = slice(at[number], at[number] + len(places))
+                at[number] = its.stop
+                received = field_at(block.data, places, LOG_AT, "<u8").astype(np.int64)
+                times = logs[number][its] if number in logs else received
+                stamps = field_at(block.data, places, PUBLISH_AT, "<u8").astype(np.int64)
+                if number not in kept and not others:
+                    continue
+                chosen = kept[number][its] if number in kept else np.ones(len(places), np.bool_)
+                columns = (one[chosen].tolist() for one in (times, places, stamps))
+                found += ((*row, number) for row in zip(*columns, strict=True))
+            for time, place, stamp, number in sorted(found):
+                yield time, number, stamp, _payload(block, place)
+
+    def _name(self, number: int) -> str:
+        channel = self.reader.channels.get(number)
+        return channel.topic.rsplit("/", 1)[-1] if channel else ""
+
+    def _look_for_armed(self, block: Block, stamps: Stamps, places: Places) -> None:
+        with suppress(LinkError):  # of another version, whose messages have other fields
+            for stamp_ns, place in zip(stamps.tolist(), places.tolist(), strict=True):
+                status = decode(_payload(block, place), TOPICS["status"].type_name)
+                self.armed[stamp_ns] = bool(status.armed)
+
+
+@dataclass
+class Taken:
+    """The messages taken of one of the vehicle's logs, by channel."""
+
+    log: Log
+    kept: dict[int, Mask] = field(default_factory=dict)
+    times: dict[int, Stamps] = field(default_factory=dict)  # on the station's clock
+
+
+def vehicle_times(run: Path) -> tuple[int, int, int, int]:
+    """Return when a run began and ended by the vehicle's clock, and the stamps of the first and
+    the last tick the station has of it, in ns. Raises LogFormatError or StorageError.
+    """
+    log = Log(station_log(run))
+    return (log.first_ns - log.delay_ns, log.last_ns - log.delay_ns, *log.span)
+
+
+def stamps_of(log: Log, name: str, kept: Mapping[int, Mask] | None = None) -> Stamps:
+    """Return the stamps of a topic in a log, (N,)."""
+    return joined(
+        [
+            one.stamps_ns if kept is None else one.stamps_ns[kept[number]]
+            for number, one in log.channels.items()
+            if one.name == name
+        ]
+    )
+
+
+def joined(parts: list[Stamps]) -> Stamps:
+    return np.concatenate([np.zeros(0, np.int64), *parts])
+
+
+def _keys(block: Block, places: Places, stamps: Stamps) -> Stamps:
+    """Return a key for each message: its stamp and its bytes."""
+    sums = [zlib.crc32(_payload(block, place)) for place in places.tolist()]
+    return stamps ^ (np.array(sums, np.int64) << 30)
+
+
+def _payload(block: Block, place: int) -> bytes:
+    length = int.from_bytes(
+        block.data[place + LENGTH_AT : place + LENGTH_AT + 8].tobytes(), "little"
+    )
+    return block.data[place + HEAD_BYTES : place + 9 + length].tobytes()
