@@ -27,10 +27,11 @@ from web.access.roles import Role, Session
 from web.access.users import add_users
 from web.app_parts import Parts
 from web.beacons.routes import add_beacons
-from web.commands import bodies as commands
 from web.commands import sticks
+from web.commands.bodies import FollowBody, InvitationBody
 from web.commands.control import add_control
 from web.commands.plain_emergency import add_plain_emergency
+from web.commands.routes import add_commands
 from web.experiments.calibrations import add_calibration
 from web.experiments.experiments import add_experiments
 from web.experiments.reports import add_reports
@@ -40,7 +41,7 @@ from web.live import events
 from web.live.summary import Summary
 from web.parameters.routes import add_parameters
 from web.replay.routes import add_replay
-from web.requester import Asker, Operator, operator_of
+from web.requester import Asker, Operator
 from web.runs.routes import add_runs
 from web.setup.routes import add_setup
 from web.signals import described
@@ -78,7 +79,8 @@ def create_app(
     _add_error_handlers(app)
     app.mount("/static", FILES)  # the first to be looked at: most requests are these
     _add_reading(app, parts, fleet)
-    _add_commands(app, parts)
+    add_commands(app, parts)
+    _add_invitations(app, parts)
     add_plain_emergency(app, parts, fleet)
     _add_view(app, parts)
     _add_sockets(app, parts)
@@ -143,51 +145,9 @@ def _add_reading(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
         return parts.hub.lines
 
 
-def _add_commands(app: FastAPI, parts: Parts) -> None:
-    station = parts.station
-
-    @app.post("/api/commands/arm")
-    async def arm(body: commands.CommandBody, session: Operator) -> dict[str, Any]:
-        await station.command("arm", session.label, **body.fields)
-        return {"accepted": True}
-
-    @app.post("/api/commands/disarm")
-    async def disarm(body: commands.CommandBody, session: Operator) -> dict[str, Any]:
-        await station.command("disarm", session.label, **body.fields)
-        return {"accepted": True}
-
-    @app.post("/api/commands/start_behavior")
-    async def start_behavior(body: commands.StartBehaviorBody, session: Operator) -> dict[str, Any]:
-        """Start a behavior; its arguments are checked by the vehicle, which knows them."""
-        await station.start_behavior(session.label, body.name, body.arguments, **body.fields)
-        return {"accepted": True}
-
-    @app.post("/api/commands/emergency")
-    async def emergency(body: commands.EmergencyBody, session: Asker) -> dict[str, Any]:
-        """Command an emergency: `land` comes down at once as `safety.emergency_land` says, and is
-        open to all; `cut` stops the motors.
-
-        Answers once the vehicle has accepted it; whether it shows it is told as `emergency`.
-        """
-        if body.action == "cut":
-            operator_of(session)
-        press = await parts.emergency.press(body.action, session.label, body.request_id)
-        return {"accepted": True, "id": press}
-
-    @app.post("/api/commands/record")
-    async def record(body: commands.RecordBody, session: Operator) -> dict[str, Any]:
-        reply = await station.command("record", session.label, start=body.start, **body.fields)
-        return {"accepted": True, "run_id": reply.run_id}
-
-    @app.post("/api/commands/simulation")
-    async def simulation(body: commands.SimulationBody, session: Operator) -> dict[str, Any]:
-        """Serve a simulated vehicle with its motors off: `swap_battery` puts a full one in, `reset`
-        puts the vehicle back where it stood at the start, with a full battery."""
-        await station.command("simulation", session.label, action=body.action, **body.fields)
-        return {"accepted": True}
-
+def _add_invitations(app: FastAPI, parts: Parts) -> None:
     @app.post("/api/invitations")
-    def invite(body: commands.InvitationBody, session: Operator) -> dict[str, str]:
+    def invite(body: InvitationBody, session: Operator) -> dict[str, str]:
         """Make a sign-in link for one more browser: of a viewer; admins may invite operators
         too.
         """
@@ -205,7 +165,7 @@ def _add_view(app: FastAPI, parts: Parts) -> None:
         )
 
     @app.post("/api/view/follow")
-    async def follow(body: commands.FollowBody) -> dict[str, bool]:
+    async def follow(body: FollowBody) -> dict[str, bool]:
         """Keep one page's camera on the vehicle."""
         parts.scene.follow(body.view, body.follow)
         return {"follow": body.follow}

@@ -14,6 +14,7 @@ from typing import Any
 
 from console.parameters.store import PREFIX, StationStore
 from quadrotor.errors import NoAnswerError, ParameterError, RefusedError, StorageError
+from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import new
 from vehicle_link.parameters.authority import SIMULATOR, authority_of
 from vehicle_link.parameters.messages import from_parameters, to_parameters
@@ -21,21 +22,9 @@ from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
-CALL_TIMEOUT = 1.0
-"""s the vehicle has for an answer to what is asked again."""
-LATE_ANSWER = 3.0
-"""s the vehicle has for its answer to a command, which is not asked again. A late answer still
-tells what became of it. Clients of the station wait a little longer."""
-
 AT_ONCE = 4
 """Requests of one service: a cut does not wait behind a landing that the vehicle does not answer,
 nor a landing behind a take-off."""
-AGAIN = 5
-"""Times in all a change of parameters is asked for, a second apart, under one id and while the
-link is there. Not what moves the vehicle: done late it would surprise."""
-
-NOT_REPEATED = ("arm", "disarm", "start_behavior")
-FORWARDED = (*NOT_REPEATED, "emergency")
 
 
 class CommandGateway:
@@ -62,23 +51,20 @@ class CommandGateway:
         self._record = record
         self._permit = permit
         self._on_asked = on_asked
-        self._simulator = node.client("simulator/change_parameters", SERVICES["change_parameters"])
-        self._clients = {
-            name: node.client(name, SERVICES[name]) for name in (*FORWARDED, "change_parameters")
-        }
-        for name in FORWARDED:
-            handler = partial(self._forward, name)
-            node.serve(f"station/{name}", SERVICES[name], handler, at_once=AT_ONCE)
         change = "change_parameters"
-        node.serve(f"station/{change}", SERVICES[change], self._change_parameters, at_once=AT_ONCE)
-        self._simulation = node.client("simulator/simulation", SERVICES["simulation"])
-        node.serve("station/simulation", SERVICES["simulation"], self._simulate)
+        self._simulator = node.client(f"simulator/{change}", SERVICES[change])
+        forwarded = [command for command in COMMANDS.values() if command.is_forwarded]
+        self._clients = {c.name: node.client(c.address, c.service) for c in forwarded}
+        for command in forwarded:
+            is_change = command.name == change
+            handler = self._change_parameters if is_change else partial(self._forward, command.name)
+            node.serve(f"station/{command.name}", command.service, handler, at_once=AT_ONCE)
         # Only here: a repeated command must reach the vehicle when the first one did not.
         node.serve("station/record", SERVICES["record"], Idempotent(self._start_or_stop))
 
     def _forward(self, name: str, request: Any) -> Any:
         # Sent into a lost link it may be carried out late, which would surprise.
-        if reason := self._refusal(name):
+        if COMMANDS[name].at == "vehicle" and (reason := self._refusal(name)):
             return _refused(name, reason)
         try:
             self._permit(name, request.requester)
@@ -88,22 +74,21 @@ class CommandGateway:
             return _refused(name, str(error))
 
     def _ask(self, name: str, request: Any) -> Any:
-        """Return the vehicle's answer.
+        """Return the answer of who carries it out.
 
         Raises LinkError, which is no refusal: it is not known what became of the command.
         RefusedError when link or control are lost meanwhile.
         """
-        tries = AGAIN if name == "change_parameters" else 1
-        timeout = LATE_ANSWER if name in NOT_REPEATED else CALL_TIMEOUT
+        patience, tries = COMMANDS[name].patience, COMMANDS[name].tries
         began, asked = time.monotonic(), 0
         while True:
             try:
-                return self._clients[name].call(request, timeout=timeout)
+                return self._clients[name].call(request, timeout=patience)
             except NoAnswerError:
                 asked += 1
                 if asked == tries:
                     raise
-            time.sleep(max(0.0, began + CALL_TIMEOUT * asked - time.monotonic()))
+            time.sleep(max(0.0, began + patience * asked - time.monotonic()))
             if reason := self._refusal(name):
                 raise RefusedError(reason)
             self._permit(name, request.requester)
@@ -155,16 +140,7 @@ class CommandGateway:
                 f"{others[0]} and parameters of the simulator cannot be changed in one step; "
                 "change them apart"
             )
-        return self._simulator.call(request, timeout=CALL_TIMEOUT)
-
-    def _simulate(self, request: Any) -> Any:
-        """Pass on to the simulator. Raises LinkError, of a real vehicle UnreachableError."""
-        try:
-            self._permit("simulation", request.requester)
-            self._on_asked("simulation", request.requester)
-        except RefusedError as error:
-            return _refused("simulation", str(error))
-        return self._simulation.call(request, timeout=CALL_TIMEOUT)
+        return self._simulator.call(request, timeout=COMMANDS["change_parameters"].patience)
 
     def _start_or_stop(self, request: Any) -> Any:
         try:

@@ -38,14 +38,15 @@ class _Landing:
 
     def begin(self) -> None:
         from vehicle_link.messages import new
+        from vehicle_link.topics import SERVICES
 
         request = new(
-            "quadlab_msgs/srv/StartBehavior_Request",
+            f"{SERVICES['start_behavior']}_Request",
             request_id="stopping",
             requester="quadlab up",
             name="land",
         )
-        client = self._node.client("station/start_behavior", "quadlab_msgs/srv/StartBehavior")
+        client = self._node.client("station/start_behavior", SERVICES["start_behavior"])
         try:
             answer = client.call(request)
             if not answer.accepted:

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,6 @@ import numpy as np
 import pytest
 
 from console.catalogue.catalogue import Catalogue
-from console.commands import gateway
-from console.commands.gateway import CALL_TIMEOUT
 from flight_log import LogWriter, is_closed, read_attachments, read_log, read_metadata
 from flight_log.run_folder import run_bytes
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
@@ -28,6 +27,7 @@ from quadrotor.records import TICK, Record, beacon_ids_of
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, until
 from vehicle_link import topics
+from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new
 from vehicle_link.parameters.messages import from_parameters, from_value, to_parameters
 from vehicle_link.parameters.service import ParameterClient, serve_parameters
@@ -38,6 +38,7 @@ from vehicle_link.transport.node import Node, Received
 from vehicle_link.transport.session import loopback_session
 
 LIMIT = 15.0
+CALL_TIMEOUT = COMMANDS["change_parameters"].patience
 AHEAD_NS = 40_000_000_000
 """The fake vehicle's clock is 40 s ahead of the station's."""
 
@@ -419,8 +420,7 @@ def test_a_refusal_comes_back_with_the_vehicles_reason(bench: Bench) -> None:
 def test_a_silent_vehicle_is_no_refusal_and_does_not_hold_up_the_next_command(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, service: str
 ) -> None:
-    monkeypatch.setattr(gateway, "LATE_ANSWER", 0.5)
-    monkeypatch.setattr(gateway, "CALL_TIMEOUT", 0.5)
+    monkeypatch.setitem(COMMANDS, service, replace(COMMANDS[service], patience=0.5))
     bench.vehicle.answering.clear()
     fields = {"action": "land"} if service == "emergency" else {}
     with pytest.raises(NoAnswerError, match=r"^the vehicle has not answered"):

@@ -15,6 +15,7 @@ from quadrotor.records import Record
 from vehicle.parameters import new_parameters
 from vehicle.processes import mailbox
 from vehicle.processes.config import Rings
+from vehicle_link.commands import Request
 from vehicle_link.parameters.replica import ParameterReplica
 
 REPLY_TIMEOUT_S = 1.0
@@ -32,7 +33,7 @@ class FlightMailbox:
         # The process id keeps replies to a comms process that died from being taken for ours.
         self._ids = (f"{os.getpid()}-{k}" for k in itertools.count())
 
-    def send(self, message: mailbox.Inbound | Record) -> bool:
+    def send(self, message: mailbox.Inbound | Request | Record) -> bool:
         """Put a message, POSE_SAMPLE or BEARINGS_SAMPLE (1,) into its ring without waiting; False
         when there is no room.
         """
@@ -44,7 +45,7 @@ class FlightMailbox:
             return self._inbox.push(data)
 
     def ask(
-        self, make: Callable[[str], mailbox.Command], timeout_s: float = REPLY_TIMEOUT_S
+        self, make: Callable[[str], Request], timeout_s: float = REPLY_TIMEOUT_S
     ) -> mailbox.Reply:
         """Send the command that `make` builds for a request id, and wait for its reply.
 

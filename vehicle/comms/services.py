@@ -7,12 +7,15 @@ reason, and a flight process that does not answer an error: no one knows what be
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+
+from msgspec.structs import fields as fields_of
 
 from quadrotor.errors import NoAnswerError, QuadlabError
 from vehicle.comms.calibrations import Calibrations
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.vehicle_clock import VehicleClock
-from vehicle.processes import mailbox
+from vehicle_link.commands import COMMANDS, Command
 from vehicle_link.messages import Message, decode, encode, new
 from vehicle_link.parameters.messages import from_parameters, to_parameters
 from vehicle_link.parameters.service import serve_parameters
@@ -21,8 +24,6 @@ from vehicle_link.topics import SERVICES
 from vehicle_link.transport.idempotent import Idempotent
 from vehicle_link.transport.node import Node
 
-EMERGENCIES = 4
-"""At once: a cut must not wait behind a landing that the flight process does not answer."""
 CALIBRATIONS = 3
 """At once: the history must not wait for a gyroscope that is being calibrated."""
 
@@ -35,10 +36,12 @@ def serve(
     clock: VehicleClock,
 ) -> None:
     """Declare all services on the node; they answer on threads of their own."""
-    commands = _Commands(flight, parameters)
-    for service in ("emergency", "disarm", "arm", "start_behavior", "change_parameters", "bench"):
-        at_once = EMERGENCIES if service == "emergency" else 1
-        serve_command(node, service, getattr(commands, service), at_once)
+    for name, command in COMMANDS.items():
+        if command.at == "vehicle":
+            handler = partial(_ask_flight, flight, command)
+            if name == "change_parameters":
+                handler = partial(_change_parameters, parameters)
+            serve_command(node, name, handler, command.at_once)
     serve_command(node, "calibrate", calibrations.answer, CALIBRATIONS)
     serve_time_sync(node, clock.now_ns)
     serve_parameters(node, parameters)
@@ -73,54 +76,20 @@ def _refusing(srv_type: str, handler: Callable[[Message], Message]) -> Callable[
     return handle
 
 
-class _Commands:
-    """One method a service: request message in, response message out."""
-
-    def __init__(self, flight: FlightMailbox, parameters: FlightParameters) -> None:
-        self._flight = flight
-        self._parameters = parameters
-
-    def arm(self, request: Message) -> Message:
-        reply = self._flight.ask(lambda i: mailbox.Arm(i, request.requester))
-        return _response("arm", reply)
-
-    def disarm(self, request: Message) -> Message:
-        reply = self._flight.ask(lambda i: mailbox.Disarm(i, request.requester))
-        return _response("disarm", reply)
-
-    def start_behavior(self, request: Message) -> Message:
-        arguments = from_parameters(request.arguments)
-        reply = self._flight.ask(
-            lambda i: mailbox.StartBehavior(i, request.requester, request.name, arguments)
-        )
-        return _response("start_behavior", reply)
-
-    def emergency(self, request: Message) -> Message:
-        reply = self._flight.ask(lambda i: mailbox.Emergency(i, request.requester, request.action))
-        return _response("emergency", reply)
-
-    def bench(self, request: Message) -> Message:
-        reply = self._flight.ask(
-            lambda i: mailbox.Bench(
-                i,
-                request.requester,
-                int(request.motor),
-                int(request.reference),
-                bool(request.secured),
-            )
-        )
-        return _response("bench", reply)
-
-    def change_parameters(self, request: Message) -> Message:
-        values = from_parameters(request.parameters)
-        applied, revision = self._parameters.change(values, request.requester)
-        return new(
-            f"{SERVICES['change_parameters']}_Response",
-            accepted=True,
-            applied=to_parameters(applied),
-            revision=revision,
-        )
+def _ask_flight(flight: FlightMailbox, command: Command, request: Message) -> Message:
+    fields = {field.name: getattr(request, field.name) for field in fields_of(command.request)}
+    if (arguments := fields.get("arguments")) is not None:
+        fields["arguments"] = from_parameters(arguments)
+    reply = flight.ask(lambda i: command.request(**{**fields, "request_id": i}))
+    return new(f"{command.service}_Response", accepted=reply.accepted, reason=reply.reason)
 
 
-def _response(service: str, reply: mailbox.Reply) -> Message:
-    return new(f"{SERVICES[service]}_Response", accepted=reply.accepted, reason=reply.reason)
+def _change_parameters(parameters: FlightParameters, request: Message) -> Message:
+    values = from_parameters(request.parameters)
+    applied, revision = parameters.change(values, request.requester)
+    return new(
+        f"{SERVICES['change_parameters']}_Response",
+        accepted=True,
+        applied=to_parameters(applied),
+        revision=revision,
+    )

@@ -81,7 +81,7 @@ class CommandHandler:
 
     def _change_parameters(self, command: mailbox.ChangeParameters) -> dict[str, ParameterValue]:
         return self._configuration.apply(
-            self._configuration.check(command.values), command.requester
+            self._configuration.check(command.parameters), command.requester
         )
 
     def _calibrate(

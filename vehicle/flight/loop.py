@@ -198,7 +198,7 @@ class FlightLoop:
         self._rings.outbox.push(mailbox.encode(reply))
 
     def _reply(self, command: mailbox.Command) -> mailbox.Reply:
-        if isinstance(command, mailbox.ChangeParameters) and not command.values:
+        if isinstance(command, mailbox.ChangeParameters) and not command.parameters:
             # An empty change asks for all values: how a comms process starts its copy.
             store = self._stack.store
             return mailbox.Reply(command.request_id, True, "", store.values(), store.revision)

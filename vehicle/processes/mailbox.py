@@ -10,63 +10,27 @@ from __future__ import annotations
 import msgspec
 
 from quadrotor.parameters import ParameterValue
+from vehicle_link import commands
+
+Arm = commands.Arm
+Bench = commands.Bench
+ChangeParameters = commands.ChangeParameters
+Disarm = commands.Disarm
+Emergency = commands.Emergency
+StartBehavior = commands.StartBehavior
 
 
-class ChangeParameters(msgspec.Struct, frozen=True, tag="change_parameters"):
-    request_id: str
-    requester: str
-    values: dict[str, ParameterValue]
-
-
-class Arm(msgspec.Struct, frozen=True, tag="arm"):
-    request_id: str
-    requester: str
-
-
-class Disarm(msgspec.Struct, frozen=True, tag="disarm"):
-    request_id: str
-    requester: str
-
-
-class StartBehavior(msgspec.Struct, frozen=True, tag="start_behavior"):
-    request_id: str
-    requester: str
-    name: str
-    arguments: dict[str, ParameterValue]
-
-
-class Emergency(msgspec.Struct, frozen=True, tag="emergency"):
-    request_id: str
-    requester: str
-    action: str  # "land" or "cut"
-
-
-class Calibrate(msgspec.Struct, frozen=True, tag="calibrate"):
+class Calibrate(commands.Request, frozen=True, tag="calibrate"):
     """Apply a calibration's values, all or none; on the ground with motors off only.
 
     Empty values ask whether it could be done now.
     """
 
-    request_id: str
-    requester: str
     values: dict[str, ParameterValue]
 
 
-class CalibrateGyroscope(msgspec.Struct, frozen=True, tag="calibrate_gyroscope"):
+class CalibrateGyroscope(commands.Request, frozen=True, tag="calibrate_gyroscope"):
     """Find the drift again; accepted, a GyroscopeFound of this request id follows."""
-
-    request_id: str
-    requester: str
-
-
-class Bench(msgspec.Struct, frozen=True, tag="bench"):
-    """One motor alone; see vehicle.flight.motor_bench."""
-
-    request_id: str
-    requester: str
-    motor: int  # 1…4, 0 ends
-    reference: int  # counts
-    secured: bool
 
 
 class Joy(msgspec.Struct, frozen=True, tag="joy"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from vehicle_link.commands import COMMANDS
 from vehicle_link.transport.rmw_keys import RELIABLE, SENSOR_DATA, Qos
 
 Sender = Literal["vehicle", "station", "simulator", "web"]
@@ -190,14 +191,9 @@ SHARED = ("events", "parameter_changes")
 """The station sends these too, with stamps of its own; recorded where they are received."""
 
 SERVICES: dict[str, str] = {
-    "arm": "quadlab_msgs/srv/Command",
-    "disarm": "quadlab_msgs/srv/Command",
-    "start_behavior": "quadlab_msgs/srv/StartBehavior",
-    "emergency": "quadlab_msgs/srv/Emergency",
-    "change_parameters": "quadlab_msgs/srv/ChangeParameters",
+    **{name: command.service for name, command in COMMANDS.items()},
     "time_sync": "quadlab_msgs/srv/TimeSync",
     "whoami": "quadlab_msgs/srv/WhoAmI",
-    "record": "quadlab_msgs/srv/Record",
     "mark": "quadlab_msgs/srv/Mark",
     "experiment": "quadlab_msgs/srv/Experiment",
     "lane": "quadlab_msgs/srv/Lane",
@@ -208,12 +204,9 @@ SERVICES: dict[str, str] = {
     "transfer": "quadlab_msgs/srv/Transfer",
     "checks": "quadlab_msgs/srv/Checks",
     "control": "quadlab_msgs/srv/Control",
-    "simulation": "quadlab_msgs/srv/Simulation",
     "calibrate": "quadlab_msgs/srv/Calibrate",
-    "bench": "quadlab_msgs/srv/Bench",
 }
 """Type of each service by name: the vehicle's `/quad1/<name>`, the station's
-`/quad1/station/<name>`. The station alone has `record`, `mark`, `experiment`, `control` and
-`transfer`, and hands `onboard_files` and `onboard_log` on to the vehicle, `simulation` to the
-simulator's `/quad1/simulator/simulation`; the vehicle alone has `time_sync`,
-`whoami`, `lane`, `calibrate`, `bench` and the rest about the files of its log."""
+`/quad1/station/<name>`. Of those that are no command the station alone has `mark`, `experiment`,
+`control` and `transfer`, and hands `onboard_files` and `onboard_log` on to the vehicle; the vehicle
+alone has `time_sync`, `whoami`, `lane`, `calibrate` and the rest about the files of its log."""

@@ -12,10 +12,13 @@ import re
 from functools import cache
 
 from quadrotor.records import TICK
+from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import type_hash
 from vehicle_link.topics import SERVICES, TOPICS
 
-AT_STATION = ("record", "mark", "experiment", "control", "transfer", "simulation")
+AT_STATION = {"mark", "experiment", "control", "transfer"} | {
+    name for name, command in COMMANDS.items() if command.at != "vehicle"
+}
 """These services stay on the station's loopback, as its other topics do."""
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from msgspec.structs import fields as fields_of
+from pydantic import BaseModel, ConfigDict, Field, create_model
+
+from vehicle_link.commands import Command
 
 
-class _Body(BaseModel):
+class CommandBody(BaseModel):
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     request_id: str | None = Field(
@@ -15,30 +18,19 @@ class _Body(BaseModel):
     )
 
     @property
-    def fields(self) -> dict[str, str]:
-        """The request's own id, if the page gave one."""
-        return {"request_id": self.request_id} if self.request_id else {}
+    def fields(self) -> dict[str, Any]:
+        """Return what it carries; without a request id when the page gave none."""
+        return {name: value for name, value in self if name != "request_id" or value}
 
 
-class CommandBody(_Body):
-    """arm, disarm."""
-
-
-class StartBehaviorBody(_Body):
-    name: str = Field(min_length=1, max_length=64)
-    arguments: dict[str, bool | int | float | str] = {}
-
-
-class EmergencyBody(_Body):
-    action: Literal["land", "cut"]
-
-
-class RecordBody(_Body):
-    start: bool
-
-
-class SimulationBody(_Body):
-    action: Literal["swap_battery", "reset"]
+def body_of(command: Command) -> type[CommandBody]:
+    """Return the body of a command: what its request carries but for who asks."""
+    carried: dict[str, Any] = {
+        field.name: (field.type, ... if field.required else field.default_factory())
+        for field in fields_of(command.request)
+        if field.name not in ("request_id", "requester")
+    }
+    return create_model(f"{command.request.__name__}Body", __base__=CommandBody, **carried)
 
 
 class InvitationBody(BaseModel):

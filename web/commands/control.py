@@ -79,5 +79,5 @@ def add_control(app: FastAPI, parts: Parts) -> None:
             raise HTTPException(
                 403, f"{session.label} may ask for control; admins alone may take it"
             )
-        await parts.station.command("control", session.label, action=body.action, **body.fields)
+        await parts.station.command("control", session.label, **body.fields)
         return {"accepted": True}

@@ -30,7 +30,7 @@ def add_calibration(app: FastAPI, parts: Parts) -> None:
         `history` is null, with the `problem`, while the vehicle does not tell it.
         """
         try:
-            answer = await station.answer("calibrate", "page", action="history")
+            answer = await station.command("calibrate", "page", action="history")
             history = [fields_of(parse_record(text)) for text in answer.records]
         except (LinkError, RefusedError, MeasurementError) as error:
             return {"history": None, "problem": " ".join(str(error).split())}

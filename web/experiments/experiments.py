@@ -62,7 +62,7 @@ def add_experiments(app: FastAPI, parts: Parts) -> None:
 
         `calibration`: which one it proposes; `problem`: why a file of one's own cannot run.
         """
-        answer = await station.answer("experiment", "page", action="describe")
+        answer = await station.command("experiment", "page", action="describe")
         return {"experiments": _described(answer), "status": experiment_summary(parts.live)}
 
     @app.post("/api/experiments/start")

@@ -13,11 +13,11 @@ import time
 import uuid
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from quadrotor.errors import LinkError, RefusedError, UnreachableError
 from quadrotor.parameters import ParameterDescription, ParameterValue
+from vehicle_link.commands import COMMANDS
 from vehicle_link.messages import decode, encode, header, new, stamp_of
 from vehicle_link.parameters.messages import (
     AppliedChange,
@@ -34,28 +34,18 @@ if TYPE_CHECKING:
     from vehicle_link.transport.client import ServiceClient
     from vehicle_link.transport.node import Node, Publisher, Received
 
-CALL_TIMEOUT = 1.5  # s; the station gives the vehicle 1 s
+CALL_TIMEOUT = 1.5  # s
 PATIENCE = {
-    "arm": 3.5,
-    "disarm": 3.5,
-    "start_behavior": 3.5,
-    "change_parameters": 6.0,
+    **{name: command.tries * command.patience + 0.5 for name, command in COMMANDS.items()},
     "checks": 8.0,
     "experiment": 4.0,
     "onboard_files": 4.0,
 }
-"""s, for what takes its time; a change of parameters is asked for again and again."""
+"""s, for what takes its time: a little longer than the station gives the vehicle."""
 RETRY = 1.0  # s
 JOY = "sensor_msgs/Joy"
 
 Described = tuple[list[ParameterDescription], dict[str, ParameterValue]]
-
-
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """An accepted command's answer; `run_id` only of `record`."""
-
-    run_id: str = ""
 
 
 class Station:
@@ -120,23 +110,20 @@ class Station:
             if self._node is not None:
                 self._renew_view(self._node.session)
 
-    async def command(self, service: str, requester: str, **fields: Any) -> Reply:
-        """Call one of the station's services. Raises RefusedError with the reason, LinkError."""
-        response = await self._call(service, requester, **fields)
-        return Reply(run_id=str(getattr(response, "run_id", "")))
-
-    async def answer(self, service: str, requester: str, **fields: Any) -> Any:
-        """Call as `command` does, and return the whole answer."""
-        return await self._call(service, requester, **fields)
-
-    async def start_behavior(
-        self, requester: str, name: str, arguments: Mapping[str, ParameterValue], **fields: Any
-    ) -> None:
-        """Start a behavior; the vehicle checks the arguments. Raises RefusedError with its reason,
-        LinkError.
+    async def command(self, service: str, requester: str, **fields: Any) -> Any:
+        """Call one of the station's services and return its answer. Raises RefusedError with the
+        reason, LinkError.
         """
-        sent = to_parameters(arguments)
-        await self._call("start_behavior", requester, name=name, arguments=sent, **fields)
+        fields.setdefault("request_id", uuid.uuid4().hex)
+        sent = {k: to_parameters(v) if isinstance(v, dict) else v for k, v in fields.items()}
+        executor = self._urgent if service == "emergency" else self._callers
+        request = new(f"{SERVICES[service]}_Request", requester=requester, **sent)
+        response = await asyncio.get_running_loop().run_in_executor(
+            executor, self._call_blocking, service, request
+        )
+        if not response.accepted:
+            raise RefusedError(response.reason or f"{service} was refused without a reason")
+        return response
 
     async def change_parameters(
         self, values: Mapping[str, ParameterValue], requester: str
@@ -144,9 +131,7 @@ class Station:
         """Change parameters; return applied values and the revision. Raises RefusedError or
         LinkError.
         """
-        response = await self._call(
-            "change_parameters", requester, parameters=to_parameters(values)
-        )
+        response = await self.command("change_parameters", requester, parameters=dict(values))
         return from_parameters(response.applied), int(response.revision)
 
     async def read_parameters(self, remote: str) -> Described:
@@ -196,17 +181,6 @@ class Station:
         """Publish who has a page open."""
         if self._presence is not None:
             self._presence.put(encode(new("quadlab_msgs/Presence", names=list(labels))))
-
-    async def _call(self, service: str, requester: str, **fields: Any) -> Any:
-        fields.setdefault("request_id", uuid.uuid4().hex)
-        executor = self._urgent if service == "emergency" else self._callers
-        request = new(f"{SERVICES[service]}_Request", requester=requester, **fields)
-        response = await asyncio.get_running_loop().run_in_executor(
-            executor, self._call_blocking, service, request
-        )
-        if not response.accepted:
-            raise RefusedError(response.reason or f"{service} was refused without a reason")
-        return response
 
     def _call_blocking(self, service: str, request: Any) -> Any:
         node = self._require_node()

@@ -29,7 +29,7 @@ def add_onboard(app: FastAPI, parts: Parts) -> None:
         """Return the vehicle's logs, newest first; times are s of its clock, null where not known;
         `here`: the id by which /replay knows the copy on this computer.
         """
-        answer = await parts.station.answer("onboard_files", "")
+        answer = await parts.station.command("onboard_files", "")
         return {
             "vehicle": parts.vehicle,
             "free_bytes": int(answer.free_bytes),

@@ -139,7 +139,7 @@ def _add_tags_and_marks(app: FastAPI, parts: Parts) -> None:
         known id only the text is new.
         """
         pressed_ns = 0 if body.ago is None else time.time_ns() - round(body.ago * 1e9)
-        answer = await parts.station.answer(
+        answer = await parts.station.command(
             "mark", session.label, id=body.id, text=body.text, pressed_ns=pressed_ns
         )
         return {

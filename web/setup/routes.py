@@ -58,7 +58,7 @@ def add_setup(app: FastAPI, parts: Parts, fleet: Fleet) -> None:
         checked: float = 0.0
         told: list[Check] = []
         try:
-            answer = await station.answer("checks", requester, again=again)
+            answer = await station.command("checks", requester, again=again)
             checked, told = float(answer.checked), from_messages(answer.checks)
         except LinkError as error:
             advice = f"{error}; start quadlab up or quadlab station"

@@ -83,7 +83,9 @@ class TuningBench:
         gains = self.gains()
         self._starting = True
         try:
-            await self._station.start_behavior(requester, BEHAVIOR, asdict(plan))
+            await self._station.command(
+                "start_behavior", requester, name=BEHAVIOR, arguments=asdict(plan)
+            )
         finally:
             self._starting = False
         self._task = asyncio.create_task(self._run(plan, requester, begin_ns, gains))
@@ -160,7 +162,9 @@ class TuningBench:
         while not collection.done:
             self._tell("fetching", f"{100 * collection.share:.0f} %", collection.share)
             try:
-                answer = await self._station.answer("onboard_log", requester, **collection.question)
+                answer = await self._station.command(
+                    "onboard_log", requester, **collection.question
+                )
                 collection.add(answer)
             except (LinkError, RefusedError) as error:
                 if collection.failed(str(error)):

@@ -186,7 +186,7 @@ def test_a_new_replica_learns_what_changed_before_it_lived() -> None:
     parameters = FlightParameters(flight.mailbox, {})
     parameters.fetch()
     (request,) = flight.received()
-    assert request.values == {}
+    assert request.parameters == {}
     parameters.deliver(mailbox.Reply("another", True, "", {"model.mass": 2.0}, 3))
     assert not parameters.complete
     parameters.deliver(mailbox.Reply(request.request_id, True, "", {"model.mass": 1.1}, 9))

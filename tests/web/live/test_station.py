@@ -139,7 +139,11 @@ def test_commands_carry_requester_and_id_and_bring_the_reason_back(
     router: Router, client: Client
 ) -> None:
     client.run(client.station.command("arm", "operator 1"))
-    client.run(client.station.start_behavior("operator 2", "take_off", {"height": 1.5}))
+    client.run(
+        client.station.command(
+            "start_behavior", "operator 2", name="take_off", arguments={"height": 1.5}
+        )
+    )
     (_, arm), (_, take_off) = router.requests
     assert arm.requester == "operator 1"
     assert arm.request_id

@@ -1,0 +1,142 @@
+"""The commands to a vehicle and its station: each is declared here and in its .srv file alone.
+
+A row's request says what a command carries. From the rows come the services, what the station
+passes on, what comms serves and puts into the flight process's mailbox, and the page's routes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+import msgspec
+from pydantic import Field
+
+from quadrotor.parameters import ParameterValue
+
+Place = Literal["vehicle", "station", "simulator"]
+
+
+def one_of(*choices: str) -> Any:
+    """Return the annotation of a text that has only these values."""
+    extra: dict[str, Any] = {"enum": list(choices)}
+    return Field(pattern=f"^({'|'.join(choices)})$", json_schema_extra=extra)
+
+
+class Request(msgspec.Struct, frozen=True):
+    """What each command carries; fields are those of its .srv. The annotated bounds are checked
+    where a page's request comes in, all values by who carries the command out.
+    """
+
+    request_id: str
+    requester: str
+
+
+class Arm(Request, frozen=True, tag="arm"):
+    """Let the motors turn."""
+
+
+class Disarm(Request, frozen=True, tag="disarm"):
+    """Stop the motors on the ground."""
+
+
+class StartBehavior(Request, frozen=True, tag="start_behavior"):
+    """Start a behavior; its arguments are checked by the vehicle, which knows them."""
+
+    name: Annotated[str, Field(min_length=1, max_length=64)]
+    arguments: dict[str, ParameterValue] = {}
+
+
+class Emergency(Request, frozen=True, tag="emergency"):
+    """Command an emergency: `land` comes down at once as `safety.emergency_land` says, and is open
+    to all; `cut` stops the motors.
+
+    Answers once the vehicle has accepted it; whether it shows it is told as `emergency`.
+    """
+
+    action: Annotated[str, one_of("land", "cut")]
+
+
+class ChangeParameters(Request, frozen=True, tag="change_parameters"):
+    """Change parameters, all or none."""
+
+    parameters: dict[str, ParameterValue]
+
+
+class Bench(Request, frozen=True, tag="bench"):
+    """Turn one motor alone; see vehicle.flight.motor_bench."""
+
+    motor: Annotated[int, Field(ge=0, le=4)]  # 0 ends
+    reference: Annotated[int, Field(ge=0, le=255)]  # counts
+    secured: bool
+
+
+class Record(Request, frozen=True, tag="record"):
+    """Start or end a run by hand."""
+
+    start: bool
+
+
+class Simulation(Request, frozen=True, tag="simulation"):
+    """Serve a simulated vehicle with its motors off: `swap_battery` puts a full one in, `reset`
+    puts the vehicle back where it stood at the start, with a full battery.
+    """
+
+    action: Annotated[str, one_of("swap_battery", "reset")]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One row.
+
+    Attributes:
+        srv: the type of its service, below quadlab_msgs/srv.
+        at: who carries it out.
+        is_forwarded: whether the station passes it on to there.
+        patience: s for the answer, that a late one can still tell what became of it.
+        tries: times in all it is asked for under one id, `patience` apart. Not what moves the
+            vehicle: done late it would surprise.
+        at_once: requests that the vehicle answers at the same time.
+        has_route: whether the page has `POST /api/commands/NAME`.
+        answers: fields of its answer that the page gets.
+    """
+
+    request: type[Request]
+    srv: str
+    at: Place = "vehicle"
+    is_forwarded: bool = True
+    patience: float = 1.0
+    tries: int = 1
+    at_once: int = 1
+    has_route: bool = True
+    answers: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return str(self.request.__struct_config__.tag)
+
+    @property
+    def service(self) -> str:
+        """Return the type of its service."""
+        return f"quadlab_msgs/srv/{self.srv}"
+
+    @property
+    def address(self) -> str:
+        """Return the name of the service of who carries it out, in the vehicle's namespace."""
+        return self.name if self.at == "vehicle" else f"{self.at}/{self.name}"
+
+
+_ROWS = (
+    Command(Arm, "Command", patience=3.0),
+    Command(Disarm, "Command", patience=3.0),
+    Command(StartBehavior, "StartBehavior", patience=3.0),
+    # A cut must not wait behind a landing that the flight process does not answer.
+    Command(Emergency, "Emergency", at_once=4),
+    Command(ChangeParameters, "ChangeParameters", tries=5, has_route=False),
+    Command(Bench, "Bench", is_forwarded=False, has_route=False),
+    Command(Record, "Record", "station", is_forwarded=False, answers=("run_id",)),
+    Command(Simulation, "Simulation", "simulator"),
+)
+
+COMMANDS: dict[str, Command] = {command.name: command for command in _ROWS}
+"""By name."""

@@ -1,0 +1,37 @@
+"""The routes of commands, `POST /api/commands/…`, made from the table of commands."""
+
+from __future__ import annotations
+
+from inspect import cleandoc
+from typing import Any
+
+from fastapi import FastAPI
+
+from vehicle_link.commands import COMMANDS, Command
+from web.app_parts import Parts
+from web.commands.bodies import CommandBody, body_of
+from web.requester import Asker, Operator, operator_of
+
+
+def add_commands(app: FastAPI, parts: Parts) -> None:
+    """Add a route for each command that has one."""
+    for command in COMMANDS.values():
+        if command.has_route:
+            _add_command(app, parts, command)
+
+
+def _add_command(app: FastAPI, parts: Parts, command: Command) -> None:
+    async def send(body: CommandBody, session: Operator) -> dict[str, Any]:
+        answer = await parts.station.command(command.name, session.label, **body.fields)
+        return {"accepted": True, **{name: getattr(answer, name) for name in command.answers}}
+
+    async def press(body: Any, session: Asker) -> dict[str, Any]:
+        if body.action == "cut":
+            operator_of(session)
+        pressed = await parts.emergency.press(body.action, session.label, body.request_id)
+        return {"accepted": True, "id": pressed}
+
+    route = press if command.name == "emergency" else send
+    route.__annotations__["body"] = body_of(command)
+    description = cleandoc(command.request.__doc__ or "")
+    app.post(f"/api/commands/{command.name}", name=command.name, description=description)(route)
