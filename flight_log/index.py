@@ -180,21 +180,6 @@ def index_names(path: Path) -> Iterator[tuple[int, bytes]]:
         yield from index_records(reading(file), os.fstat(file).st_size, wanted)
 
 
-def channel_counts(read: Read, size: int) -> dict[int, int]:
-    """Return channel id → number of its messages, by the index of a closed log of `size` bytes.
-
-    Three short pieces are read. Raises LogFormatError when there is no such index, and what `read`
-    raises.
-    """
-    try:
-        for _, data in index_records(read, size, {Opcode.STATISTICS}):
-            counts: dict[int, int] = parsed(Opcode.STATISTICS, data).channel_message_counts
-            return counts
-        raise ValueError("no statistics")
-    except UNREADABLE as error:
-        raise LogFormatError(f"the log has no index that can be read ({error})") from error
-
-
 @dataclass(frozen=True, slots=True)
 class FileIndex:
     """Times are those of reception (log time), ns; 0 without messages.
@@ -237,9 +222,6 @@ def read_index(path: Path, *, chunks: bool = True) -> FileIndex:
 
     Next to a thread that must not wait, the walk over the chunks gives up the interpreter again and
     again. Raises LogFormatError when there is no index, or StorageError.
-
-    Next to a thread that must not wait the walk over the chunks gives the interpreter away again
-    and again. Raises LogFormatError when there is no index, or StorageError.
     """
     try:
         with open_log(path) as stream:

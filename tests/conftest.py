@@ -22,6 +22,8 @@ REAL_TIME = (
     "vehicle/comms/test_process.py::test_a_flight_goes_on_when_comms_is_killed",
     "console/evaluation/test_evaluation.py",
     "console/runs/test_transfers.py::test_runs_are_completed_by_a_real_process",
+    "console/runs/test_transfers.py::test_while_the_vehicle_s_log_comes",
+    "console/runs/test_transfers.py::test_a_cancelled_run_keeps_nothing",
 )
 """Whole laboratories, which take the machine by their priority, vehicles that fly in real time, and
 processes that leave it to others by theirs: the last, and nothing runs beside them."""
