@@ -79,7 +79,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     mark, as `--dist loadgroup` has them, are not seen with pytest 9.2 and xdist 3.8.)"""
     from xdist.scheduler import LoadScopeScheduling
 
-    class ByFile(LoadScopeScheduling):
+    class ByFile(LoadScopeScheduling):  # type: ignore[misc]  # of an untyped package
         def _split_scope(self, nodeid: str) -> str:
             name = _name(nodeid)
             return "real time" if name.startswith(REAL_TIME) else name.split("::", 1)[0]

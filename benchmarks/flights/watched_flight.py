@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -107,7 +107,7 @@ class WatchedFlight(SimulatedFlight):
         self.hardest = self.most_tilted = 0.0
 
     # ------------------------------------------------------------------ what is done
-    def hover(self, height: float = 1.0, settling: float = 3.0) -> WatchedFlight:
+    def hover(self, height: float = 1.0, settling: float = 3.0) -> Self:
         """Take off and settle. Raises RefusedError."""
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=20)
         self.wait(0.5)

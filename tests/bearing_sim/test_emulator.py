@@ -118,7 +118,7 @@ def test_the_rate_is_kept_over_minutes_of_irregular_poses(rng: np.random.Generat
 
 def test_a_frame_comes_with_the_first_pose_at_or_after_its_instant() -> None:
     emulator = BearingEmulator(asked(rate=30.0))
-    came = {}
+    came: dict[int, int] = {}
     for stamp_ns in range(0, 100 * MS, 10 * MS):
         emulator.observe(stamp_ns, *hover(0))
         came |= {f.stamp_ns: stamp_ns for f in emulator.due(stamp_ns)}
@@ -239,7 +239,7 @@ def test_the_mounting_turns_the_field_of_view_only(
     other = np.cross(a, aside) / 2.0
     places = [a, a + aside, a + other, a + aside + other]
     layout = "; ".join(f"{k} {x} {y} {z}" for k, (x, y, z) in enumerate(places))
-    frame = one_frame([0, 0, 0], layout=layout, field_of_view=20.0, **mounting)
+    frame = one_frame([0, 0, 0], LEVEL, layout=layout, field_of_view=20.0, **mounting)
     assert list(frame.beacon_ids) == [0]
     np.testing.assert_allclose(frame.bearings_b, [axis], atol=1e-12)
 
@@ -248,7 +248,7 @@ def test_a_bias_turns_all_bearings_by_one_rotation() -> None:
     position, q = swing(1.0)
     straight = one_frame(position, q)
     biased = one_frame(position, q, bias_x=3.0, bias_y=-2.0, bias_z=5.0)
-    turn = matrix_of(turned(LEVEL, np.radians([3.0, -2.0, 5.0])))
+    turn = matrix_of(turned(LEVEL, np.radians([3.0, -2.0, 5.0]).tolist()))
     np.testing.assert_allclose(biased.bearings_b, straight.bearings_b @ turn.T, atol=1e-12)
 
 
@@ -425,5 +425,5 @@ def test_every_parameter_has_bounds_or_choices_and_says_what_it_is() -> None:
 
 def test_lost_ids_are_read_from_text() -> None:
     assert parse_lost("") == parse_lost("  ") == frozenset()
-    assert parse_lost("1, 3 2") == {1, 2, 3}
+    assert parse_lost("1, 3 2") == frozenset({1, 2, 3})
     assert parse_lost("all") is None

@@ -49,7 +49,7 @@ def differenced(r: Array, R: Array, beacons: Array, sigma: float) -> tuple[float
 
     def bearings(move: Array) -> Array:
         ray = beacons - (r + move[:3])
-        return (ray / np.linalg.norm(ray, axis=1)[:, None]) @ turned(R, move[3:])
+        return np.asarray((ray / np.linalg.norm(ray, axis=1)[:, None]) @ turned(R, move[3:]))
 
     h = 1e-5
     J = np.stack(
@@ -98,7 +98,7 @@ def test_the_scatter_of_least_squares_reaches_it() -> None:
     def seen(move: Array) -> Array:
         ray = (beacons - (r + move[:3])) @ turned(np.eye(3), -move[3:]).T
         unit = ray / np.linalg.norm(ray, axis=1)[:, None]
-        return np.einsum("nij,nj->ni", tangents, unit).ravel()
+        return np.asarray(np.einsum("nij,nj->ni", tangents, unit)).ravel()
 
     J = np.stack([(seen(h * e) - seen(-h * e)) / (2.0 * h) for e in np.eye(6)], axis=1)
     errors = sigma * rng.normal(size=(count, 2 * len(beacons))) @ np.linalg.pinv(J).T

@@ -63,14 +63,14 @@ def test_position_is_exact_on_a_parabola_whatever_the_spacing(rng: np.random.Gen
 
 
 def test_attitude_of_a_steady_turn_is_exact(rng: np.random.Generator) -> None:
-    omega_b, start = rng.normal(0, 2, 3), turned(LEVEL, rng.standard_normal(3))
+    omega_b, start = rng.normal(0, 2, 3), turned(LEVEL, (rng.standard_normal(3)).tolist())
     track = PoseTrack()
     for stamp_ns in range(0, SECOND_NS, 10 * MS):
-        track.add(stamp_ns, np.zeros(3), turned(start, omega_b * stamp_ns * 1e-9))
+        track.add(stamp_ns, np.zeros(3), turned(start, (omega_b * stamp_ns * 1e-9).tolist()))
         if stamp_ns:
             instant_ns = stamp_ns - 3_700_000
             found = np.array(track.at(instant_ns).quaternion_wb)
-            expected = turned(start, omega_b * instant_ns * 1e-9)
+            expected = turned(start, (omega_b * instant_ns * 1e-9).tolist())
             assert abs(found @ expected) == pytest.approx(1.0, abs=1e-14)
 
 

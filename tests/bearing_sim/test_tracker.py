@@ -86,9 +86,9 @@ def test_a_restarted_simulator_is_followed() -> None:
 
 
 def test_turning_by_a_vector_is_the_rotation_about_it() -> None:
-    q = turned(LEVEL, np.array([0.0, 0.0, np.pi / 2]))
+    q = turned(LEVEL, [0.0, 0.0, np.pi / 2])
     np.testing.assert_allclose(matrix_of(q) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
-    tiny = turned(q, np.array([1e-9, 0.0, 0.0]))
+    tiny = turned(q, [1e-9, 0.0, 0.0])
     np.testing.assert_allclose(
         matrix_of(q).T @ matrix_of(tiny) @ [0, 1, 0], [0, 1, 1e-9], atol=1e-15
     )

@@ -191,6 +191,9 @@ def fly(
     )
 
 
+AnySensors = Sensors
+
+
 @dataclass(frozen=True)
 class Laboratory:
     """Everything of this file, for tests to reach by one fixture."""
@@ -198,7 +201,7 @@ class Laboratory:
     figure_eight: Callable[..., Truth] = figure_eight
     fly: Callable[..., Flown] = fly
     Sensors: type[Sensors] = Sensors
-    full: Sensors = LAB
+    full: AnySensors = LAB
 
 
 @pytest.fixture(scope="session")

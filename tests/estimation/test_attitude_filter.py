@@ -28,7 +28,7 @@ def test_turning_is_the_exponential_of_the_body_rate(size: float, rng: np.random
         start = Rotation.random(rng=rng)
         rate = rng.normal(size=3) * size
         pose = pose_of(start)
-        turn_pose(pose, *rate, 10.0, 0.1)
+        turn_pose(pose, rate[0], rate[1], rate[2], 10.0, 0.1)
         wanted = start * Rotation.from_rotvec(0.1 * rate)
         assert (wanted.inv() * rotation_of(pose)).magnitude() < 1e-14 + 1e-14 * size
         np.testing.assert_array_equal(pose[:3], [1.0, 2.0, 3.0])

@@ -24,7 +24,7 @@ def frame_of(bearings: Array) -> Array:
 
 def residuals(bearings: Array, r: Array, R: Rotation) -> Array:
     d = SQUARE - r
-    return (R.apply(bearings) - d / np.linalg.norm(d, axis=1)[:, None]).ravel()
+    return np.ravel(R.apply(bearings) - d / np.linalg.norm(d, axis=1)[:, None])
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 1.0])

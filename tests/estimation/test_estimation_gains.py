@@ -23,10 +23,10 @@ from quadrotor.errors import OutOfBoundsError
 
 
 def test_paper_preset_is_the_double_pole_of_the_printed_gains() -> None:
-    omega = EstimationParameters(**PRESETS["paper"]).position_bandwidth
+    omega = EstimationParameters.model_validate(PRESETS["paper"]).position_bandwidth
     assert 2.0 * omega == pytest.approx(126.3, abs=0.05)
     assert omega**2 == pytest.approx(3987.3, rel=3e-4)
-    assert EstimationParameters(**PRESETS["paper"]).attitude_bandwidth == 62.8
+    assert EstimationParameters.model_validate(PRESETS["paper"]).attitude_bandwidth == 62.8
 
 
 def test_record_carries_every_gain() -> None:
@@ -39,17 +39,17 @@ def test_record_carries_every_gain() -> None:
 
 def test_nothing_is_wrong_with_the_defaults_at_100_hz_nor_with_the_bearings_at_30() -> None:
     assert ComplementaryEstimator().warnings(100.0) == []
-    assert gain_warnings(EstimationParameters(**PRESETS["bearings"]), 30.0) == []
-    assert gain_warnings(EstimationParameters(**PRESETS["paper"]), 100.0) == []
+    assert gain_warnings(EstimationParameters.model_validate(PRESETS["bearings"]), 30.0) == []
+    assert gain_warnings(EstimationParameters.model_validate(PRESETS["paper"]), 100.0) == []
 
 
 def test_the_papers_gains_follow_the_noise_at_30_hz_and_the_warning_says_what_to_set() -> None:
-    lines = gain_warnings(EstimationParameters(**PRESETS["paper"]), 30.0)
+    lines = gain_warnings(EstimationParameters.model_validate(PRESETS["paper"]), 30.0)
     names = ["position_bandwidth", "attitude_bandwidth"]
     assert [line.split()[0] for line in lines] == names
     advised = [float(line.split("below ")[-1].split()[0]) for line in lines]
     less = {name: 0.99 * most for name, most in zip(names, advised, strict=True)}
-    mended = EstimationParameters(**PRESETS["paper"] | less)
+    mended = EstimationParameters.model_validate(PRESETS["paper"] | less)
     assert gain_warnings(mended, 30.0) == []
 
 
@@ -126,10 +126,10 @@ def test_printed_gains_times_the_period_diverge_below_76_hz_by_their_spectral_ra
 
 
 def test_the_warning_below_76_hz_gives_radius_and_rate_and_none_comes_above() -> None:
-    line = gain_warnings(EstimationParameters(**PRESETS["paper"]), 70.0)[0]
+    line = gain_warnings(EstimationParameters.model_validate(PRESETS["paper"]), 70.0)[0]
     assert "spectral radius 1." in line
     assert "stable above 76.2 Hz" in line
-    assert gain_warnings(EstimationParameters(**PRESETS["paper"]), 77.0) == []
+    assert gain_warnings(EstimationParameters.model_validate(PRESETS["paper"]), 77.0) == []
 
 
 @pytest.mark.parametrize("rate", [5.0, 30.0, 60.0, 76.0, 77.0, 126.0, 200.0, 1000.0])

@@ -20,7 +20,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 def seen_from(r: Array, R: Rotation) -> Array:
     d = SQUARE - r
-    return R.inv().apply(d / np.linalg.norm(d, axis=1)[:, None])
+    return np.asarray(R.inv().apply(d / np.linalg.norm(d, axis=1)[:, None]))
 
 
 def test_print_is_exact_without_noise(rng: np.random.Generator) -> None:

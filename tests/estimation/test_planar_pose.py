@@ -23,7 +23,7 @@ SIGMA = math.radians(1.5)
 
 def bearings_of(beacons: Array, r: Array, R: Rotation) -> Array:
     d = beacons - r
-    return R.inv().apply(d / np.linalg.norm(d, axis=1)[:, None])
+    return np.asarray(R.inv().apply(d / np.linalg.norm(d, axis=1)[:, None]))
 
 
 def envelope(
@@ -38,7 +38,7 @@ def blurred(x: Array, rng: np.random.Generator) -> Array:
     """Independent N(0, SIGMA) along two tangent axes of each bearing."""
     out = x + SIGMA * rng.normal(size=x.shape)
     out -= ((out - x) * x).sum(1)[:, None] * x
-    return out / np.linalg.norm(out, axis=1)[:, None]
+    return np.asarray(out / np.linalg.norm(out, axis=1)[:, None])
 
 
 def jacobian(beacons: Array, r: Array, R: Rotation) -> Array:
@@ -58,7 +58,7 @@ def jacobian(beacons: Array, r: Array, R: Rotation) -> Array:
 def bound(beacons: Array, r: Array, R: Rotation) -> Array:
     """Cramer-Rao bound (6, 6): position, then rotation in world axes."""
     J = jacobian(beacons, r, R)
-    return SIGMA**2 * np.linalg.inv(J.T @ J)
+    return np.asarray(SIGMA**2 * np.linalg.inv(J.T @ J), dtype=np.float64)
 
 
 def rotation_of(q: Array) -> Rotation:
@@ -324,7 +324,7 @@ def test_lists_and_foreign_arrays_give_the_same_pose(rng: np.random.Generator) -
     read_only = x.astype(float)
     read_only.flags.writeable = False
     for same in (x, x.tolist(), np.asfortranarray(x, dtype=float), read_only):
-        got = solver.solve(same, SIGMA)
+        got = solver.solve(same, SIGMA)  # type: ignore[arg-type]  # what it was not declared for
         np.testing.assert_array_equal(got.position_w, expected.position_w)
         np.testing.assert_array_equal(got.covariance, expected.covariance)
     assert solver.solve(x.astype(float), 1).residual == pytest.approx(expected.residual, abs=1e-2)

@@ -72,7 +72,7 @@ def test_the_covariance_is_that_of_finite_differences(rng: np.random.Generator) 
 
     def bearings(p: Array) -> Array:
         d = SQUARE - p
-        return (d / np.linalg.norm(d, axis=1)[:, None]).ravel()
+        return np.ravel(d / np.linalg.norm(d, axis=1)[:, None])
 
     J = np.stack([(bearings(r + e) - bearings(r - e)) / 2e-6 for e in 1e-6 * np.eye(3)], 1)
     assert position_covariance(SQUARE, r, SIGMA, P)

@@ -79,7 +79,7 @@ def test_one_commands_and_control_is_asked_for_given_and_lost_by_leaving(
     anna, ben, vera = invited("operator"), invited("operator"), invited("viewer")
 
     def holder() -> str:
-        return (lab.summary().get("control") or {}).get("holder", "?")
+        return str((lab.summary().get("control") or {}).get("holder", "?"))
 
     def known() -> bool:
         names = {parameter["name"] for parameter in lab.get("/api/parameters")["parameters"]}

@@ -92,7 +92,7 @@ def test_two_people_hammer_one_slider_and_both_end_on_the_vehicles_value(
     def handed_over() -> bool:
         control(second, "ask")
         control(first, "give")
-        return lab.summary()["control"]["holder"] == label(second)
+        return bool(lab.summary()["control"]["holder"] == label(second))
 
     until("the hand-over", handed_over)
     second.wait_for_timeout(500 * SECONDS)

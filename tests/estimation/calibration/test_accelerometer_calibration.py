@@ -18,7 +18,7 @@ COUNT = 0.0039 * GRAVITY  # m/s^2 of a count
 
 def reading(up_b: np.ndarray) -> np.ndarray:
     """What a sensor of T and B shows at rest."""
-    return np.linalg.solve(T, GRAVITY * up_b) + B
+    return np.asarray(np.linalg.solve(T, GRAVITY * up_b) + B)
 
 
 def pose(up_b: np.ndarray, told: np.ndarray | None) -> StillPose:

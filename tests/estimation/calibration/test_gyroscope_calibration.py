@@ -10,13 +10,14 @@ import pytest
 
 from estimation.calibration.gyroscope import identify_gyroscope
 from quadrotor.errors import MeasurementError
+from tests.support.arrays import Array
 
 LIMIT = math.radians(1.0)
 DRIFT = np.radians([1.2, -0.7, 0.4])
 
 
-def still(rng: np.random.Generator, count: int = 500, noise: float = 0.3) -> np.ndarray:
-    return DRIFT + np.radians(noise) * rng.standard_normal((count, 3))
+def still(rng: np.random.Generator, count: int = 500, noise: float = 0.3) -> Array:
+    return np.asarray(DRIFT + np.radians(noise) * rng.standard_normal((count, 3)))
 
 
 def test_500_still_samples_give_the_drift_to_three_hundredths_of_a_degree_a_second(
@@ -37,7 +38,7 @@ def test_500_still_samples_give_the_drift_to_three_hundredths_of_a_degree_a_seco
     ],
 )
 def test_what_was_not_still_is_refused(
-    rng: np.random.Generator, spoil: Callable[..., object], said: str
+    rng: np.random.Generator, spoil: Callable[[Array], Array], said: str
 ) -> None:
     with pytest.raises(MeasurementError, match=said):
         identify_gyroscope(spoil(still(rng)), LIMIT)

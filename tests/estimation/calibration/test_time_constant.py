@@ -20,7 +20,7 @@ def response(time: np.ndarray, begins: np.ndarray, held: np.ndarray, delay: floa
     for one in wanted:
         course.append(value)
         value += (1.0 - np.exp(-fine / LAG)) * (one - value)
-    return np.interp(time, grid, course)
+    return np.asarray(np.interp(time, grid, course))
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ import pytest
 from quadrotor.calibration_record import CalibrationRecord
 from quadrotor.errors import StorageError
 from quadrotor.parameters import ParameterValue
-from vehicle.calibration import store as calibration_store
 from vehicle.calibration.store import (
     AT_START,
     FOLDER,
@@ -133,7 +132,7 @@ def test_a_disk_that_fills_within_a_line_leaves_none_of_it(
     def fail(descriptor: int) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(calibration_store.os, call, half if call == "write" else fail)
+    monkeypatch.setattr(os, call, half if call == "write" else fail)
     with pytest.raises(StorageError, match="No space left"):
         store.append(MOTOR)
     monkeypatch.undo()

@@ -106,7 +106,7 @@ def test_the_metrics_are_those_of_the_history() -> None:
 
 def test_without_noise_nothing_depends_on_the_seed() -> None:
     still = TrackerParameters(position_noise=0.0, attitude_noise=0.0)
-    truth = SimulatorParameters(**QUIET)
+    truth = SimulatorParameters.model_validate(QUIET)
     a, b = (fly_batch([Scenario(truth=truth, tracker=still, seed=s)], 4.0) for s in (1, 2))
     assert same(a, b)
 

@@ -6,7 +6,6 @@ import math
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from control.behaviors.table import BehaviorName
 from estimation.outcome import LATEST_NS
 from quadrotor.errors import LinkError, ParameterError
 from quadrotor.records import POSE_SAMPLE, TICK, Record, pose_sample
+from tests.support.narrowing import now
 from vehicle.comms.commands import FlightMailbox, FlightParameters
 from vehicle.comms.inbound import Inbound
 from vehicle.comms.publish import FLOWN_ON, Publisher, flag_names, samples_a_packet
@@ -88,6 +88,9 @@ class Flight:
         rings = self.rings
         return [*rings.poses.pop_all(), *rings.bearings.pop_all()]
 
+    def commands(self) -> list[mailbox.Command]:
+        return [one for one in self.received() if not isinstance(one, mailbox.Measurement)]
+
 
 def answer(flight: Flight, accepted: bool, reason: str = "", **fields: object) -> threading.Thread:
     """Replies to the next command, as comms' draining thread would deliver it."""
@@ -95,8 +98,7 @@ def answer(flight: Flight, accepted: bool, reason: str = "", **fields: object) -
     def run() -> None:
         waited = threading.Event()
         for _ in range(500):
-            for command in flight.received():
-                assert not isinstance(command, mailbox.Measurement)
+            for command in flight.commands():
                 reply = mailbox.Reply(command.request_id, accepted, reason, **fields)  # type: ignore[arg-type]
                 flight.mailbox.deliver(mailbox.Reply("somebody else's", True))
                 flight.mailbox.deliver(reply)
@@ -120,7 +122,7 @@ def test_no_reply_is_one_clear_error() -> None:
     flight = Flight()
     with pytest.raises(LinkError, match=r"has not answered within 0\.01 s"):
         flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.01)
-    (command,) = flight.received()
+    (command,) = flight.commands()
     flight.mailbox.deliver(mailbox.Reply(command.request_id, True))  # too late: nobody waits
 
 
@@ -147,7 +149,7 @@ def test_two_processes_never_use_the_same_request_id(monkeypatch: pytest.MonkeyP
         for _ in range(2):
             with pytest.raises(LinkError):
                 flight.mailbox.ask(lambda i: mailbox.Arm(i, "anna"), timeout_s=0.0)
-        ids += [command.request_id for command in flight.received()]
+        ids += [command.request_id for command in flight.commands()]
     assert len(set(ids)) == 4
 
 
@@ -164,7 +166,7 @@ def test_the_replica_gives_flights_answer() -> None:
     flight = Flight()
     parameters = FlightParameters(flight.mailbox, {})
     parameters.fetch()
-    (asked,) = flight.received()
+    (asked,) = flight.commands()
     parameters.deliver(
         mailbox.Reply(asked.request_id, True, applied={"model.mass": 1.2}, revision=6)
     )
@@ -185,12 +187,13 @@ def test_a_new_replica_learns_what_changed_before_it_lived() -> None:
     flight = Flight()
     parameters = FlightParameters(flight.mailbox, {})
     parameters.fetch()
-    (request,) = flight.received()
+    (request,) = flight.commands()
+    assert isinstance(request, mailbox.ChangeParameters)
     assert request.parameters == {}
     parameters.deliver(mailbox.Reply("another", True, "", {"model.mass": 2.0}, 3))
     assert not parameters.complete
     parameters.deliver(mailbox.Reply(request.request_id, True, "", {"model.mass": 1.1}, 9))
-    assert parameters.complete
+    assert now(parameters).complete
     assert (parameters.values()["model.mass"], parameters.replica.revision) == (1.1, 9)
 
 
@@ -229,7 +232,7 @@ class FakeRadio:
 class Sender:
     def __init__(self, rate: float = 500.0) -> None:
         self.radio, self.log, self.rate = FakeRadio(), FakeLog(), rate
-        self.publisher = Publisher(self.radio, self.log, VehicleClock(), "quad1")  # type: ignore[arg-type]
+        self.publisher = Publisher(self.radio, self.log, VehicleClock(), "quad1")
         self.number = 0
 
     def ticks(self, count: int, **status: int) -> Record:
@@ -254,7 +257,7 @@ class Sender:
 
 
 @pytest.fixture
-def sender() -> Iterator[Sender]:
+def sender() -> Sender:
     return Sender()
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
-from quadrotor.records import POSE_SAMPLE
+from quadrotor.records import POSE_SAMPLE, Record
 from quadrotor.vehicle_model import GRAVITY
 from vehicle.estimators.barometric_height import PASCALS_PER_METRE, BarometricHeight
+from vehicle.processes.mailbox import Measurement
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
 GAP = 0.2
@@ -37,9 +38,10 @@ class Lab(SimulatedFlight):
         def hear(sample: Any) -> Any:
             return None if self.deaf else tick(sample)
 
-        def take(one: Any) -> None:
-            if not (self.deaf and getattr(one, "dtype", None) == POSE_SAMPLE):
-                measure(one)
+        def take(measurement: Measurement | Record) -> None:
+            pose = isinstance(measurement, np.ndarray) and measurement.dtype == POSE_SAMPLE
+            if not (self.deaf and pose):
+                measure(measurement)
 
         self.stack.tick = hear  # type: ignore[method-assign]
         self.stack.measure = take  # type: ignore[method-assign]

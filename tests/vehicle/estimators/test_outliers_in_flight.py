@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
 
 from estimation.outcome import Agreement
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
-from quadrotor.records import ESTIMATE, POSE_SAMPLE
+from quadrotor.records import ESTIMATE, POSE_SAMPLE, Record
+from tests.support.arrays import Array
+from tests.support.narrowing import now
 from vehicle.estimators.agreement_watch import HOLD_NS, QUIET_NS, AgreementWatch
 from vehicle.flight.modes import Flag
 from vehicle.processes import mailbox
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 
-Displace = Callable[[tuple[float, ...]], tuple[float, ...]]
+Place = tuple[float, float, float]
+Displace = Callable[[Place], Place]
 START = (0.0, 0.0, 1.0)
 OF_AGREEMENT = Flag.MEASUREMENTS_REFUSED | Flag.TRACKER_JUMPED | Flag.ESTIMATE_DRIFTED
 
@@ -45,10 +47,10 @@ class Lab(SimulatedFlight):
         self.displace: Displace = lambda position: position
         take = self.stack.measure
 
-        def measure(one: Any) -> None:
-            if getattr(one, "dtype", None) == POSE_SAMPLE:
-                one["position_w"] = self.displace(one["position_w"][0])
-            take(one)
+        def measure(measurement: mailbox.Measurement | Record) -> None:
+            if isinstance(measurement, np.ndarray) and measurement.dtype == POSE_SAMPLE:
+                measurement["position_w"] = self.displace(measurement["position_w"][0])
+            take(measurement)
 
         self.stack.measure = measure  # type: ignore[method-assign]
         self.wait_until(lambda v: v.mode == "ready", what="ready", timeout=5)
@@ -63,7 +65,7 @@ class Lab(SimulatedFlight):
     def flags(self) -> Flag:
         return Flag(int(self.stack.status["flags"][0])) & OF_AGREEMENT
 
-    def watch(self, seconds: float) -> tuple[np.ndarray, Flag]:  # type: ignore[type-arg]
+    def watch(self, seconds: float) -> tuple[Array, Flag]:
         """True positions (N, 3) and all flags seen meanwhile."""
         places, flags = [], Flag.NONE
         end_ns = self.stack.stamp_ns + round(seconds * 1e9)
@@ -92,7 +94,7 @@ def test_one_pose_a_metre_off_moves_nothing_and_is_flagged_for_a_second(lab: Lab
     lab.displace = moved_by(0.0)
     places, flags = lab.watch(0.9)
     assert np.abs(places - START).max() < 0.02
-    assert flags == lab.flags == Flag.MEASUREMENTS_REFUSED
+    assert flags == now(lab).flags == Flag.MEASUREMENTS_REFUSED
     assert lab.stack.estimate["measurements_refused"][0] == 1
     lab.watch(0.2)
     assert lab.flags == Flag.NONE
@@ -110,7 +112,7 @@ def test_bodies_swapped_for_a_fifth_of_a_second_move_nothing(lab: Lab) -> None:
     assert np.abs(np.concatenate((places, after)) - START).max() < 0.02
     assert lab.view().behavior == "hover"
     assert lab.flags == Flag.NONE
-    assert lab.stack.estimator.converged
+    assert now(lab).stack.estimator.converged
     assert len(lab.warnings()) == 2  # that it jumped, that it is back
 
 

@@ -174,7 +174,7 @@ class Plugin:
 
 def test_a_plugin_law_is_configured_anew_at_every_gram() -> None:
     plugin = Plugin()
-    steering = Steering(ControlParameters(), VehicleModel(), plugin)  # type: ignore[arg-type]
+    steering = Steering(ControlParameters(), VehicleModel(), plugin)
     for mass in (1.3083, 1.3089, 1.3091, 1.35):
         steering.weigh(mass)
     assert plugin.masses == [1.308, 1.3091, 1.35]

@@ -43,7 +43,7 @@ class FakeStack:
     def __init__(self) -> None:
         self.record: Record = new_tick()
         self.store = ParameterStore(Root().model_copy(deep=True))
-        self.outbox: list[mailbox.Event | mailbox.ParameterChange] = []
+        self.outbox: list[mailbox.Told] = []
         self.motor_state_wanted = MotorState.OFF
         self.flight_control_mode = FlightControlMode.DIRECT
         self.command_timeout_ms = 250

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from quadrotor.errors import RefusedError
+from tests.support.narrowing import now
 from vehicle.flight.modes import LEGAL_MOVES, Mode
 from vehicle.flight.motor_bench import REFERENCE_MAX
 from vehicle.processes import mailbox
@@ -54,7 +55,7 @@ def test_not_asked_for_again_it_stops_within_the_timeout(lab: Any) -> None:
     lab.wait(0.2)  # 0.4 s since it was asked for
     assert lab.mode is Mode.BENCH
     lab.wait(0.15)
-    assert lab.mode is Mode.READY
+    assert now(lab).mode is Mode.READY
     assert lab.robot.firmware.references == (0, 0, 0, 0)
     assert "motor 2 (left) stopped: not asked for again within 0.5 s" in lab.said
 
@@ -105,7 +106,7 @@ def test_armed_in_flight_starting_and_cut_it_is_refused(new_lab: Any) -> None:
     assert lab.ask(mailbox.Emergency("e", "anna", "cut")).accepted
     lab.wait(0.01)
     assert "bench refused" in refusal(lab.turn_motor())
-    assert lab.mode is Mode.CUT
+    assert now(lab).mode is Mode.CUT
 
 
 def test_meanwhile_everything_else_is_refused_and_says_why(lab: Any) -> None:

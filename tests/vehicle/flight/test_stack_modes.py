@@ -11,6 +11,8 @@ import pytest
 
 from quadlab.simulated.flight import FlightParameters, SimulatedFlight
 from quadrotor.errors import RefusedError
+from quadrotor.records import Record
+from tests.support.narrowing import now
 from vehicle.flight.modes import ControlMode, Mode
 from vehicle.flight.stack import FlightStack
 from vehicle.microcontroller.microcontroller import Microcontroller
@@ -19,7 +21,7 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link.serial.ids import FlightControlMode, Id, MotorState
 
 
-class Record:
+class Events:
     """Keeps the events; takes every other message of a log and drops it."""
 
     def __init__(self) -> None:
@@ -37,10 +39,10 @@ class Lab(SimulatedFlight):
 
     def __init__(self, **settings: Any) -> None:
         parameters = FlightParameters().model_copy(deep=True)
-        self.record = Record()
+        self.record = Events()
         self.robot = SimulatedVehicle(parameters.simulator)
         self.frozen = False
-        self.sticks: tuple[float, float, float, float] | None = None
+        self.held: tuple[float, float, float, float] | None = None
         super().__init__(parameters, self.robot, self.record)  # type: ignore[arg-type]
         self.impact = 0.0
         if settings:
@@ -51,8 +53,8 @@ class Lab(SimulatedFlight):
         if self.frozen:
             self.robot.step()
         else:
-            if self.sticks is not None:
-                self.stack.measure(mailbox.Joy(self.stack.stamp_ns, self.sticks, True))
+            if self.held is not None:
+                self.stack.measure(mailbox.Joy(self.stack.stamp_ns, self.held, True))
             super().advance()
         if self.height < 0.005 and speed > 0.02:
             self.impact = max(self.impact, speed)
@@ -147,13 +149,13 @@ def test_emergency_land_leaves_the_landing_to_the_microcontroller(height: float)
     assert lab.control_told is ControlMode.DIRECT, "the microcontroller has not answered yet"
     lab.wait(0.1)
     assert lab.robot.firmware.motor_state is MotorState.EMERGENCY
-    assert lab.control_told is ControlMode.EMERGENCY
+    assert now(lab).control_told is ControlMode.EMERGENCY
     lab.landed()
     assert "emergency land by anna; the microcontroller lands alone" in lab.texts()
     assert "landed by the microcontroller" in lab.texts()
     lab.arm()
     lab.wait(0.5)
-    assert lab.robot.firmware.motor_state is MotorState.ON, "and it flies again"
+    assert now(lab).robot.firmware.motor_state is MotorState.ON, "and it flies again"
 
 
 @pytest.mark.parametrize("chosen", ["land", "descend"])
@@ -232,8 +234,8 @@ def test_an_estimate_that_diverged_is_not_flown_on() -> None:
     lab.stack.estimate["position_innovation_w"] = 0.0
     step = lab.stack.navigation.step
 
-    def lie(*arguments: Any) -> None:
-        step(*arguments)
+    def lie(imu: Record, dt: float, state: Record, estimate: Record) -> None:
+        step(imu, dt, state, estimate)
         lab.stack.estimate["position_innovation_w"][0, 0] = 2.0
 
     lab.stack.navigation.step = lie  # type: ignore[method-assign]
@@ -254,31 +256,31 @@ def test_a_gust_out_of_the_volume_lands_it() -> None:
 
 def test_near_hovering_flies_by_angles_and_holds_its_altitude() -> None:
     lab = Lab().hovering(1.5)
-    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab.wait(0.5)
     assert lab.stack.modes.control_mode is ControlMode.NEAR_HOVERING
-    lab.sticks = (0.5, 0.0, 0.0, 0.0)
+    lab.held = (0.5, 0.0, 0.0, 0.0)
     lab.wait(0.8)
     w, x, y, z = lab.robot.truth["quaternion_wb"][0]
     assert math.degrees(math.asin(2 * (w * y - x * z))) == pytest.approx(6.0, abs=1.5)
     assert lab.robot.truth["velocity_w"][0, 0] > 0.4
-    lab.sticks = None  # released
+    lab.held = None  # released
     lab.wait(0.8)
     assert lab.tilt < 2.0
     lab.start("hover")
     lab.wait(4.0)
-    assert lab.stack.modes.control_mode is ControlMode.DIRECT
+    assert now(lab).stack.modes.control_mode is ControlMode.DIRECT
     assert np.abs(lab.robot.truth["velocity_w"][0]).max() < 0.05
     assert lab.height == pytest.approx(1.5, abs=0.4)
 
 
 def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> None:
     lab = Lab(**{"safety.volume_margin": 0.1}).hovering(1.5)
-    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab.change({"behavior.volume_x_max": 0.3})
-    lab.sticks = (1.0, 0.0, 0.0, 0.0)
+    lab.held = (1.0, 0.0, 0.0, 0.0)
     lab.wait_until(lambda v: v.mode == "emergency_land", what="landing", timeout=5.0)
     assert "outside the flight volume" in lab.texts()
     assert lab.stack.modes.control_mode is ControlMode.DIRECT
@@ -287,17 +289,17 @@ def test_near_hovering_out_of_the_volume_is_landed_while_the_pose_is_known() -> 
 
 def test_without_altitude_hold_the_stick_is_thrust() -> None:
     lab = Lab().hovering(1.5)
-    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering", hold_altitude=False)
     lab.wait(0.3)
-    lab.sticks = (0.0, 0.0, 0.5, 0.0)
+    lab.held = (0.0, 0.0, 0.5, 0.0)
     lab.wait(0.5)
     assert lab.robot.truth["velocity_w"][0, 2] > 0.4
 
 
 def test_without_a_pose_only_what_needs_none_may_follow_near_hovering() -> None:
     lab = Lab().hovering(1.5)
-    lab.sticks = (0.0, 0.0, 0.0, 0.0)
+    lab.held = (0.0, 0.0, 0.0, 0.0)
     lab.start("near_hovering")
     lab._tracker.parameters.drop_out = 1.0
     lab.wait(3.0)
@@ -331,7 +333,7 @@ def test_the_gyroscope_is_not_calibrated_while_the_microcontroller_lands() -> No
             again.tick(sample)
         if ready_at is None and again.mode is Mode.READY:
             ready_at = lab.height
-            assert lab.robot.firmware.motor_state is MotorState.OFF
+            assert now(lab).robot.firmware.motor_state is MotorState.OFF
     assert ready_at is not None
     assert ready_at < 0.01
     assert any("motors run" in event.text for event in again.outbox if hasattr(event, "text"))

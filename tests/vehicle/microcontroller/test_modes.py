@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from quadrotor.errors import LinkError
+from tests.support.narrowing import now
 from vehicle.microcontroller.microcontroller import Microcontroller, RawSample
 from vehicle.simulator.parameters import SimulatorParameters
 from vehicle.simulator.simulated_vehicle import SimulatedVehicle
@@ -116,7 +117,7 @@ def test_one_port_pulled_in_flight_leaves_the_other(index: int) -> None:
     assert "is gone: pulled; flying on with the other port, at half the rate" in line
     bench.mcu.set_motor_state(MotorState.OFF)
     bench.go(2, CLIMB, DIRECT)
-    assert bench.robot.firmware.motor_state is MotorState.OFF
+    assert now(bench).robot.firmware.motor_state is MotorState.OFF
 
 
 def test_both_ports_pulled_end_it() -> None:

@@ -26,7 +26,8 @@ def damaged(seed: int, share: float, count: int = 20_000) -> np.ndarray:
     for _ in range(count // len(sent)):
         wire.write(sent)
         arrived += here.read()
-    return np.frombuffer(arrived, np.uint8) != np.frombuffer(sent * (count // len(sent)), np.uint8)
+    sent *= count // len(sent)
+    return np.asarray(np.frombuffer(arrived, np.uint8) != np.frombuffer(sent, np.uint8))
 
 
 def test_the_share_of_bytes_asked_for_is_damaged_the_same_for_a_seed() -> None:

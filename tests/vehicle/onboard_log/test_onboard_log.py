@@ -16,6 +16,7 @@ import pytest
 from flight_log import is_closed, read_attachments, read_log, read_metadata
 from quadrotor.errors import LinkError
 from quadrotor.records import TICK, Record
+from tests.support.narrowing import now
 from vehicle.onboard_log import disk_sync as onboard_sync
 from vehicle.onboard_log import onboard_log
 from vehicle.onboard_log.file import Batch
@@ -557,7 +558,7 @@ def test_a_log_torn_by_a_full_disk_is_mended_on_the_ground(
     log._look_after(on_ground=True)
     assert log.mending == "is being mended"
     assert [written.path for written in log.files()] == [path]
-    process = log._mending._process
+    process = now(log)._mending._process
     assert process is not None
     end = time.monotonic() + 3 * BOUND
     while not process.look(1.0):

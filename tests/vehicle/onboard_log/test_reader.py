@@ -72,7 +72,7 @@ class Vehicle:
 
     def numbers(self, answer: Any) -> list[int]:
         assert answer.accepted, answer.reason
-        return ((answer.stamps_ns - START_NS) // STEP_NS).tolist()
+        return list(((answer.stamps_ns - START_NS) // STEP_NS).tolist())
 
 
 @pytest.fixture

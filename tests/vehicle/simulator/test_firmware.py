@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.narrowing import now
 from vehicle.simulator.firmware.firmware import (
     BATTERY_LAND,
     BATTERY_TIME_MS,
@@ -124,7 +125,7 @@ def test_a_battery_at_its_end_for_a_second_is_an_emergency() -> None:
     for ms in range(5000, 5000 + BATTERY_TIME_MS + 200, 100):
         firmware.receive(0, c.encode_command(HOVER))
         firmware.advance(ms)
-    assert firmware.motor_state is MotorState.EMERGENCY
+    assert now(firmware).motor_state is MotorState.EMERGENCY
 
 
 def test_the_time_to_the_emergency_is_a_value_with_bounds() -> None:
@@ -134,7 +135,7 @@ def test_the_time_to_the_emergency_is_a_value_with_bounds() -> None:
     firmware.advance(400)
     assert firmware.motor_state is MotorState.ON
     firmware.advance(401)
-    assert firmware.motor_state is MotorState.EMERGENCY
+    assert now(firmware).motor_state is MotorState.EMERGENCY
 
 
 def test_a_mode_and_its_first_command_come_in_one_frame() -> None:

@@ -9,6 +9,8 @@ import pytest
 
 from quadrotor.rotations import quaternion_from_euler, quaternion_log, quaternion_multiply
 from quadrotor.vehicle_model import thrust_of_reference
+from tests.support.arrays import Array
+from tests.support.narrowing import now
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.simulator.force_sensor import FORCE_STEP, TORQUE_STEP, ForceReading
 from vehicle.simulator.parameters import SimulatorParameters
@@ -23,7 +25,7 @@ class Robot:
     """A simulated vehicle that is stepped and configured; motors as commanded."""
 
     def __init__(self, **parameters: object) -> None:
-        self.parameters = SimulatorParameters(**parameters)
+        self.parameters = SimulatorParameters.model_validate(parameters)
         self.simulated = SimulatedVehicle(self.parameters)
         self._mcu = Microcontroller(self.simulated.ports, 0)
         self.references = (0, 0, 0, 0)
@@ -33,7 +35,7 @@ class Robot:
         self.parameters = self.parameters.model_copy(update=parameters)
         self.simulated.configure(self.parameters)
 
-    def turn_on(self, *references: int) -> None:
+    def turn_on(self, references: tuple[int, int, int, int]) -> None:
         self._mcu.set_motor_state(MotorState.ON)
         self.references = references
 
@@ -48,8 +50,8 @@ class Robot:
                 self.readings.append(reading)
 
     @property
-    def attitude(self) -> np.ndarray:
-        return self.simulated.truth["quaternion_wb"][0].copy()
+    def attitude(self) -> Array:
+        return np.array(self.simulated.truth["quaternion_wb"][0])
 
     @property
     def height(self) -> float:
@@ -84,7 +86,7 @@ def test_a_hand_turns_it_at_its_rate_lifts_it_and_stands_still() -> None:
 def test_motors_move_a_held_vehicle_nowhere() -> None:
     robot = Robot(held="hand")
     robot.run(2.5)
-    robot.turn_on(180, 60, 180, 60)
+    robot.turn_on((180, 60, 180, 60))
     robot.run(1.0)
     assert robot.simulated.rotor_speeds.max() > 170.0
     assert robot.simulated.truth["position_w"][0].tolist() == pytest.approx([0, 0, 0.6])
@@ -97,7 +99,7 @@ def test_let_go_it_is_set_down_level_and_stands_by_itself() -> None:
     robot.configure(held="free")
     assert robot.simulated.held
     robot.run(4.0)
-    assert not robot.simulated.held
+    assert not now(robot).simulated.held
     assert robot.height == pytest.approx(0.0, abs=1e-6)
     level = quaternion_from_euler(0.0, 0.0, math.radians(90.0))
     assert abs(robot.attitude @ level) == pytest.approx(1.0, abs=1e-6)
@@ -127,7 +129,8 @@ def test_by_default_the_sensor_s_axes_are_the_body_s() -> None:
 def on_bench(motor: int, reference: int, seconds: float = 2.0, **parameters: object) -> Robot:
     robot = Robot(held="bench", **parameters)
     robot.run(0.1)
-    robot.turn_on(*(reference if k == motor else 0 for k in range(4)))
+    a, b, c, d = (reference if k == motor else 0 for k in range(4))
+    robot.turn_on((a, b, c, d))
     robot.run(1.0)
     robot.readings.clear()
     robot.run(seconds)

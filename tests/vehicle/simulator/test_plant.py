@@ -216,8 +216,8 @@ def test_a_second_of_varying_commands_is_integrated_exactly() -> None:
 
     exact = np.concatenate([plant["x"][0], plant["rotor_speeds"][0]])
     for _ in range(500):
-        references = tuple(int(n) for n in rng.integers(115, 140, 4))
-        advance(plant, references, 0.002)
+        a, b, c, d = references = rng.integers(115, 140, 4).tolist()
+        advance(plant, (a, b, c, d), 0.002)
         exact = solve_ivp(
             derivatives,
             (0.0, 0.002),

@@ -246,13 +246,13 @@ class Receiver:
         self.closed = threading.Event()
         self._refusals = refusals
 
-    def connect(self) -> tuple[Put, object]:
+    def connect(self) -> tuple[Put, Callable[[], None]]:
         if self._refusals:
             self._refusals -= 1
             raise LinkError("no station")
         return self._put, self.closed.set
 
-    def _put(self, payload: bytes, source_ns: int) -> None:
+    def _put(self, payload: bytes, source_ns: int, topic: str = "truth", /) -> None:
         self.payloads.append((payload, source_ns))
         self.arrived.release()
 
@@ -320,7 +320,7 @@ def test_the_truth_s_thread_hurries_and_the_network_s_threads_do_not(
 def test_a_slow_network_costs_truth_and_not_the_plant() -> None:
     blocked = threading.Event()
 
-    def connect() -> tuple[Put, object]:
+    def connect() -> tuple[Put, Callable[[], None]]:
         blocked.wait(BOUND)
         raise LinkError("no station")
 

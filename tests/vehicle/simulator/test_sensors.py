@@ -26,7 +26,7 @@ def read(plant: Record, parameters: SimulatorParameters) -> npt.NDArray[np.int16
 
 
 def test_at_rest_without_noise() -> None:
-    parameters = SimulatorParameters(**QUIET)
+    parameters = SimulatorParameters.model_validate(QUIET)
     registers = read(new_plant(parameters), parameters)
     assert registers[:6].tolist() == [512, 512, 768, 512, 512, 512]  # 1 g is 256.4 counts
     assert registers[Id.PRESSURE] == 6000
@@ -34,21 +34,21 @@ def test_at_rest_without_noise() -> None:
 
 
 def test_pressure_falls_by_11_6_pa_a_metre() -> None:
-    parameters = SimulatorParameters(**QUIET)
+    parameters = SimulatorParameters.model_validate(QUIET)
     plant = new_plant(parameters)
     plant["x"][0, 2] = 10.0
     assert read(plant, parameters)[Id.PRESSURE] == 6000 - 116
 
 
 def test_the_gyroscope_counts_0_586_deg_s() -> None:
-    parameters = SimulatorParameters(**QUIET)
+    parameters = SimulatorParameters.model_validate(QUIET)
     plant = new_plant(parameters)
     plant["x"][0, 10:] = np.radians((58.6, -58.6, 5.86))
     assert read(plant, parameters)[3:6].tolist() == [612, 412, 522]
 
 
 def test_sensors_saturate_at_ten_bits() -> None:
-    parameters = SimulatorParameters(**QUIET)
+    parameters = SimulatorParameters.model_validate(QUIET)
     plant = new_plant(parameters)
     plant["specific_force_b"] = (100.0, -100.0, 19.0)
     plant["x"][0, 10:] = (10.0, -10.0, 0.0)

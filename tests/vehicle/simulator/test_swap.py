@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from quadrotor.errors import RefusedError
+from tests.support.arrays import Array
 from vehicle.microcontroller.microcontroller import Microcontroller
 from vehicle.simulator import attendant as attendant_module
 from vehicle.simulator.attendant import Attendant
@@ -26,9 +27,8 @@ class Robot:
     """A simulated vehicle away from its start with an empty battery; motors as commanded."""
 
     def __init__(self, **parameters: object) -> None:
-        self.parameters = SimulatorParameters(
-            start_x=START[0], start_y=START[1], battery_charge=0.02, **parameters
-        )
+        empty = {"start_x": START[0], "start_y": START[1], "battery_charge": 0.02}
+        self.parameters = SimulatorParameters.model_validate(empty | parameters)
         self.simulated = SimulatedVehicle(self.parameters)
         self._mcu = Microcontroller(self.simulated.ports, 0)
         self.run(10)
@@ -47,8 +47,8 @@ class Robot:
             self._mcu.service(self.simulated.stamp_ns * 1e-9)
 
     @property
-    def place(self) -> np.ndarray:
-        return self.simulated.truth["position_w"][0].copy()
+    def place(self) -> Array:
+        return np.array(self.simulated.truth["position_w"][0])
 
 
 def test_a_swapped_battery_is_full_and_the_vehicle_stays() -> None:

@@ -133,11 +133,12 @@ def test_a_damaged_key_of_the_authority_stops_only_what_needs_it(
 ) -> None:
     tls.authority_key.write_bytes(b"garbled")
     ensure_certificates(tls.folder)
-    for making in (
+    attempts: list[Callable[[], object]] = [
         lambda: ensure_certificates(tls.folder, ["new.local"]),
         lambda: ensure_web_certificate(tls.folder, []),
         lambda: issue_vehicle(tls.folder, tmp_path / "out", "quad1", []),
-    ):
+    ]
+    for making in attempts:
         with pytest.raises(LinkError, match=r"ca\.key holds no private key .*; copy it back from"):
             making()
     assert not (tmp_path / "out").exists()

@@ -66,11 +66,11 @@ class Vehicle(_Beating):
         self.instance = new_instance()
         clock = VehicleClock()
         self.inbound = Inbound(
-            None,
+            None,  # type: ignore[arg-type]
             clock,
             lambda level, text: self.said.append(text),
             print,
-            self._taken,  # type: ignore[arg-type]
+            self._taken,
         )
         for name in ("station_heartbeat", "tracker_pose"):
             self.subscribe(name, partial(self._heard, name))

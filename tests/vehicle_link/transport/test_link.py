@@ -407,7 +407,12 @@ def test_parameters_and_their_descriptions_cross_the_link_exactly(
 
 
 def test_parameters_are_set_together(authority: Authority, parameters: ParameterClient) -> None:
-    values = {"position.kp": 4.5, "position.laps": 3, "position.law": "hover", "position.on": False}
+    values: dict[str, ParameterValue] = {
+        "position.kp": 4.5,
+        "position.laps": 3,
+        "position.law": "hover",
+        "position.on": False,
+    }
     parameters.set(values)
     assert {name: authority.store.get(name) for name in values} == values
     assert parameters.values()["position.kp"] == 4.5
