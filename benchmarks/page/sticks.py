@@ -93,7 +93,7 @@ class Listener:
 
     def close(self) -> None:
         self.node.close()
-        self.session.close()  # type: ignore[no-untyped-call]
+        self.session.close()
 
 
 def run(quick: bool = False) -> Report:

@@ -89,6 +89,7 @@ class StillMicrocontroller:
 
     def __init__(self) -> None:
         self.failures: list[str] = []
+        self.newest_ms: list[int] = []
         self.lost_ports = self.damaged = self.refused = self.late = 0
         self.obstacle = ""
         self.motor_state = MotorState.OFF

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import pytest
 
 from console import calibrations
 from console.calibrations import Calibrations
+from tests.support.narrowing import now as as_it_is
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
 
@@ -37,10 +39,10 @@ def test_it_is_asked_for_again_until_it_is_told(monkeypatch: pytest.MonkeyPatch)
     known.status("starting")
     known.status("ready")
     known.look(1)
-    assert known.is_due
+    assert as_it_is(known).is_due
     known.look(1)
     assert node.asked.count("in_force") == 3
-    now = calibrations.time.monotonic() + calibrations.START_PATIENCE
-    monkeypatch.setattr(calibrations.time, "monotonic", lambda: now)
+    now = time.monotonic() + calibrations.START_PATIENCE
+    monkeypatch.setattr(time, "monotonic", lambda: now)
     known.look(1)
     assert not known.is_due, "it does not come any more"

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +49,7 @@ class FakeVehicle:
         sent = ("vehicle_heartbeat", "status", "telemetry")
         self._out = {topic: self._node.advertise(TOPICS[topic]) for topic in sent}
         for service in ("arm", "disarm"):
-            self._node.serve(service, SERVICES[service], lambda _, s=service: self._answer(s))
+            self._node.serve(service, SERVICES[service], partial(self._answer, service))
         serve_time_sync(self._node, time.time_ns)
         self._instance, self._closing = new_instance(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -60,7 +61,7 @@ class FakeVehicle:
         self._node.close()
         threading.Thread(target=self._session.close, daemon=True).start()
 
-    def _answer(self, service: str) -> Any:
+    def _answer(self, service: str, _: Any) -> Any:
         self.requests.append(service)
         self.armed = service == "arm"
         return new(f"{SERVICES[service]}_Response", accepted=True)
@@ -189,7 +190,7 @@ def test_commands_control_and_runs_are_each_vehicle_s_own(laboratory: Laboratory
         (run,) = laboratory.catalogue.runs(vehicle=name)
         assert (run.id, run.operator) == (ids[name], operator)
         path = laboratory.catalogue.resolve(run.id)
-        assert until(lambda path=path: is_closed(path))
+        assert until(partial(is_closed, path))
         written = {topic.split("/")[1] for topic in summarize(path).topics}
         assert written == {name}
 
@@ -216,6 +217,7 @@ def test_estimators_are_compared_only_while_somebody_looks(monkeypatch: pytest.M
         looking.set()
         comparison.telemetry(b"")
         child = until(lambda: comparison._child)
+        assert child is not None
         assert child.poll() is None
         looking.clear()
         assert until(lambda: comparison._child is None and child.poll() is not None)
@@ -228,24 +230,26 @@ def test_of_many_each_beats_half_as_often_and_every_other_time_over_the_link(
 ) -> None:
     session, catalogue = hub_session(free_port(socket.SOCK_STREAM)), Catalogue(tmp_path)
     heard: dict[int, list[int]] = {3: [], 4: []}
+
+    def listen(count: int, beats: list[int]) -> None:
+        name = f"of{count}"
+        listener = Node(session, f"/{name}", "listener")
+        topic = TOPICS["station_heartbeat"]
+        listener.subscribe(
+            topic.name, topic.type_name, lambda received: beats.append(received.sequence)
+        )
+        station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
+        try:
+            station._outbox.beats.beside = lambda received: True  # as by a lane that stands
+            enough = len(beats) + 12
+            until(lambda: len(beats) >= enough)
+        finally:
+            station.close()
+            listener.close()
+
     try:
         for count, beats in heard.items():
-            name = f"of{count}"
-            listener = Node(session, f"/{name}", "listener")
-            topic = TOPICS["station_heartbeat"]
-            listener.subscribe(
-                topic.name,
-                topic.type_name,
-                lambda received, beats=beats: beats.append(received.sequence),
-            )
-            station = BaseStation(session, catalogue, name, vehicles=count, keeps_house=False)
-            try:
-                station._outbox.beats.beside = lambda received: True  # as by a lane that stands
-                enough = len(beats) + 12
-                until(lambda beats=beats, enough=enough: len(beats) >= enough)
-            finally:
-                station.close()
-                listener.close()
+            listen(count, beats)
     finally:
         catalogue.close()
         session.close()

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from console.catalogue.catalogue import Catalogue
 from flight_log import LogWriter, is_closed, read_attachments, read_log, read_metadata
 from flight_log.run_folder import run_bytes
 from quadrotor.errors import LinkError, NoAnswerError, ParameterError
-from quadrotor.parameters import ParameterDescription
+from quadrotor.parameters import ParameterDescription, ParameterValue
 from quadrotor.records import TICK, Record, beacon_ids_of
 from tests.support.station import LinkedStation
 from tests.waiting import free_port, until
@@ -72,10 +73,10 @@ class FakeVehicle:
         self.armed = False
         self.revision = 0
         self.sequence = 0
-        self.gains = {"position.kp_xy": 4.0}
+        self.gains: dict[str, ParameterValue] = {"position.kp_xy": 4.0}
         self._out = {name: node.advertise(t) for name, t in TOPICS.items() if t.sender == "vehicle"}
         for name in ("arm", "disarm", "start_behavior", "emergency"):
-            node.serve(name, SERVICES[name], lambda request, name=name: self._answer(name, request))
+            node.serve(name, SERVICES[name], partial(self._answer, name))
         node.serve("change_parameters", SERVICES["change_parameters"], self._change)
         serve_parameters(node, self)
         serve_time_sync(node, vehicle_now)
@@ -397,8 +398,12 @@ def test_sticks_held_when_control_is_taken_are_let_go_by_their_own_release(bench
         lines = bench.inbox.decoded("station_status")[-1].alarms
         return any("sticks of ada dropped" in line for line in lines)
 
+    def ada_is_answered() -> bool:
+        send("ada")
+        return (True, "") in answers("ada")
+
     assert bench.call("control", action="ask").accepted
-    assert until(lambda: (send("ada"), (True, "") in answers("ada"))[1])
+    assert until(ada_is_answered)
     assert bench.call("control", action="take", requester="grace").accepted
     assert until(is_alarm)
     send("ada", held=False)
@@ -444,10 +449,14 @@ def test_arming_records_a_run_with_every_sample_and_disarming_ends_it(bench: Ben
     run_id = until(bench.recording)
     assert run_id
     stamps: list[int] = []
+
+    def has_come(stamp_ns: int) -> bool:
+        return bool(bench.inbox.got["state"][-1].source_ns >= stamp_ns)
+
     for _ in range(20):
         sent = bench.vehicle.send_telemetry()["imu"]["stamp_ns"].tolist()
         stamps += sent
-        assert until(lambda sent=sent: bench.inbox.got["state"][-1].source_ns >= sent[-1])
+        assert until(partial(has_come, sent[-1]))
     assert until(lambda: bench.inbox.decoded("station_status")[-1].recording)
     event_ns = vehicle_now()
     bench.vehicle.put("events", topics.encode_event(event_ns, 20, "hello", "vehicle"), event_ns)

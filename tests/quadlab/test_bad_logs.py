@@ -6,8 +6,9 @@ import json
 import os
 import shutil
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -41,6 +42,7 @@ def foreign(
     text: bytes,
     compression: CompressionType,
     name: str = "x/msg/Y",
+    *,
     beside: str = "",
 ) -> None:
     """By another program's hand; with a sound topic `beside`."""
@@ -60,7 +62,7 @@ def foreign(
 
 
 LZ4, ZSTD = CompressionType.LZ4, CompressionType.ZSTD
-FOREIGN = {
+FOREIGN: dict[str, tuple[Sequence[Any], str]] = {
     "json": (("json", "jsonschema", b"{}", LZ4), "in 'json'; only 'cdr'"),
     "protobuf": (("protobuf", "protobuf", b"\x08\x01", LZ4), "in 'protobuf'; only 'cdr'"),
     "ros1": (("ros1", "ros1msg", b"float64 x\n", LZ4), "in 'ros1'; only 'cdr'"),

@@ -105,8 +105,8 @@ class ScriptedStation:
         return [action for action, _ in self.asked if action not in ("describe", "in_force")]
 
 
-ASKS = {"question": "Propellers clear?"}
-PASSES = [
+ASKS: dict[str, Any] = {"question": "Propellers clear?"}
+PASSES: list[dict[str, Any]] = [
     {"instruction": "Rest", "step_number": 1, "step_count": 2},
     {"instruction": "Hold", "step_number": 2, "step_count": 2, "step_share": 0.5},
     {"phase": "passed", "proposal": FOUND.model_dump_json()},
@@ -269,7 +269,7 @@ def test_a_station_that_falls_silent_ends_it(
     "later", [{"name": "", "phase": "idle", "requester": ""}, {"requester": "grace"}]
 )
 def test_a_station_that_started_anew_ends_it(
-    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str], later: dict[str, str]
+    scripted: ScriptedStation, capsys: pytest.CaptureFixture[str], later: dict[str, Any]
 ) -> None:
     scripted.flights = [[PASSES[0], later, *PASSES[1:]]]
     assert main(["calibrate", "motor_bench", "--accept"]) == 1

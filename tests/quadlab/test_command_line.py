@@ -190,7 +190,7 @@ def test_settings_may_follow_one_set_or_have_one_each() -> None:
     together = parse(["fly", "hover", "--set", "model.mass=1.2", "tracker.seed=3", "--json"])
     apart = parse(["fly", "hover", "--set", "model.mass=1.2", "--set", "tracker.seed=3", "--json"])
     assert together == apart
-    assert together.set == ("model.mass=1.2", "tracker.seed=3")
+    assert vars(together)["set"] == ("model.mass=1.2", "tracker.seed=3")
 
 
 def test_a_preset_sets_all_its_gains_and_later_words_change_them() -> None:

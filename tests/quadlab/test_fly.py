@@ -95,7 +95,8 @@ def test_another_reader_opens_the_log_and_finds_what_was_flown(eight: dict[str, 
     with AnyReader([Path(eight["log"])]) as reader:
         connections = [c for c in reader.connections if c.topic == "/quad1/truth"]
         for connection, _, raw in reader.messages(connections):
-            heights.append(reader.deserialize(raw, connection.msgtype).pose.pose.position.z)
+            truth: Any = reader.deserialize(raw, connection.msgtype)
+            heights.append(truth.pose.pose.position.z)
     assert max(heights) == pytest.approx(1.2, abs=0.02)
     assert heights[-1] == pytest.approx(0.0, abs=0.02)
 

@@ -65,7 +65,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 
 def errors(proposal: dict[str, Any]) -> tuple[float, float]:
     """Largest errors of T and of b (m/s²) against the truth."""
-    truth = SimulatorParameters(**TRUTH)
+    truth = SimulatorParameters.model_validate(TRUTH)
     missed = {
         name: abs(value - getattr(truth, name.removeprefix("imu.")))
         for name, value in proposal["values"].items()

@@ -211,7 +211,7 @@ def test_the_same_seed_excites_the_same_and_no_more_than_is_allowed() -> None:
     assert [step["axis"] for step in one.excitations()] == ["x", "y", "yaw"] * 2
     for step in one.excitations():
         most = 0.5 if step["axis"] == "yaw" else 0.25
-        assert abs(step["amplitude"]) <= most
+        assert abs(float(step["amplitude"])) <= most
 
 
 def test_it_is_ended_a_metre_from_where_it_hovered() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,11 @@ from vehicle.simulator.simulated_vehicle import SimulatedVehicle
 from vehicle_link import topics
 
 KP = "control.position.kp_xy"
+
+
+def known(figures: Mapping[str, float | None]) -> dict[str, float]:
+    """Return those that were reached."""
+    return {name: value for name, value in figures.items() if value is not None}
 
 
 class Ticks:
@@ -103,7 +109,7 @@ def test_a_step_on_x_is_flown_and_judged(step: tuple[Plan, Samples]) -> None:
     assert found.problems == []
     assert [edge["swing"] for edge in found.edges] == pytest.approx([0.3, -0.3], abs=1e-6)
     assert [edge["time"] for edge in found.edges] == pytest.approx([0.0, 2.0], abs=0.0041)
-    figures = found.figures
+    figures = known(found.figures)
     # k_p 4, k_v 3.5, k_i 1: omega 2 rad/s, zeta 0.88, and some overshoot by the integral.
     assert 0.6 < figures["delay"] < 0.95  # (1 + 0.7 zeta) / omega = 0.81 s
     assert 0.5 < figures["rise"] < 1.5
@@ -127,9 +133,9 @@ def test_the_aligned_set_point_is_what_was_asked(step: tuple[Plan, Samples]) -> 
 
 def test_a_stiffer_gain_is_seen_as_a_quicker_rise(lab: Lab, step: tuple[Plan, Samples]) -> None:
     plan, samples = step
-    soft = evaluate(samples, plan).figures
+    soft = known(evaluate(samples, plan).figures)
     lab.flight.change({KP: 7.0})
-    stiff = evaluate(lab.fly(plan), plan).figures
+    stiff = known(evaluate(lab.fly(plan), plan).figures)
     lab.flight.change({KP: 4.0})
     lab.flight.wait(2.0)
     assert stiff["rise"] < 0.8 * soft["rise"]
@@ -145,7 +151,7 @@ def test_other_axes_and_shapes(lab: Lab, plan: Plan) -> None:
     assert len(found.edges) == plan.edges
     swings = {"doublet": [0.2, -0.4, 0.2], "step": [-0.3, 0.3, -0.3, 0.3]}[plan.shape]
     assert [edge["swing"] for edge in found.edges] == pytest.approx(swings, abs=1e-5)
-    for edge in found.edges:
+    for edge in map(known, found.edges):
         assert 0.05 < edge["delay"] < 0.8
         assert abs(edge["steady_error"]) < 0.1 * abs(edge["swing"]) + 0.02
     lab.flight.wait(2.0)

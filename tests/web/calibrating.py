@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from quadrotor.calibration_record import CalibrationRecord, Quality, parse_record
-from quadrotor.parameters import Parameters, ParameterStore, parameter
+from quadrotor.parameters import Parameters, ParameterStore, ParameterValue, parameter
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.calibration.imu import ImuCalibration
 from vehicle_link.messages import header, new
@@ -62,7 +62,7 @@ def _record(name: str, days: float, **fields: Any) -> CalibrationRecord:
 
 def accelerometer(bias: float = 0.031, worst: float = 0.021) -> CalibrationRecord:
     """A proposal: twelve poses."""
-    values = {
+    values: dict[str, ParameterValue] = {
         "imu.accelerometer_xx": 1.0042,
         "imu.accelerometer_yy": 0.9971,
         "imu.accelerometer_zz": 1.0015,
@@ -86,7 +86,7 @@ def accelerometer(bias: float = 0.031, worst: float = 0.021) -> CalibrationRecor
 
 def motor() -> CalibrationRecord:
     """A proposal: seventeen steps, the time constant from force alone."""
-    values = {
+    values: dict[str, ParameterValue] = {
         "model.motor_slope": 0.0126611,
         "model.motor_offset": 14.131,
         "model.torque_ratio": 0.01738,

@@ -374,13 +374,13 @@ def beacon_site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         station.store = ParameterStore(_BearingsRoot().model_copy(deep=True))
         station.compared = True
 
-        def fly_and_compare() -> None:
-            fly()
+        def fly_and_compare(x: float = 1.0, y: float = 2.0, z: float = 1.5) -> None:
+            fly(x, y, z)
             if station.compared:
-                names = station.store.values()["station.comparison.estimators"].split()
+                names = str(station.store.values()["station.comparison.estimators"]).split()
                 station.compare(("vehicle", *names), station.residuals)
 
-        station.fly = fly_and_compare
+        station.fly = fly_and_compare  # type: ignore[method-assign]
         yield running
 
 
@@ -448,8 +448,9 @@ class serving:  # noqa: N801 - used as `with serving(...)`
         links: list[str] = []
 
         def connect(vehicle: str, live: Any, hub: Any) -> Station:
-            made.append(kind(open_session, vehicle, live, hub))
-            return made[-1]
+            station: Station = kind(open_session, vehicle, live, hub)
+            made.append(station)
+            return station
 
         def show(url: str, signed_in: str | None = None) -> None:
             links.append(url)

@@ -96,7 +96,7 @@ class StepVehicle:
         if service == "start_behavior" and reply.accepted:
             with self._lock:
                 if request.name == "excite":
-                    self._excite(Plan(**from_parameters(request.arguments)))
+                    self._excite(Plan(**dict[str, Any](from_parameters(request.arguments))))
                 else:
                     self.behavior = request.name
         return reply

@@ -143,7 +143,7 @@ def test_events_are_of_one_vehicle_and_news_of_runs_are_everybody_s(
             {"type": "event", "level": "info", "text": "of quad1", "source": "x", "stamp": 0.0}
         )
         first.publish_from_thread({"type": "runs", "runs": ["a run"]})
-        messages = []
+        messages: list[dict[str, Any]] = []
         while not messages or messages[-1]["type"] != "runs":
             messages.append(json.loads(socket.recv(10)))
     assert "of quad1" not in str(messages)

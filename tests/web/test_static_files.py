@@ -84,10 +84,10 @@ def test_a_document_names_its_files_by_version_and_those_are_fetched_once(script
     ask = Asker(script.parent, files)
 
     def named() -> str:
-        text = files.document("page.html").body.decode()
+        text = bytes(files.document("page.html").body).decode()
         (found,) = re.findall(r'"/static/(v-[0-9a-f]{16}/a\.js)"', text)
         assert text.endswith(">/static/a.js")
-        return found
+        return str(found)
 
     first = named()
     assert named() == first

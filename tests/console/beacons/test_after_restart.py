@@ -88,8 +88,9 @@ def station(data: Path, **settings: Any) -> Iterator[Running]:
         env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
     )
     try:
-        assert child.stdout is not None
-        until(lambda: "serves" in child.stdout.readline())
+        lines = child.stdout
+        assert lines is not None
+        until(lambda: "serves" in lines.readline())
         running = Running(loopback)
         yield running
         running.close()

@@ -9,6 +9,7 @@ import numpy as np
 from bearing_sim import BearingMeasurement, BearingParameters, PoseMeasurement, TrackerParameters
 from console.tracker_feed import TrackerFeed
 from quadrotor.plain_rotations import matrix_of
+from tests.support.narrowing import now
 
 HERE, LEVEL = np.array([0.1, 0.2, 1.0]), np.array([1.0, 0, 0, 0])
 MS = 1_000_000
@@ -43,7 +44,7 @@ def test_without_delay_pose_and_bearings_leave_with_the_truth() -> None:
     ]
     assert len(sink.frames) == 30
     assert feed.rate == 100
-    assert feed.silence is not None
+    assert now(feed).silence is not None
     feed.close()
 
 

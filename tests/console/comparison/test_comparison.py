@@ -341,7 +341,8 @@ def test_lost_and_reordered_packets_are_lived_with(capsys: pytest.CaptureFixture
 def test_a_hole_of_a_fifth_of_a_second_is_bridged_and_a_long_one_starts_anew() -> None:
     flight, comparison = Flight(6.0), begun("error_state")
     flight.feed(comparison, 0, 300)
-    applied = comparison._shadows["error_state"].estimator.memory["applied"]
+    estimator: Any = comparison._shadows["error_state"].estimator
+    applied = estimator.memory["applied"]
     before = int(applied[0])
     assert before > 80
     flight.feed(comparison, 320, 330)

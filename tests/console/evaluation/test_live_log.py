@@ -61,16 +61,19 @@ def write(
         if truth == "truth"
         else topics.encode_poses(poses)
     )
-    messages = [
-        *(("state", p, ns) for p, ns in zip(topics.encode_states(ticks), stamps, strict=True)),
+    messages: list[tuple[str, bytes, int]] = [
+        *(
+            ("state", p, ns)
+            for p, ns in zip(topics.encode_states(ticks), stamps.tolist(), strict=True)
+        ),
         *(
             ("reference", p, s)
-            for p, s in zip(topics.encode_references(ticks), stamps, strict=True)
+            for p, s in zip(topics.encode_references(ticks), stamps.tolist(), strict=True)
         ),
-        *((truth, p, ns) for p, ns in zip(true, true_ns, strict=True)),
+        *((truth, p, ns) for p, ns in zip(true, true_ns.tolist(), strict=True)),
     ]
 
-    def change(name: str, old: object, value: object, ms: int) -> None:
+    def change(name: str, old: str, value: str, ms: int) -> None:
         payload = topics.encode_parameter_change(ms * MS, name, old, value, "ada", 1)
         messages.append(("parameter_changes", payload, ms * MS))
 

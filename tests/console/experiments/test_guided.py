@@ -128,8 +128,16 @@ class Outbox:
 
 
 class Parameters:
+    def __init__(self) -> None:
+        self.values = {"safety.bench_timeout": 0.5}
+
     def snapshot(self) -> Any:
-        return {"safety.bench_timeout": 0.5}, 1, ""
+        return self.values, 1, ""
+
+    def refresh(self) -> None: ...
+
+    def newest(self, name: str) -> float | None:
+        return self.values.get(name)
 
     def defaults(self) -> Any:
         return {}
@@ -147,20 +155,20 @@ class Lab:
         self.runs = RunKeeper(
             self.catalogue,
             store,
-            parameters,
+            parameters,  # type: ignore[arg-type]
             "quad1",
             "",
-            self.calibrations.attachment,  # type: ignore[arg-type]
+            self.calibrations.attachment,
         )
         self.link = LinkState.GOOD
         self.runner = ExperimentRunner(
-            node,
+            node,  # type: ignore[arg-type]
             "quad1",
             lambda: self.link,
             time.time_ns,
-            outbox,
-            parameters,
-            self.runs,  # type: ignore[arg-type]
+            outbox,  # type: ignore[arg-type]
+            parameters,  # type: ignore[arg-type]
+            self.runs,
             self.calibrations,
             self.catalogue,
             lambda: (0.2, 0.0),
@@ -229,6 +237,13 @@ class Lab:
         self.runner.close()
         self.runs.close()
         self.catalogue.close()
+
+
+def without_result(act: Callable[[Client], object]) -> Callable[[Client], None]:
+    def script(client: Client) -> None:
+        act(client)
+
+    return script
 
 
 class Scripted:
@@ -351,7 +366,7 @@ def test_on_the_ground_a_run_lasts_from_the_first_guided_step_to_the_end(lab: La
 def test_a_vehicle_that_does_not_tell_its_calibrations_is_recorded_as_unknown(lab: Lab) -> None:
     del lab.vehicle.node.handlers["calibrate"]
     lab.calibrations.look(1)
-    done = lab.fly(lambda client: client.imu() and None)
+    done = lab.fly(without_result(lambda client: client.imu()))
     assert lab.runs.recorder.wait_idle(BOUND)
     kept = json.loads(read_attachments(lab.catalogue.resolve(done.run_id))["calibrations.json"])
     assert kept == {"in_force": None, "problem": "unknown: nobody serves calibrate"}
@@ -497,7 +512,7 @@ def test_a_rejected_proposal_changes_nothing(lab: Lab) -> None:
 def test_only_the_newest_proposal_can_be_decided(lab: Lab) -> None:
     lab.fly(lambda client: client.tell(Progress("go")))
     go = threading.Event()
-    lab.runner.start(Scripted(lambda client: go.wait(BOUND) and None), "ada")
+    lab.runner.start(Scripted(without_result(lambda _: go.wait(BOUND))), "ada")
     assert "no calibration is proposed" in lab.do("accept")
     go.set()
     lab.ended()
@@ -589,7 +604,7 @@ def test_a_judgement_that_makes_no_sense_is_none(tmp_path: Path, result: Result,
     ],
 )
 def test_without_a_proposal_the_verdict_stands(tmp_path: Path, record: Any, said: str) -> None:
-    result = Result("passed", {"n": np.float32(2)}, {"n": 3.0})
+    result = Result("passed", {"n": float(np.float32(2))}, {"n": 3.0})
     told = evaluate(Job(Judged(result, record), tmp_path / "r", 1.0))
     assert (told["verdict"], told["metrics"], told["proposal"]) == ("passed", {"n": 2.0}, None)
     assert said in told["problem"]

@@ -16,7 +16,7 @@ from console.experiments import catalogue as experiments
 from console.experiments.client import Client, Result
 from quadlab.station_client import station
 from quadrotor.errors import RefusedError
-from quadrotor.parameters import ParameterDescription, Parameters, parameter
+from quadrotor.parameters import ParameterDescription, Parameters, ParameterValue, parameter
 from quadrotor.records import TICK
 from tests.support.station import LinkedStation
 from tests.waiting import LIMIT, until
@@ -42,12 +42,15 @@ class ScriptedVehicle:
         self.beats = True
         self.mode, self.behavior, self.soon = "ready", "ground", ("", 0)
         self.airborne = False
-        self.values_ = {"estimation.source": "poses", "position.kp_xy": 4.0}
+        self.values_: dict[str, ParameterValue] = {
+            "estimation.source": "poses",
+            "position.kp_xy": 4.0,
+        }
         self.revision = 1
         self.joys: list[Any] = []
         self._out = {name: node.advertise(t) for name, t in TOPICS.items() if t.sender == "vehicle"}
         for name in ("arm", "disarm", "start_behavior", "emergency", "change_parameters"):
-            node.serve(name, SERVICES[name], lambda request, name=name: self._do(name, request))
+            node.serve(name, SERVICES[name], partial(self._do, name))
         serve_parameters(node, self)
         serve_time_sync(node, time.time_ns)
         node.subscribe("joy", TOPICS["joy"].type_name, self._on_joy)
@@ -63,7 +66,8 @@ class ScriptedVehicle:
                 v,
                 "",
                 "",
-                *((0.0, 20.0) if n[0] == "p" else (None, None)),
+                0.0 if n[0] == "p" else None,
+                20.0 if n[0] == "p" else None,
                 None,
                 False,
                 (),
@@ -471,6 +475,7 @@ def test_sticks_take_over_behind_a_command_of_the_experiment_that_is_on_its_way(
     monkeypatch.setattr("console.experiment_running.runner.SETTLE", LIMIT)
     bench.flying()
     client = bench.station.experiments._client
+    assert client is not None
     with client._sending:
         assert bench.take_over().reason == "the sticks took over"
         assert until(lambda: any(joy.axes[0] == 0.5 for joy in list(bench.vehicle.joys)))

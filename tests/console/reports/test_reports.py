@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping, Sequence
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
@@ -88,7 +89,7 @@ def undrawn(path: Path) -> str:
 
 
 def write_log(
-    path: Path, messages: list[tuple[str, str, dict[str, object]]], **more: bytes
+    path: Path, messages: Sequence[tuple[str, str, Mapping[str, object]]], **more: bytes
 ) -> Path:
     """A log of /quad1 with these messages, 20 ms apart."""
     attachments = {name.replace("_", "."): content for name, content in more.items()}

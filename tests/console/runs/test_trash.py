@@ -136,9 +136,9 @@ def test_after_its_time_nothing_of_a_run_is_left(catalogue: Catalogue) -> None:
     assert names(catalogue.folder) == {"r0.mcap", "r10.mcap", TRASH}
     assert names(catalogue.folder / TRASH) == set()
     with catalogue.session() as session:
-        for table in (RunRow, TagRow, NoteRow, MarkRow, TrashRow):
-            column = table.id if table is RunRow else table.run_id  # type: ignore[attr-defined]
-            assert session.scalar(select(table).where(column == "r1")) is None
+        assert session.get(RunRow, "r1") is None
+        for table in (TagRow, NoteRow, MarkRow, TrashRow):
+            assert session.scalar(select(table).where(table.run_id == "r1")) is None
     assert catalogue.count() == 2
 
 

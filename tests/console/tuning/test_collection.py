@@ -11,6 +11,7 @@ import pytest
 from console.tuning.collection import FRUITLESS_MAX, Collection
 from console.tuning.log_window import LogWindow
 from quadrotor.errors import StorageError
+from tests.support.narrowing import now
 from vehicle_link.messages import new
 from vehicle_link.topics import SERVICES
 from vehicle_link.transport.heartbeat import LinkState
@@ -38,7 +39,7 @@ def test_each_question_goes_on_where_the_last_answer_ended() -> None:
     assert collection.share == pytest.approx(0.399, abs=0.001)
     assert not collection.done
     collection.add(answer(1400, 2000))
-    assert collection.done
+    assert now(collection).done
     samples = collection.result()
     assert samples.stamps_ns.tolist() == [STEP * k for k in range(1000, 2001)]
     assert samples.values["b"].tolist() == list(range(1000, 2001))
@@ -63,7 +64,7 @@ def test_it_gives_up_after_some_failures_and_keeps_what_came() -> None:
     for _ in range(FRUITLESS_MAX - 1):
         assert collection.failed("the link is lost")
     assert not collection.failed("the link is lost")
-    assert collection.done
+    assert now(collection).done
     samples = collection.result()
     assert samples.problem == "the link is lost"
     [gap] = samples.gaps

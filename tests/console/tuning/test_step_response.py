@@ -82,6 +82,8 @@ def test_a_pure_delay_moves_the_response_and_nothing_else() -> None:
     plain = step_response(time, second_order(0.5, 5.0, time), 0.0, 1.0)
     late = np.where(time < 0.1, 0.0, second_order(0.5, 5.0, time - 0.1))
     found = step_response(time, late, 0.0, 1.0)
+    assert plain.delay is not None
+    assert plain.settling is not None
     assert found.delay == pytest.approx(plain.delay + 0.1, abs=1e-6)
     assert found.rise == pytest.approx(plain.rise, abs=1e-6)
     assert found.settling == pytest.approx(plain.settling + 0.1, abs=1e-6)

@@ -77,8 +77,8 @@ class FakeStack:
         self.outbox.append(mailbox.Event(0, level, text))
 
     def measure(self, measurement: mailbox.Measurement | Record) -> None:
-        is_record = isinstance(measurement, np.ndarray)
-        self.calls.append(measurement.tobytes() if is_record else measurement)
+        kept = measurement.tobytes() if isinstance(measurement, np.ndarray) else measurement
+        self.calls.append(kept)
 
     def loop_statistics(
         self, statistics: LoopStatistics, counts: LoopCounts, rate: float, real_time: bool

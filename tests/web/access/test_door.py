@@ -5,6 +5,7 @@ from __future__ import annotations
 import stat
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,7 +28,7 @@ def open_door(folder: Path, given: str | None = None, clock: Clock | None = None
 
 
 def who(session: Session | None) -> tuple[str, Role] | None:
-    return session and (session.label, session.role)
+    return None if session is None else (session.label, session.role)
 
 
 def test_a_token_signs_one_browser_in_and_is_consumed(tmp_path: Path) -> None:
@@ -117,7 +118,7 @@ def test_a_signed_cookie_whose_session_was_never_opened_is_none(tmp_path: Path) 
     "change", [{"role": Role.ADMIN}, {"label": "admin 1"}, {"generation": 3}, {"issued": 2**40}]
 )
 def test_a_signed_cookie_that_says_more_than_its_session_is_none(
-    tmp_path: Path, change: dict[str, object]
+    tmp_path: Path, change: dict[str, Any]
 ) -> None:
     door = open_door(tmp_path)
     session = door.consume(door.mint(Role.VIEWER))

@@ -7,7 +7,7 @@ import itertools
 import json
 import logging
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,9 @@ def outside(data: Path) -> Accounts:
 
 def log_in(place: Any, name: str, password: str = WORDS, **headers: str) -> httpx.Response:
     with place.browser() as client:
-        return client.post("/login", data={"name": name, "password": password}, headers=headers)
+        words = {"name": name, "password": password}
+        answer: httpx.Response = client.post("/login", data=words, headers=headers)
+        return answer
 
 
 def browser_of(place: Any, name: str) -> httpx.Client:
@@ -261,12 +263,13 @@ def test_a_change_by_another_process_takes_effect_at_the_next_request(
     with browser_of(place, "oleg") as client:
         assert client.post("/api/commands/arm", json={}).status_code == 200
         accounts = outside(place.data)
-        {
+        changes: dict[str, Callable[[], object]] = {
             "role": lambda: accounts.set_role("oleg", Role.VIEWER),
             "password": lambda: accounts.set_password("oleg", OTHER),
             "remove": lambda: accounts.remove("oleg"),
             "end": lambda: accounts.end_sessions("oleg"),
-        }[change]()
+        }
+        changes[change]()
         place.station.requests.clear()
         assert client.post("/api/commands/arm", json={}).status_code == 401
         assert place.station.requests == []

@@ -113,7 +113,11 @@ def test_the_small_buffers_of_live_sockets_reach_below_tls() -> None:
     loop = asyncio.new_event_loop()
     try:
         protocol = sslproto.SSLProtocol(
-            loop, asyncio.Protocol(), ssl.create_default_context(), None, server_hostname="x"
+            loop,
+            asyncio.Protocol(),
+            ssl.create_default_context(),
+            loop.create_future(),
+            server_hostname="x",
         )
         below = asyncio.Transport()
         protocol._transport = below

@@ -244,7 +244,13 @@ async def dragged(steps: list[tuple[int, tuple[float, float, float]]], refusal: 
     replica, hub = Replica(), EventHub()
     gains, back = Gains(replica), []
     gains.refusal = refusal
-    moves = BeaconMoves(gains, replica, hub, lambda: back.append(1), Clock())
+    moves = BeaconMoves(
+        gains,  # type: ignore[arg-type]
+        replica,  # type: ignore[arg-type]
+        hub,
+        lambda: back.append(1),
+        Clock(),
+    )
     for id, place in steps:
         moves.moved(id, place, "operator 1")
     await asyncio.sleep(0)

@@ -22,7 +22,7 @@ class Shown:
         self.calls: list[tuple[Beacons, float, Sight, float]] = []
 
     def set_beacons(self, *given: Any) -> None:
-        self.calls.append(given)  # type: ignore[arg-type]
+        self.calls.append(given)
 
 
 @pytest.fixture

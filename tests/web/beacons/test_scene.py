@@ -291,7 +291,7 @@ def test_what_is_stale_is_hidden_and_a_slow_sensor_is_not_stale(
         scene.update(clock.now)
         shown = {node(name).visible for name in ("/rays", "/cones", "/estimate")}
         assert len(shown) == 1
-        return shown.pop()
+        return bool(shown.pop())
 
     assert later(0.1)
     assert not later(0.6)

@@ -228,4 +228,4 @@ def keep_picture() -> Callable[..., None]:
 def crooked() -> Callable[[Any], list[str]]:
     """`crooked(page)`: what does not fit its window, one line each."""
     script = Path(__file__).with_name("crooked.js").read_text()
-    return lambda page: page.evaluate(script)  # type: ignore[no-any-return]
+    return lambda page: list(page.evaluate(script))

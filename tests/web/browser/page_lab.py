@@ -27,7 +27,7 @@ from estimation.parameters import EstimationParameters
 from quadrotor.parameters import Parameters, ParameterStore
 from quadrotor.vehicle_model import VehicleModel
 from vehicle.calibration.imu import ImuCalibration
-from vehicle.parameters import SafetyParameters
+from vehicle.safety.parameters import SafetyParameters
 from vehicle_link.checks import Check, to_messages
 from vehicle_link.messages import header, new
 from web.access.accounts import Accounts

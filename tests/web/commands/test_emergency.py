@@ -78,7 +78,7 @@ def benched(test: Callable[[Bench], Awaitable[None]]) -> Callable[[], None]:
     def wrapped() -> None:
         asyncio.run(run())
 
-    wrapped.__name__ = test.__name__  # type: ignore[attr-defined]
+    wrapped.__name__ = test.__name__
     return wrapped
 
 

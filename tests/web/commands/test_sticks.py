@@ -65,7 +65,8 @@ def test_after_a_silence_the_button_must_be_released_again() -> None:
 @pytest.mark.parametrize("axis", range(4))
 @pytest.mark.parametrize("value", [0.06, -0.5, 1.0])
 def test_the_button_counts_only_from_centred_sticks(axis: int, value: float) -> None:
-    pushed = tuple(value if i == axis else 0.0 for i in range(4))
+    a, b, c, d = (value if i == axis else 0.0 for i in range(4))
+    pushed = (a, b, c, d)
     hand = Hand()
     hand.take(given(), 0.0)
     assert not hand.take(given(pushed, held=True), 0.02)

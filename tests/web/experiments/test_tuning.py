@@ -26,8 +26,7 @@ class Bench:
     def __init__(self, site: Any, until: Any) -> None:
         self.site, self.until, self.vehicle = site, until, site.vehicle
         self.admin: httpx.Client = site.sign_in()
-        names = lambda: {p["name"] for p in self.get("/api/parameters")["parameters"]}  # noqa: E731
-        until(lambda: KP in names())
+        until(lambda: KP in {p["name"] for p in self.get("/api/parameters")["parameters"]})
         site.station.requests.clear()
 
     def get(self, path: str) -> Any:
@@ -50,7 +49,8 @@ class Bench:
 
     def ended(self, before: str) -> bool:
         status = self.status
-        return status["phase"] == "failed" or (status["phase"] == "done" and status["id"] != before)
+        done = status["phase"] == "done" and status["id"] != before
+        return bool(status["phase"] == "failed" or done)
 
     def newest(self) -> dict[str, Any]:
         found: dict[str, Any] = self.get("/api/tuning")["runs"][0]

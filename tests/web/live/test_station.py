@@ -131,7 +131,9 @@ def test_messages_arrive_with_an_age(router: Router, client: Client, until: Any)
         return client.live.newest("state") is not None
 
     until(arrived)
-    assert client.live.newest("state").pose.pose.position.y == 2.0
+    state = client.live.newest("state")
+    assert state is not None
+    assert state.pose.pose.position.y == 2.0
     assert client.live.age("state") < 30.0
 
 
@@ -192,10 +194,10 @@ def test_events_and_parameter_changes_reach_the_page(
 
 
 def test_a_link_in_another_state_brings_every_page_its_summary_at_once(
-    router: Router, client: Client, until: Any
+    router: Router, client: Client, until: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     published: list[Any] = []
-    client.hub.publish = published.append  # type: ignore[method-assign]
+    monkeypatch.setattr(client.hub, "publish", published.append)
     link = router.node.advertise(TOPICS["link_status"])
 
     def told(state: str, count: int) -> bool:

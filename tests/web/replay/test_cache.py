@@ -134,6 +134,7 @@ def test_signals_of_the_same_ticks_share_their_times(replay: Replay) -> None:
 def test_angles_are_shown_in_degrees_and_every_number_of_the_log_can_be(replay: Replay) -> None:
     found = replay.at(["state.yaw", "state/pose.pose.orientation.z"], 20.0)
     yaw, sine = found["state.yaw"][0], found["state/pose.pose.orientation.z"][0]
+    assert yaw is not None
     assert yaw == pytest.approx(math.degrees(0.3 * math.sin(20.0 / 7.0)), abs=1e-3)
     assert sine == pytest.approx(math.sin(math.radians(yaw) / 2.0), abs=1e-6)
 
@@ -167,6 +168,8 @@ def test_tracking_error_is_state_less_reference(replay: Replay) -> None:
     t = 15.0
     names = ["error.position.x", "state.position.x", "reference.position.x"]
     error, state, reference = (replay.at([name], t)[name][0] for name in names)
+    assert state is not None
+    assert reference is not None
     assert error == pytest.approx(state - reference, abs=1e-6)
     assert reference == pytest.approx(position_at(RUN, t)[0], abs=1e-6)
 
@@ -293,7 +296,7 @@ def test_a_clock_that_was_set_in_between_is_not_believed() -> None:
 def test_gaps_are_longer_than_what_is_usual_of_the_topic() -> None:
     times = np.concatenate([np.arange(100) * 0.002, 0.4 + np.arange(100) * 0.002])
     assert gaps(times).tolist() == [99]
-    assert gaps(np.arange(50) * 0.5).tolist() == []
+    assert gaps(np.arange(50.0) * 0.5).tolist() == []
 
 
 # ---------------------------------------------------------------------- levels
@@ -307,7 +310,7 @@ def test_levels_hold_the_least_and_greatest_of_their_bins(count: int) -> None:
         for b in (0, len(low) // 2, len(low) - 1):
             part = values[b * size : (b + 1) * size]
             assert (low[b], high[b]) == (part.min(), part.max())
-        first, last = edges(np.arange(count) * 0.1, size)
+        first, last = edges(0.1 * np.arange(float(count)), size)
         assert last[-1] == pytest.approx((count - 1) * 0.1)
         assert first[1] == pytest.approx(size * 0.1)
 

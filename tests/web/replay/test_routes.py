@@ -85,7 +85,7 @@ def test_a_viewer_replays_a_run_or_the_vehicles_own_log(
     assert viewer_there.get(f"/replay/{run}").headers["content-type"].startswith("text/html")
     track = viewer_there.get(f"/api/replay/{run}/track")
     assert len(track.content) % (4 * index["track"]["width"]) == 0
-    query = {"start": 1.0, "end": 2.0, "signal": ["state.position.z", "thrust"]}
+    query: dict[str, Any] = {"start": 1.0, "end": 2.0, "signal": ["state.position.z", "thrust"]}
     window = viewer_there.get(f"/api/replay/{run}/window", params=query)
     length = int.from_bytes(window.content[:4], "little")
     [group] = json.loads(window.content[4 : 4 + length])["groups"]

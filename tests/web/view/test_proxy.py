@@ -231,7 +231,7 @@ def unpacked(frame: bytes) -> bytes:
     return zstandard.ZstdDecompressor().decompress(frame[16 : 16 + packed], size)
 
 
-HOSTILE: dict[str, Callable[[Any], None]] = {
+HOSTILE: dict[str, Callable[[Any], object]] = {
     "a value out of range": lambda socket: socket.send(encode(HARMFUL[0])),
     "callbacks taken away": lambda socket: socket.send(encode(HARMFUL[1])),
     "a public tunnel": lambda socket: socket.send(encode({"type": "ShareUrlRequest"})),

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import websockets.sync.client
 
+from tests.support.narrowing import now
 from vehicle_link.messages import decode, encode, header, new
 from web.live.latest import Live
 from web.view.scene import RATE, Scene, _edges
@@ -72,8 +73,8 @@ def test_nodes_follow_the_newest_state(server: ViewServer) -> None:
     scene.update(0.0)
     np.testing.assert_allclose(handles["/vehicle"].position, (0.3, -0.2, 1.1))
     np.testing.assert_allclose(handles["/truth"].position, (0.31, -0.2, 1.1))
-    assert handles["/vehicle"].visible
-    assert handles["/truth"].visible
+    assert now(handles)["/vehicle"].visible
+    assert now(handles)["/truth"].visible
     assert "/beacons/3/ball" in handles
 
 

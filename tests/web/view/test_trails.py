@@ -70,7 +70,7 @@ def test_only_the_head_changes_but_twice_a_second() -> None:
 def test_padding_repeats_the_last_point() -> None:
     ring = TrailRing()
     line(ring, 4)
-    assert (ring.head.segments[3:] == np.float32([0.03, 0.0, 1.0])).all()
+    assert (ring.head.segments[3:] == np.array([0.03, 0.0, 1.0], np.float32)).all()
 
 
 def test_clearing_forgets_everything() -> None:
