@@ -14,12 +14,12 @@ import numpy.typing as npt
 
 from flight_log.message_times import gaps
 from flight_log.run import Run
-from web.replay import derived, timeline
+from web.replay import timeline
 from web.replay.pyramid import FACTOR, edges, pyramid
-from web.replay.signals import as_json, signals_of
+from web.replay.signals import as_json, derived, members_of, signals_of
 from web.replay.track import PARTS, WIDTH, track
 
-VERSION = 2
+VERSION = 3
 """Of the cache; another one is built anew."""
 INDEX, COLUMNS, TRACK = "index.json", "columns.bin", "track.bin"
 
@@ -52,7 +52,8 @@ class CacheWriter:
         self._folder = folder
         self._tell = tell
         self._columns: dict[str, dict[str, Any]] = {}
-        self._fresh: dict[tuple[str, str], npt.NDArray[Any]] = {}  # derived
+        self._members = members_of(self._topics)
+        self._fresh = derived(self._topics, self._members)
 
     def index(self) -> dict[str, Any]:
         """Write all arrays and the track; return what `index.json` is to hold."""
@@ -61,7 +62,6 @@ class CacheWriter:
         times = {id(one.time): one.time for one in self._topics.values()}
         bases = {key: number for number, key in enumerate(times)}
         base_rows = [self._base(one) for one in times.values()]
-        self._derive()
         total = sum(len(one.names) for one in self._topics.values())
         done = 0
         for topic, series in self._topics.items():
@@ -103,38 +103,6 @@ class CacheWriter:
             "gaps": gaps(times).tolist(),
         }
 
-    def _derive(self) -> None:
-        def column(topic: str) -> derived.Column:
-            return self._topics[topic].values
-
-        def has(topic: str, names: tuple[str, ...]) -> bool:
-            return topic in self._topics and all(name in self._topics[topic] for name in names)
-
-        found: dict[str, derived.Columns] = {}
-        odometries = [topic for topic in ("state", "truth") if has(topic, derived.ODOMETRY)]
-        for topic in odometries:
-            found[topic] = derived.of_odometry(column(topic))
-        if "state" in found and has("reference", (*derived.REFERENCE, "yaw")):
-            error = derived.tracking(
-                self._topics["state"].time,
-                column("state"),
-                self._topics["reference"].time,
-                column("reference"),
-            )
-            found["state"] |= error
-        if len(odometries) == 2:
-            found["truth"] |= derived.to_truth(
-                self._topics["truth"].time,
-                column("truth"),
-                found["truth"],
-                self._topics["state"].time,
-                column("state"),
-                found["state"],
-            )
-        for topic, columns in found.items():
-            for name, values in columns.items():
-                self._fresh[topic, name] = values.astype(np.float32)
-
     def _store(self, topic: str, name: str) -> dict[str, Any]:
         """Store a column; return where it and its levels are, or its one value."""
         made = self._fresh.pop((topic, name), None)
@@ -150,14 +118,8 @@ class CacheWriter:
         }
 
     def _signals(self) -> list[dict[str, Any]]:
-        compared = self._topics.get("comparison")
-        names = {
-            path: changes[0][1]
-            for path, changes in (compared.texts if compared else {}).items()
-            if path.endswith(".name") and len(changes) == 1
-        }
         found = []
-        for signal in signals_of(self._columns, names):
+        for signal in signals_of(self._columns, self._members):
             stored = self._columns[signal.topic][signal.column]
             constant = stored.get("constant", np.nan) if "constant" in stored else None
             row = as_json(signal, np.nan if "constant" in stored and constant is None else constant)

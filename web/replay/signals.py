@@ -1,6 +1,7 @@
 """The signals of a run: those of the live page by the same names, then every number of the log.
 
-A signal is a column and a factor: angles are stored in rad and shown in degrees.
+Most are a column of the log and a factor: angles are stored in rad and shown in degrees. What is
+made of several columns is stored as a column of its own, `@` and its name.
 """
 
 from __future__ import annotations
@@ -10,62 +11,13 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from quadrotor.constants import MOTORS
-from web.signals import SIGNALS, Signal
+import numpy as np
+import numpy.typing as npt
 
-DEGREES = math.degrees(1.0)
-MILLI, MICRO = 1e3, 1e6
-Source = tuple[str, str, float]  # topic, column, factor
+from flight_log.run import Series
+from web.signals import NAMED_SOURCES, Signal, Source
 
-
-def _axes(name: str, topic: str, column: str, factor: float = 1.0) -> dict[str, Source]:
-    return {f"{name}.{axis}": (topic, f"{column}.{axis}", factor) for axis in "xyz"}
-
-
-SOURCES: dict[str, Source] = {
-    **_axes("state.position", "state", "pose.pose.position"),
-    **_axes("state.velocity", "state", "@velocity"),
-    **{f"state.{a}": ("state", f"@{a}", DEGREES) for a in ("roll", "pitch", "yaw")},
-    **_axes("state.rate", "state", "twist.twist.angular", DEGREES),
-    **_axes("reference.position", "reference", "position"),
-    **_axes("reference.velocity", "reference", "velocity"),
-    **_axes("reference.acceleration", "reference", "acceleration"),
-    "reference.yaw": ("reference", "yaw", DEGREES),
-    **_axes("error.position", "state", "@error"),
-    "error.distance": ("state", "@error.distance", 1.0),
-    "error.yaw": ("state", "@error.yaw", DEGREES),
-    "thrust": ("actuators", "thrust", 1.0),
-    **_axes("torque", "actuators", "torque"),
-    **{f"thrust.{m}": ("actuators", f"thrusts[{k}]", 1.0) for k, m in enumerate(MOTORS)},
-    **{f"motor.{m}": ("actuators", f"motor_references[{k}]", 1.0) for k, m in enumerate(MOTORS)},
-    "scaling": ("actuators", "scaling", 1.0),
-    "mass": ("estimator", "mass", 1.0),
-    **_axes("bias.accelerometer", "estimator", "accelerometer_bias"),
-    **_axes("bias.gyroscope", "estimator", "gyroscope_bias", DEGREES),
-    "measurement.age": ("estimator", "measurement_age", MILLI),
-    "measurements.used": ("estimator", "measurements_used", 1.0),
-    "measurements.refused": ("estimator", "measurements_refused", 1.0),
-    "measurements.ignored": ("estimator", "measurements_ignored", 1.0),
-    **_axes("truth.position", "truth", "pose.pose.position"),
-    "truth.position_error": ("truth", "@position_error", MILLI),
-    "truth.velocity_error": ("truth", "@velocity_error", 1.0),
-    **_axes("bearing_pose.position", "bearing_pose", "pose.pose.position"),
-    "comparison.position_bound": ("comparison", "position_bound", MILLI),
-    "comparison.attitude_bound": ("comparison", "attitude_bound", DEGREES),
-    "loop.rate": ("status", "tick_rate", 1.0),
-    "loop.lateness_p50": ("status", "lateness_p50", MICRO),
-    "loop.lateness_p99": ("status", "lateness_p99", MICRO),
-    "loop.missed": ("status", "missed_share", 100.0),
-    "link.age": ("link_status", "age", MILLI),
-    "link.round_trip": ("link_status", "round_trip", MILLI),
-    "link.loss": ("link_status", "loss", 100.0),
-    "link.jitter": ("link_status", "jitter", MILLI),
-    "link.rate": ("link_status", "telemetry_rate", 1.0),
-    "battery.voltage": ("battery", "voltage", 1.0),
-}
-"""Live signals as columns of a log. Those that need more than a factor are not among them."""
-
-_COMPARED = {"position_error": MILLI, "attitude_error": DEGREES}
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,37 +35,89 @@ class Recorded:
 
 
 def signals_of(
-    columns: Mapping[str, Collection[str]], names: Mapping[str, str]
+    columns: Mapping[str, Collection[str]], members: Mapping[str, str]
 ) -> Iterator[Recorded]:
     """Yield the signals of a log.
 
     Args:
-        columns: topic without the vehicle's namespace → its columns.
-        names: texts of the topic `comparison` that say which estimator is which, by path.
+        columns: topic without the vehicle's namespace → its columns, the derived ones among them.
+        members: of `members_of`.
     """
-    live = {signal.name: signal for signal in SIGNALS}
-    sources = SOURCES | _compared(names)
-    for name, signal in live.items():
-        topic, column, factor = sources.get(name, ("", "", 1.0))
-        if column in columns.get(topic, ()):
-            yield _recorded(signal, topic, column, factor)
+    for source in NAMED_SOURCES:
+        for signal, column, factor in _places(source, members):
+            if column in columns.get(source.topic, ()):
+                yield _recorded(signal, source.topic, column, factor)
     for topic, paths in columns.items():
         for path in paths:
             if not path.startswith("@"):
                 yield Recorded(f"{topic}/{path}", path, "", topic, topic, path, known=False)
 
 
-def _compared(names: Mapping[str, str]) -> dict[str, Source]:
-    """Return `comparison.vehicle.position_error` is `estimators[0].position_error`, and so on."""
+def members_of(topics: Mapping[str, Series]) -> dict[str, str]:
+    """Return where each estimator of the topic `comparison` is: `vehicle` → `estimators[0].`."""
+    compared = topics.get("comparison")
     return {
-        f"comparison.{estimator}.{figure}": (
-            "comparison",
-            f"{path.removesuffix('.name')}.{figure}",
-            factor,
-        )
-        for path, estimator in names.items()
-        for figure, factor in _COMPARED.items()
+        changes[0][1]: path.removesuffix("name")
+        for path, changes in (compared.texts if compared else {}).items()
+        if path.endswith(".name") and len(changes) == 1
     }
+
+
+def derived(topics: Mapping[str, Series], members: Mapping[str, str]) -> dict[tuple[str, str], Any]:
+    """Return what is made of several columns, float32 (N,), by topic and column `@…`."""
+    known: dict[str, tuple[Array, Array]] = {}  # times and values, by signal
+    found = {}
+
+    def input_at(times: Array, name: str) -> Array:
+        return at(times, *known[name])
+
+    with np.errstate(invalid="ignore", divide="ignore"):
+        for source in NAMED_SOURCES:
+            columns, series = _columns(source, members), topics.get(source.topic)
+            if series is None or columns is None or not all(c in series for c in columns):
+                continue
+            if source.function is None:
+                wanted = ((s.name, c, f) for s, c, f in _places(source, members) if s.name in _USED)
+                known |= {
+                    n: (series.time, series.values(c).astype(float) * f) for n, c, f in wanted
+                }
+            elif all(name in known for name in source.inputs):
+                read = [series.values(column).astype(float) for column in columns]
+                inputs = [input_at(series.time, name) for name in source.inputs]
+                values = source.function(np, *read, *inputs)
+                for signal, one in zip(source.signals, values, strict=True):
+                    known[signal.name] = (series.time, one)
+                    found[source.topic, f"@{signal.name}"] = one.astype(np.float32)
+    return found
+
+
+def at(times: Array, source_times: Array, values: npt.NDArray[np.floating]) -> Array:
+    """Interpolate linearly between the samples of `values`; NaN outside of them."""
+    if len(source_times) == 0:
+        return np.full(len(times), np.nan)
+    if len(times) == len(source_times) and np.array_equal(times, source_times):
+        return values.astype(float)
+    between: Array = np.interp(times, source_times, values.astype(float), left=np.nan, right=np.nan)
+    return between
+
+
+_USED = {name for source in NAMED_SOURCES for name in source.inputs}
+
+
+def _columns(source: Source, members: Mapping[str, str]) -> list[str] | None:
+    """Return the names a log has for a source's columns; None without its member."""
+    if source.member and source.member not in members:
+        return None
+    below = members[source.member] if source.member else ""
+    return [f"{below}{column}" for column in source.columns]
+
+
+def _places(source: Source, members: Mapping[str, str]) -> list[tuple[Signal, str, float]]:
+    """Return column and factor of each signal."""
+    if source.function is not None:
+        return [(signal, f"@{signal.name}", 1.0) for signal in source.signals]
+    columns = _columns(source, members) or []
+    return list(zip(source.signals, columns, source.factors, strict=False))
 
 
 def _recorded(signal: Signal, topic: str, column: str, factor: float) -> Recorded:

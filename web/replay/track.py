@@ -9,11 +9,12 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from web.replay.derived import POSITION, REFERENCE, ROTATION
-
 RATE = 50.0  # Hz
 MOST_ROWS = 90_000  # 30 min at full rate, 7 MB; longer runs have fewer rows a second
 STALE = 0.3  # s
+POSITION = tuple(f"pose.pose.position.{axis}" for axis in "xyz")
+ROTATION = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
+REFERENCE = tuple(f"position.{axis}" for axis in "xyz")
 PARTS: dict[str, tuple[str, ...]] = {
     "state": (*POSITION, *ROTATION),
     "reference": REFERENCE,

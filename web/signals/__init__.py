@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Set
 from dataclasses import asdict
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import msgspec
@@ -22,42 +22,69 @@ from web.signals.motion import MOTION
 from web.signals.plain import sources_of
 from web.signals.signal import Signal, Source
 
-__all__ = ["COMPARED", "INDEX", "NAMED", "SIGNALS", "Signal", "describe", "described", "snapshot"]
+__all__ = [
+    "COMPARED",
+    "INDEX",
+    "NAMED",
+    "NAMED_SOURCES",
+    "SIGNALS",
+    "Signal",
+    "Source",
+    "describe",
+    "described",
+    "snapshot",
+]
 
-_NAMED = (*MOTION, *HEALTH, *ESTIMATES)
+NAMED_SOURCES = (*MOTION, *HEALTH, *ESTIMATES)
 
 
 def _plain() -> list[Source]:
-    covered = {path for source in _NAMED for path in source.covers}
-    found: list[Source] = []
-    for topic in STALE:
-        below = f"{topic}."
-        found += sources_of(topic, {p.removeprefix(below) for p in covered if p.startswith(below)})
-    return found
+    shown = {"comparison": {"estimators"}}
+    for source in NAMED_SOURCES:
+        if source.factors and not source.member:
+            shown.setdefault(source.topic, set()).update(source.columns)
+    return [source for topic in STALE for source in sources_of(topic, shown.get(topic, ()))]
 
 
-_SOURCES = (*_NAMED, *_plain(), *RESULTS)
+_SOURCES = (*NAMED_SOURCES, *_plain(), *RESULTS)
 SIGNALS: tuple[Signal, ...] = tuple(s for source in _SOURCES for s in source.signals)
-NAMED = sum(len(source.signals) for source in _NAMED)
+NAMED = sum(len(source.signals) for source in NAMED_SOURCES)
 """How many of SIGNALS, from the first on, have a name of their own."""
 INDEX: dict[str, int] = {signal.name: i for i, signal in enumerate(SIGNALS)}
-_NAMES = [frozenset(signal.name for signal in source.signals) for source in _SOURCES]
+_NOTHING = [math.nan] * len(SIGNALS)
 
 
-def snapshot(live: Live, wanted: Set[str] | None = None) -> list[float]:
+@lru_cache(maxsize=64)
+def _plan(wanted: Set[str] | None) -> list[tuple[Source, slice, list[int]]]:
+    """Return the sources to read, with the places of their signals and of their inputs."""
+    needed = set(INDEX if wanted is None else wanted)
+    found = []
+    for source in reversed(_SOURCES):  # inputs stand before what is made of them
+        if needed.isdisjoint(signal.name for signal in source.signals):
+            continue
+        needed.update(source.inputs)
+        first = INDEX[source.signals[0].name]
+        place = slice(first, first + len(source.signals))
+        found.append((source, place, [INDEX[name] for name in source.inputs]))
+    return found[::-1]
+
+
+def snapshot(live: Live, wanted: frozenset[str] | None = None) -> list[float]:
     """Return the values now, in the order of SIGNALS; NaN where stale.
 
     Args:
         wanted: names; sources with none of them are not read and give NaN. None: all.
     """
-    values: list[float] = []
-    for source, names in zip(_SOURCES, _NAMES, strict=True):
-        found = None
-        if wanted is None or not wanted.isdisjoint(names):
-            messages = [live.current(topic) for topic in source.topics]
-            if all(message is not None for message in messages):
-                found = source.values(*messages)
-        values.extend([math.nan] * len(source.signals) if found is None else found)
+    values = _NOTHING.copy()
+    messages: dict[str, Any] = {}
+    for source, place, inputs in _plan(wanted):
+        topic = source.topic
+        if topic not in messages:
+            messages[topic] = live.current(topic)
+        if (message := messages[topic]) is not None:
+            found = source.values(message, [values[i] for i in inputs])
+            if found is not None:
+                values[place] = found
     return values
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-from web.signals.plain import Leaf, leaves, reader
-from web.signals.signal import Signal, Source, one, rms, vector, xyz
+from web.signals.motion import DEGREES
+from web.signals.plain import leaves
+from web.signals.signal import Scaled, Signal, Source, one, rms, scaled, xyz
 
 COMPARED = (
     "vehicle",
@@ -24,85 +24,67 @@ tab and no signal."""
 _RESULT = "quadlab_msgs/EstimatorResult"
 
 
-def _bearing_pose(m: Any) -> Sequence[float]:
-    covariance = m.pose.covariance  # 6 by 6, position first
-    return (*vector(m.pose.pose.position), 1e3 * rms(covariance[0], covariance[7], covariance[14]))
+def _deviation(xp: Any, *variances: Any) -> Sequence[Any]:
+    return (1e3 * rms(xp, *variances),)
 
 
-def _comparison(m: Any) -> Sequence[float]:
-    errors, angles, deviations = ([math.nan] * len(COMPARED) for _ in range(3))
-    for result in m.estimators:
-        if result.name not in COMPARED:
-            continue
-        i, covariance = COMPARED.index(result.name), result.position_covariance
-        errors[i] = 1e3 * result.position_error
-        angles[i] = math.degrees(result.attitude_error)
-        deviations[i] = 1e3 * rms(covariance[0], covariance[4], covariance[8])
-    bounds = (1e3 * m.position_bound, math.degrees(m.attitude_bound))
-    return (*errors, bounds[0], *angles, bounds[1], *deviations)
+def _compared(of: str) -> Source:
+    position = f"comparison.position_error.{of}", of, "mm", "position error to truth"
+    attitude = f"comparison.attitude_error.{of}", of, "°", "attitude error to truth"
+    return scaled(
+        one(*position, "comparison/position_error", 1e3),
+        one(*attitude, "comparison/attitude_error", DEGREES),
+        member=of,
+    )
 
 
-def _compared(name: str, group: str, unit: str) -> list[Signal]:
-    return [Signal(f"comparison.{name}.{of}", of, unit, group, "comparison") for of in COMPARED]
+def _stated(of: str) -> Source:
+    group = "rms deviation an estimator states"
+    return Source(
+        "comparison",
+        tuple(f"position_covariance[{k}]" for k in (0, 4, 8)),
+        (Signal(f"comparison.deviation.{of}", of, "mm", group, "comparison"),),
+        function=_deviation,
+        member=of,
+    )
 
 
-def _bound(of: str, unit: str) -> Signal:
-    group = f"{of} error to truth"
-    return one(f"comparison.{of}_bound", "one-frame bound", unit, group, "comparison")
+def _bound(of: str, unit: str, factor: float) -> Scaled:
+    name, group = f"comparison.{of}_bound", f"{of} error to truth"
+    return one(name, "one-frame bound", unit, group, f"comparison/{of}_bound", factor)
 
 
-def _results() -> tuple[Source, ...]:
-    """Return the sources of everything else that is published of an estimator, one each."""
-    plain = leaves(_RESULT, covered=("position_error", "attitude_error"))
-
-    def source(name: str) -> Source:
-        signals = tuple(
+def _results(of: str) -> Source:
+    """Return the source of everything else that is published of an estimator."""
+    rows = [
+        Scaled(
             Signal(
-                f"comparison.{name}.{leaf.name}",
+                f"comparison.{of}.{leaf.name}",
                 leaf.label,
                 leaf.unit,
-                f"{name} {leaf.group}".strip(),
+                f"{of} {leaf.group}".strip(),
                 "comparison",
-            )
-            for leaf in plain
+            ),
+            leaf.column,
         )
-        return Source(("comparison",), signals, _of(name, plain))
-
-    return tuple(source(name) for name in COMPARED)
-
-
-def _of(name: str, plain: Sequence[Leaf]) -> Callable[[Any], Sequence[float]]:
-    read, none = reader(plain), [math.nan] * len(plain)
-
-    def values(m: Any) -> Sequence[float]:
-        result = next((r for r in m.estimators if r.name == name), None)
-        return none if result is None else read(result)
-
-    return values
+        for leaf in leaves(_RESULT, covered=("position_error", "attitude_error"))
+    ]
+    return scaled(*rows, member=of)
 
 
 ESTIMATES = (
-    Source(
-        ("bearing_pose",),
-        (
-            *xyz("bearing_pose.position", "one-frame position", "m", "bearing_pose"),
-            one("bearing_pose.deviation", "rms", "mm", "one-frame deviation", "bearing_pose"),
-        ),
-        _bearing_pose,
-        covers=("bearing_pose.pose.pose.position",),
+    scaled(
+        *xyz("bearing_pose.position", "one-frame position", "m", "bearing_pose/pose.pose.position")
     ),
     Source(
-        ("comparison",),
-        (
-            *_compared("position_error", "position error to truth", "mm"),
-            _bound("position", "mm"),
-            *_compared("attitude_error", "attitude error to truth", "°"),
-            _bound("attitude", "°"),
-            *_compared("deviation", "rms deviation an estimator states", "mm"),
-        ),
-        _comparison,
-        covers=("comparison.position_bound", "comparison.attitude_bound", "comparison.estimators"),
+        "bearing_pose",
+        tuple(f"pose.covariance[{k}]" for k in (0, 7, 14)),  # 6 by 6, position first
+        (Signal("bearing_pose.deviation", "rms", "mm", "one-frame deviation", "bearing_pose"),),
+        function=_deviation,
     ),
+    *(_compared(of) for of in COMPARED),
+    scaled(_bound("position", "mm", 1e3), _bound("attitude", "°", DEGREES)),
+    *(_stated(of) for of in COMPARED),
 )
 
-RESULTS = _results()
+RESULTS = tuple(_results(of) for of in COMPARED)

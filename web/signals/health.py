@@ -6,140 +6,111 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from quadrotor.constants import MOTORS
-from web.signals.signal import Source, norm, one, rms, vector, xyz
+from web.signals.motion import DEGREES
+from web.signals.signal import Signal, Source, one, rms, scaled, xyz
+
+MILLI, MICRO = 1e3, 1e6
 
 
-def _actuators(m: Any) -> Sequence[float]:
+def _axes(*names: str) -> tuple[str, ...]:
+    return tuple(f"{name}.{axis}" for name in names for axis in "xyz")
+
+
+def _estimator(xp: Any, *columns: Any) -> Sequence[Any]:
+    *vectors, nis, freedom = columns
+    position, attitude, p, v, a = (vectors[k : k + 3] for k in range(0, 15, 3))
+    if xp is math:
+        nis_a_number = nis / freedom if freedom else math.nan
+    else:
+        nis_a_number = np.where(freedom == 0, np.nan, nis / freedom)
     return (
-        m.thrust,
-        *vector(m.torque),
-        *(float(f) for f in m.thrusts),
-        *(float(r) for r in m.motor_references),
-        m.scaling,
-    )
-
-
-def _estimator(m: Any) -> Sequence[float]:
-    return (
-        m.mass,
-        *vector(m.accelerometer_bias),
-        *(math.degrees(b) for b in vector(m.gyroscope_bias)),
-        1e3 * norm(m.position_innovation),
-        math.degrees(norm(m.attitude_innovation)),
-        1e3 * m.measurement_age,
-        m.measurements_used,
-        m.measurements_refused,
-        m.measurements_ignored,
-        m.nis / m.nis_freedom if m.nis_freedom else math.nan,
-        1e3 * rms(*vector(m.position_variance)),
-        1e3 * rms(*vector(m.velocity_variance)),
-        math.degrees(rms(*vector(m.attitude_variance))),
-    )
-
-
-def _status(m: Any) -> Sequence[float]:
-    return (m.tick_rate, 1e6 * m.lateness_p50, 1e6 * m.lateness_p99, 100.0 * m.missed_share)
-
-
-def _link(m: Any) -> Sequence[float]:
-    return (
-        1e3 * m.age,
-        1e3 * m.round_trip,
-        1e3 * m.jitter,
-        100.0 * m.loss,
-        m.telemetry_rate,
-        1e3 * m.clock_offset,
+        1e3 * rms(xp, *(x * x for x in position)),
+        DEGREES * rms(xp, *(x * x for x in attitude)),
+        nis_a_number,
+        1e3 * rms(xp, *p),
+        1e3 * rms(xp, *v),
+        DEGREES * rms(xp, *a),
     )
 
 
 HEALTH = (
+    scaled(
+        one("thrust", "thrust", "N", "wrench", "actuators/thrust"),
+        *xyz("torque", "wrench", "N m", "actuators/torque"),
+        one("scaling", "scaling λ", "", "wrench", "actuators/scaling"),
+    ),
+    scaled(
+        *(
+            one(f"thrust.{m}", m, "N", "rotor thrust", f"actuators/thrusts[{k}]")
+            for k, m in enumerate(MOTORS)
+        ),
+        *(
+            one(f"motor.{m}", m, "count", "motor reference", f"actuators/motor_references[{k}]")
+            for k, m in enumerate(MOTORS)
+        ),
+    ),
+    scaled(
+        one("mass", "mass", "kg", "estimator", "estimator/mass"),
+        *xyz("bias.accelerometer", "accelerometer bias", "m/s²", "estimator/accelerometer_bias"),
+        *xyz("bias.gyroscope", "gyroscope bias", "°/s", "estimator/gyroscope_bias", DEGREES),
+        one("measurement.age", "pose age", "ms", "estimator", "estimator/measurement_age", MILLI),
+        *(
+            one(
+                f"measurements.{kind}",
+                f"measurements {kind}",
+                "",
+                "estimator",
+                f"estimator/measurements_{kind}",
+            )
+            for kind in ("used", "refused", "ignored")
+        ),
+    ),
     Source(
-        ("actuators",),
+        "estimator",
         (
-            one("thrust", "thrust", "N", "wrench", "actuators"),
-            *xyz("torque", "wrench", "N m", "actuators"),
-            *(one(f"thrust.{m}", m, "N", "rotor thrust", "actuators") for m in MOTORS),
-            *(one(f"motor.{m}", m, "count", "motor reference", "actuators") for m in MOTORS),
-            one("scaling", "scaling λ", "", "wrench", "actuators"),
+            *_axes(
+                "position_innovation",
+                "attitude_innovation",
+                "position_variance",
+                "velocity_variance",
+                "attitude_variance",
+            ),
+            "nis",
+            "nis_freedom",
         ),
-        _actuators,
-        covers=(
-            "actuators.thrust",
-            "actuators.torque",
-            "actuators.thrusts",
-            "actuators.motor_references",
-            "actuators.scaling",
-        ),
-    ),
-    Source(
-        ("estimator",),
         (
-            one("mass", "mass", "kg", "estimator", "estimator"),
-            *xyz("bias.accelerometer", "accelerometer bias", "m/s²", "estimator"),
-            *xyz("bias.gyroscope", "gyroscope bias", "°/s", "estimator"),
-            one("innovation.position", "position", "mm", "innovation", "estimator"),
-            one("innovation.attitude", "attitude", "°", "innovation", "estimator"),
-            one("measurement.age", "pose age", "ms", "estimator", "estimator"),
-            one("measurements.used", "measurements used", "", "estimator", "estimator"),
-            one("measurements.refused", "measurements refused", "", "estimator", "estimator"),
-            one("measurements.ignored", "measurements ignored", "", "estimator", "estimator"),
-            one("nis", "NIS a number", "", "innovation", "estimator"),
-            one("deviation.position", "position", "mm", "rms deviation", "estimator"),
-            one("deviation.velocity", "velocity", "mm/s", "rms deviation", "estimator"),
-            one("deviation.attitude", "attitude", "°", "rms deviation", "estimator"),
+            Signal("innovation.position", "position", "mm", "innovation", "estimator"),
+            Signal("innovation.attitude", "attitude", "°", "innovation", "estimator"),
+            Signal("nis", "NIS a number", "", "innovation", "estimator"),
+            Signal("deviation.position", "position", "mm", "rms deviation", "estimator"),
+            Signal("deviation.velocity", "velocity", "mm/s", "rms deviation", "estimator"),
+            Signal("deviation.attitude", "attitude", "°", "rms deviation", "estimator"),
         ),
-        _estimator,
-        covers=(
-            "estimator.mass",
-            "estimator.accelerometer_bias",
-            "estimator.gyroscope_bias",
-            "estimator.measurement_age",
-            "estimator.measurements_used",
-            "estimator.measurements_refused",
-            "estimator.measurements_ignored",
+        function=_estimator,
+    ),
+    scaled(
+        one("loop.rate", "rate", "Hz", "flight loop", "status/tick_rate"),
+        one("loop.lateness_p50", "lateness p50", "µs", "flight loop", "status/lateness_p50", MICRO),
+        one("loop.lateness_p99", "lateness p99", "µs", "flight loop", "status/lateness_p99", MICRO),
+        one("loop.missed", "missed", "%", "flight loop", "status/missed_share", 100.0),
+    ),
+    scaled(
+        one("link.age", "age", "ms", "link", "link_status/age", MILLI),
+        one("link.round_trip", "round trip", "ms", "link", "link_status/round_trip", MILLI),
+        one("link.jitter", "jitter", "ms", "link", "link_status/jitter", MILLI),
+        one("link.loss", "loss", "%", "link", "link_status/loss", 100.0),
+        one("link.rate", "telemetry", "Hz", "link", "link_status/telemetry_rate"),
+        one(
+            "link.clock_offset",
+            "clock offset",
+            "ms",
+            "vehicle clock",
+            "link_status/clock_offset",
+            MILLI,
         ),
     ),
-    Source(
-        ("status",),
-        (
-            one("loop.rate", "rate", "Hz", "flight loop", "status"),
-            one("loop.lateness_p50", "lateness p50", "µs", "flight loop", "status"),
-            one("loop.lateness_p99", "lateness p99", "µs", "flight loop", "status"),
-            one("loop.missed", "missed", "%", "flight loop", "status"),
-        ),
-        _status,
-        covers=(
-            "status.tick_rate",
-            "status.lateness_p50",
-            "status.lateness_p99",
-            "status.missed_share",
-        ),
-    ),
-    Source(
-        ("link_status",),
-        (
-            one("link.age", "age", "ms", "link", "link_status"),
-            one("link.round_trip", "round trip", "ms", "link", "link_status"),
-            one("link.jitter", "jitter", "ms", "link", "link_status"),
-            one("link.loss", "loss", "%", "link", "link_status"),
-            one("link.rate", "telemetry", "Hz", "link", "link_status"),
-            one("link.clock_offset", "clock offset", "ms", "vehicle clock", "link_status"),
-        ),
-        _link,
-        covers=(
-            "link_status.age",
-            "link_status.round_trip",
-            "link_status.jitter",
-            "link_status.loss",
-            "link_status.telemetry_rate",
-            "link_status.clock_offset",
-        ),
-    ),
-    Source(
-        ("battery",),
-        (one("battery.voltage", "voltage", "V", "battery", "battery"),),
-        lambda m: (m.voltage,),
-        covers=("battery.voltage",),
-    ),
+    scaled(one("battery.voltage", "voltage", "V", "battery", "battery/voltage")),
 )

@@ -6,84 +6,92 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from quadrotor.plain_rotations import roll_pitch_yaw, rotate
-from web.signals.signal import Source, one, quaternion, vector, xyz
+import numpy as np
+
+from quadrotor.plain_rotations import roll_pitch_yaw, roll_pitch_yaw_of_rows, rotate
+from web.signals.signal import Signal, Source, one, scaled, xyz
+
+DEGREES = math.degrees(1.0)
+ATTITUDE = tuple(f"pose.pose.orientation.{axis}" for axis in "wxyz")
+VELOCITY = tuple(f"twist.twist.linear.{axis}" for axis in "xyz")
+"""Body axes."""
 
 
-def _state(m: Any) -> Sequence[float]:
-    pose, twist = m.pose.pose, m.twist.twist
-    q = quaternion(pose.orientation)
-    return (
-        *vector(pose.position),
-        *rotate(q, vector(twist.linear)),  # body axes to world axes
-        *(math.degrees(a) for a in roll_pitch_yaw(*q)),
-        *(math.degrees(a) for a in vector(twist.angular)),
-    )
+def _signals(prefix: str, group: str, unit: str, names: Sequence[str], topic: str) -> list[Signal]:
+    return [Signal(f"{prefix}.{name}", name, unit, group, topic) for name in names]
 
 
-def _reference(m: Any) -> Sequence[float]:
-    return (*vector(m.position), *vector(m.velocity), *vector(m.acceleration), math.degrees(m.yaw))
+def _names(prefix: str) -> list[str]:
+    return [f"{prefix}.{axis}" for axis in "xyz"]
 
 
-def _tracking(state: Any, reference: Any) -> Sequence[float]:
-    p, r = state.pose.pose.position, reference.position
-    error = (p.x - r.x, p.y - r.y, p.z - r.z)
-    yaw = roll_pitch_yaw(*quaternion(state.pose.pose.orientation))[2] - reference.yaw
-    return (*error, math.hypot(*error), math.degrees(math.remainder(yaw, math.tau)))
+def _state(xp: Any, *columns: Any) -> Sequence[Any]:
+    q, velocity_b = columns[:4], columns[4:]
+    angles = roll_pitch_yaw(*q) if xp is math else roll_pitch_yaw_of_rows(np.stack(q, axis=1)).T
+    return (*rotate(q, velocity_b), *(angle * DEGREES for angle in angles))
 
 
-def _truth(state: Any, truth: Any) -> Sequence[float]:
-    p, t = state.pose.pose.position, truth.pose.pose.position
-    v = rotate(quaternion(state.pose.pose.orientation), vector(state.twist.twist.linear))
-    u = rotate(quaternion(truth.pose.pose.orientation), vector(truth.twist.twist.linear))
-    return (*vector(t), 1e3 * math.dist((p.x, p.y, p.z), (t.x, t.y, t.z)), math.dist(v, u))
+def _tracking(xp: Any, *inputs: Any) -> Sequence[Any]:
+    x, y, z, yaw, *reference, reference_yaw = inputs
+    error = (x - reference[0], y - reference[1], z - reference[2])
+    turn = (yaw - reference_yaw) / DEGREES
+    wrapped = xp.atan2(xp.sin(turn), xp.cos(turn))
+    return (*error, _length(xp, *error), wrapped * DEGREES)
+
+
+def _truth(xp: Any, *inputs: Any) -> Sequence[Any]:
+    truth = (*inputs[7:10], *rotate(inputs[:4], inputs[4:7]))  # position, velocity
+    error = [of_state - of_truth for of_state, of_truth in zip(inputs[10:], truth, strict=True)]
+    return (1e3 * _length(xp, *error[:3]), _length(xp, *error[3:]))
+
+
+def _length(xp: Any, x: Any, y: Any, z: Any) -> Any:
+    return xp.sqrt(x * x + y * y + z * z)
 
 
 MOTION = (
+    scaled(*xyz("state.position", "position", "m", "state/pose.pose.position")),
     Source(
-        ("state",),
+        "state",
+        (*ATTITUDE, *VELOCITY),
         (
-            *xyz("state.position", "position", "m", "state"),
-            *xyz("state.velocity", "velocity", "m/s", "state"),
-            *(one(f"state.{a}", a, "°", "attitude", "state") for a in ("roll", "pitch", "yaw")),
-            *xyz("state.rate", "body rate", "°/s", "state"),
+            *_signals("state.velocity", "velocity", "m/s", "xyz", "state"),
+            *_signals("state", "attitude", "°", ("roll", "pitch", "yaw"), "state"),
         ),
-        _state,
-        covers=("state.pose.pose.position", "state.twist.twist.angular"),
+        function=_state,
+    ),
+    scaled(*xyz("state.rate", "body rate", "°/s", "state/twist.twist.angular", DEGREES)),
+    scaled(
+        *xyz("reference.position", "reference position", "m", "reference/position"),
+        *xyz("reference.velocity", "reference velocity", "m/s", "reference/velocity"),
+        *xyz("reference.acceleration", "reference acceleration", "m/s²", "reference/acceleration"),
+        one("reference.yaw", "yaw", "°", "reference position", "reference/yaw", DEGREES),
     ),
     Source(
-        ("reference",),
+        "state",
+        (),
         (
-            *xyz("reference.position", "reference position", "m", "reference"),
-            *xyz("reference.velocity", "reference velocity", "m/s", "reference"),
-            *xyz("reference.acceleration", "reference acceleration", "m/s²", "reference"),
-            one("reference.yaw", "yaw", "°", "reference position", "reference"),
+            *_signals("error.position", "tracking error", "m", "xyz", "state"),
+            Signal("error.distance", "distance", "m", "tracking error", "state"),
+            Signal("error.yaw", "yaw", "°", "tracking error", "state"),
         ),
-        _reference,
-        covers=(
-            "reference.position",
-            "reference.velocity",
-            "reference.acceleration",
+        function=_tracking,
+        inputs=(
+            *_names("state.position"),
+            "state.yaw",
+            *_names("reference.position"),
             "reference.yaw",
         ),
     ),
+    scaled(*xyz("truth.position", "truth position", "m", "truth/pose.pose.position")),
     Source(
-        ("state", "reference"),
+        "truth",
+        (*ATTITUDE, *VELOCITY),
         (
-            *xyz("error.position", "tracking error", "m", "state"),
-            one("error.distance", "distance", "m", "tracking error", "state"),
-            one("error.yaw", "yaw", "°", "tracking error", "state"),
+            Signal("truth.position_error", "position", "mm", "estimate against truth", "truth"),
+            Signal("truth.velocity_error", "velocity", "m/s", "estimate against truth", "truth"),
         ),
-        _tracking,
-    ),
-    Source(
-        ("state", "truth"),
-        (
-            *xyz("truth.position", "truth position", "m", "truth"),
-            one("truth.position_error", "position", "mm", "estimate against truth", "truth"),
-            one("truth.velocity_error", "velocity", "m/s", "estimate against truth", "truth"),
-        ),
-        _truth,
-        covers=("truth.pose.pose.position",),
+        function=_truth,
+        inputs=(*_names("truth.position"), *_names("state.position"), *_names("state.velocity")),
     ),
 )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from vehicle_link.messages.numbers import Path, number_at, numbers
+from vehicle_link.messages.numbers import Path, numbers
 from vehicle_link.messages.units import unit_of
 from vehicle_link.topics.table import TOPICS
-from web.signals.signal import Signal, Source
+from web.signals.signal import Scaled, Signal, Source, scaled
 
 MEMBERS = 8
 """Of an array without a fixed length: beacons, axes of sticks, cells of a battery."""
@@ -19,8 +18,8 @@ MEMBERS = 8
 class Leaf:
     """One number of a message, with its words for people."""
 
-    path: Path
     name: str  # `pose.covariance.0`
+    column: str  # `pose.covariance[0]`
     label: str
     group: str
     unit: str
@@ -30,15 +29,16 @@ def leaves(type_name: str, covered: Collection[str] = ()) -> list[Leaf]:
     """Return the numbers of a message of this type (`quadlab_msgs/LinkStatus`), in its order.
 
     Args:
-        covered: dotted paths left out, with what is below them.
+        covered: columns left out, with what is below them.
     """
     found = []
     for path, fields in numbers(type_name, MEMBERS):
         name = ".".join(str(step) for step in path)
-        if any(name == one or name.startswith(f"{one}.") for one in covered):
+        column = "".join(f"[{s}]" if isinstance(s, int) else f".{s}" for s in path).lstrip(".")
+        if any(column == c or column.startswith((f"{c}.", f"{c}[")) for c in covered):
             continue
         *outer, last = _words(path)
-        found.append(Leaf(path, name, last, " ".join(outer), unit_of(fields)))
+        found.append(Leaf(name, column, last, " ".join(outer), unit_of(fields)))
     return found
 
 
@@ -55,11 +55,6 @@ def _words(path: Path) -> list[str]:
     return words
 
 
-def reader(members: Sequence[Leaf]) -> Callable[[Any], Sequence[float]]:
-    paths = [leaf.path for leaf in members]
-    return lambda message: [number_at(message, path) for path in paths]
-
-
 def sources_of(topic: str, covered: Collection[str]) -> list[Source]:
     """Return one source for each group of numbers, so that only what is wanted is read."""
     groups: dict[str, list[Leaf]] = {}
@@ -70,7 +65,9 @@ def sources_of(topic: str, covered: Collection[str]) -> list[Source]:
 
 def _source(topic: str, group: str, members: Sequence[Leaf]) -> Source:
     title = group or topic.replace("_", " ")
-    signals = tuple(
-        Signal(f"{topic}.{leaf.name}", leaf.label, leaf.unit, title, topic) for leaf in members
+    return scaled(
+        *(
+            Scaled(Signal(f"{topic}.{leaf.name}", leaf.label, leaf.unit, title, topic), leaf.column)
+            for leaf in members
+        )
     )
-    return Source((topic,), signals, reader(members))

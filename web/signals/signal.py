@@ -1,11 +1,19 @@
-"""The definition of a signal, and where its value comes from."""
+"""The definition of a signal, and how its values come from columns of numbers.
+
+A signal is one function of columns: of N numbers each in a log, of one each live. A column is a
+number of a topic, named as a log names it: `pose.pose.position.x`, `thrusts[0]`.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from operator import attrgetter
 from typing import Any
+
+from vehicle_link.messages.numbers import Path, number_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,24 +27,76 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Turns the newest message of each topic into the values of its signals, in their order."""
+    """Some signals that come together.
 
-    topics: tuple[str, ...]  # all must be current; the first one's age is shown
+    Attributes:
+        topic: whose newest message, or whose every message, gives values.
+        columns: of that topic.
+        signals: what is made of them.
+        factors: of each signal, which is the column in its place times this factor; else
+        function: called as `function(xp, *columns, *inputs)` with xp = math and floats, or with
+            xp = numpy and arrays (N,); returns the signals' values in their order.
+        inputs: names of signals that it takes, too; in a log between their samples.
+        member: the columns are those of the estimator of this name in `estimators`.
+    """
+
+    topic: str
+    columns: tuple[str, ...]
     signals: tuple[Signal, ...]
-    values: Callable[..., Sequence[float]]
-    covers: tuple[str, ...] = ()  # numbers that these show, as `state.pose.pose.position`
+    factors: tuple[float, ...] = ()
+    function: Callable[..., Sequence[Any]] | None = None
+    inputs: tuple[str, ...] = ()
+    member: str = ""
+    _read: Callable[[Any], Sequence[float]] = field(init=False, repr=False, compare=False)
+    _is_scaled: bool = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_read", _reader(self.columns))
+        object.__setattr__(self, "_is_scaled", any(factor != 1.0 for factor in self.factors))
+
+    def values(self, message: Any, inputs: Sequence[float]) -> Sequence[float] | None:
+        """Return the values of a message, None without the member."""
+        if self.member:
+            message = next((r for r in message.estimators if r.name == self.member), None)
+            if message is None:
+                return None
+        columns = self._read(message)
+        if self.function is not None:
+            values: Sequence[float] = self.function(math, *columns, *inputs)
+            return values
+        if not self._is_scaled:
+            return columns
+        return [value * factor for value, factor in zip(columns, self.factors, strict=True)]
 
 
-def one(name: str, label: str, unit: str, group: str, topic: str) -> Signal:
-    return Signal(name, label, unit, group, topic)
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A signal that is a column times a factor."""
+
+    signal: Signal
+    column: str
+    factor: float = 1.0
 
 
-def xyz(prefix: str, group: str, unit: str, topic: str) -> list[Signal]:
-    return [Signal(f"{prefix}.{axis}", axis, unit, group, topic) for axis in "xyz"]
+def scaled(*rows: Scaled, member: str = "") -> Source:
+    """Return the source of signals of one topic that are a column each."""
+    return Source(
+        rows[0].signal.topic,
+        tuple(row.column for row in rows),
+        tuple(row.signal for row in rows),
+        tuple(row.factor for row in rows),
+        member=member,
+    )
 
 
-def vector(v: Any) -> tuple[float, float, float]:
-    return (v.x, v.y, v.z)
+def one(signal: str, label: str, unit: str, group: str, column: str, factor: float = 1.0) -> Scaled:
+    """Return the signal of a column, `state/pose.pose.position.x`."""
+    topic, _, path = column.partition("/")
+    return Scaled(Signal(signal, label, unit, group, topic), path, factor)
+
+
+def xyz(prefix: str, group: str, unit: str, column: str, factor: float = 1.0) -> list[Scaled]:
+    return [one(f"{prefix}.{a}", a, unit, group, f"{column}.{a}", factor) for a in "xyz"]
 
 
 def quaternion(q: Any) -> tuple[float, float, float, float]:
@@ -44,11 +104,21 @@ def quaternion(q: Any) -> tuple[float, float, float, float]:
     return (q.w, q.x, q.y, q.z)
 
 
-def norm(v: Any) -> float:
-    return math.sqrt(v.x * v.x + v.y * v.y + v.z * v.z)
-
-
-def rms(*variances: float) -> float:
+def rms(xp: Any, *variances: Any) -> Any:
     """Return the length that an error of these variances has in the mean square."""
-    total = float(sum(variances))
-    return math.sqrt(total) if total >= 0.0 else math.nan
+    total = sum(variances)
+    return math.nan if xp is math and not total >= 0.0 else xp.sqrt(total)
+
+
+def path_of(column: str) -> Path:
+    """Return the steps of a column: `thrusts[0]` has two."""
+    return tuple(
+        int(step) if step.isdigit() else step for step in re.split(r"[.\[\]]+", column) if step
+    )
+
+
+def _reader(columns: Sequence[str]) -> Callable[[Any], Sequence[float]]:
+    if len(columns) > 1 and not any("[" in column for column in columns):
+        return attrgetter(*columns)
+    paths = [path_of(column) for column in columns]
+    return lambda message: [number_at(message, path) for path in paths]

@@ -17,10 +17,10 @@ from flight_log.message_times import common_stamps, gaps
 from quadrotor.errors import LogFormatError, OutOfBoundsError
 from vehicle_link.messages import decode, encode, header, new
 from web.replay.build import build
-from web.replay.derived import of_odometry
 from web.replay.pyramid import coarser, edges, level_sizes, pyramid
 from web.replay.reader import Replay
 from web.replay.track import PARTS, WIDTH
+from web.signals import NAMED_SOURCES, Source
 
 RUN = MadeRun(
     24.0,
@@ -188,12 +188,29 @@ def test_rotations_give_their_angles_and_world_velocities() -> None:
         "twist.twist.linear.y": np.zeros(500),
         "twist.twist.linear.z": np.zeros(500),
     }
-    found = of_odometry(lambda name: columns[name])
-    for name, expected in (("@roll", roll), ("@pitch", pitch), ("@yaw", yaw)):
-        assert found[name] == pytest.approx(expected, abs=1e-9)
+    [source] = [one for one in NAMED_SOURCES if one.signals[0].name == "state.velocity.x"]
+    assert source.function is not None
+    values = source.function(np, *(columns[name] for name in source.columns))
+    found = {signal.name: one for signal, one in zip(source.signals, values, strict=True)}
+    for name, expected in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
+        assert found[f"state.{name}"] == pytest.approx(np.degrees(expected), abs=1e-7)
     # The body's x axis in the world.
-    assert found["@velocity.x"] == pytest.approx(np.cos(yaw) * np.cos(pitch), abs=1e-9)
-    assert found["@velocity.z"] == pytest.approx(-np.sin(pitch), abs=1e-9)
+    assert found["state.velocity.x"] == pytest.approx(np.cos(yaw) * np.cos(pitch), abs=1e-9)
+    assert found["state.velocity.z"] == pytest.approx(-np.sin(pitch), abs=1e-9)
+
+
+@pytest.mark.parametrize("source", [one for one in NAMED_SOURCES if one.function])
+def test_a_signal_of_a_log_is_what_it_is_live_sample_by_sample(source: Source) -> None:
+    """Many samples at once and each alone, a missing value among them."""
+    assert source.function is not None
+    count = len(source.columns) + len(source.inputs)
+    columns = np.random.default_rng(4).standard_normal((count, 50))
+    columns[-1, 3] = np.nan
+    columns[:, 7] = 0.0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        together = source.function(np, *columns)
+    alone = [source.function(math, *sample) for sample in columns.T.tolist()]
+    np.testing.assert_allclose(np.array(together).T, alone, rtol=1e-9, atol=1e-9)
 
 
 def test_the_track_holds_the_path_and_its_silence(replay: Replay) -> None:
