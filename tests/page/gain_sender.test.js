@@ -2,13 +2,13 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { until } from "./browser.js";
-import { GainPath } from "../../web/static/gains/sender.js";
+import { GainSender } from "../../web/static/gains/sender.js";
 
 // A vehicle that answers when told to; `clock` stands still unless a test moves it.
 function made() {
   const requests = [], states = [];
   const send = (value, walks) => new Promise((accept, refuse) => { requests.push({ value, walks, accept, refuse }); });
-  const path = new GainPath(send, () => { if (states.at(-1) !== path.state) states.push(path.state); });
+  const path = new GainSender(send, () => { if (states.at(-1) !== path.state) states.push(path.state); });
   return { requests, states, path, nth: (n) => until(() => requests[n]), rest: () => until(() => !path.busy) };
 }
 

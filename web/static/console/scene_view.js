@@ -11,8 +11,8 @@ const LOST = 0.8; // s
 
 
 export class View {
-  constructor(events, silence) {
-    this.silence = silence;
+  constructor(events, timeout) {
+    this.timeout = timeout;
     this.name = crypto.randomUUID?.() ?? String(Math.random());
     const scheme = location.protocol === "https:" ? "wss" : "ws";
     const socket = `${scheme}://${location.host}${here("/viser")}?view=${this.name}`;
@@ -24,7 +24,7 @@ export class View {
       if (age) $("truth-key").hidden = !(age.truth !== null && age.truth < 1);
       this.flags(events);
     });
-    silence.addEventListener("change", () => this.flags(events));
+    timeout.addEventListener("change", () => this.flags(events));
     setInterval(() => this.flags(events), 500); // also while nothing arrives
   }
 
@@ -37,7 +37,7 @@ export class View {
 
   flags(events) {
     const { status, station, link } = events.summary, age = events.age("state");
-    const isSilent = this.silence.holds || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
+    const isSilent = this.timeout.holds || age > 0.5 || events.age("link_status") < 1.5 && link.state !== "good";
     const silence = Number.isFinite(age) ? `no telemetry for ${seconds(age)}` : "no telemetry yet";
     // Silence that lasts is a lost contact, which static/link/contact_lost.js tells.
     const texts = isSilent ? (age < LOST ? [silence] : []) : (status?.flags ?? []).map(words);

@@ -12,11 +12,15 @@ const SHOWN = { arm: ({ armed }) => armed, disarm: ({ armed, mode }) => !armed &
 const SLOW = 0.98; // of real time
 const percent = (share) => (share === null || share === undefined ? NONE : `${fixed(100 * share, share < 0.0995 ? 1 : 0)} %`);
 
-export class Bar {
-  constructor(events, fly, isOperator, { ages, silence }) {
+// A clock, and a size that leaves as a whole where there is no room.
+const recorded = (station) =>
+  `● ${duration(station.recording_duration)} ${bytes(station.recording_bytes).replace(" ", "\u00a0")}`;
+
+export class StatusBar {
+  constructor(events, fly, isOperator, { ages, timeout }) {
     this.events = events;
     this.ages = ages; // greys what is old, too
-    this.silence = silence;
+    this.timeout = timeout;
     this.controls = ["arm", "take-off", "land"].map($);
     this.isOperator = isOperator;
     // What the label said at the press, whatever has been heard since.
@@ -26,7 +30,7 @@ export class Bar {
     if (!isOperator) for (const button of this.controls) { button.disabled = true; button.title = "viewers watch; ask an operator for an invitation to command"; }
     setInterval(() => this.draw(), 200);
     events.on("summary", ({ link }) => { if (link && link.state !== this.linkDrawn) this.draw(); });
-    silence.addEventListener("change", () => this.draw());
+    timeout.addEventListener("change", () => this.draw());
   }
 
   // Disarming also acknowledges a cut.
@@ -42,13 +46,13 @@ export class Bar {
     this.drawControl(status);
     this.set("behavior", status && (isAlone(status) ? "lands alone" : words(status.behavior)));
     this.linkDrawn = link?.state;
-    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.silence.holds || link.state !== "good"));
+    this.set("link", link && `${seconds(this.linkAge(link))} · ${percent(link.loss)}`, link && (this.timeout.holds || link.state !== "good"));
     this.set("telemetry", link && `${fixed(link.telemetry_rate, 0)} Hz`);
     this.set("tick", status && `${this.lateness(status.lateness_p99)} · ${percent(status.missed_share)}`, status?.missed_share > 0.01);
     this.set("battery", battery && `${fixed(battery.voltage, 1)} V`, status?.flags?.some((flag) => /battery/i.test(flag)));
     const refused = this.refused(status);
     this.set("tracker", station && (station.tracker_rate > 0 ? `${fixed(station.tracker_rate, 0)} Hz${refused}` : "none"), station?.tracker_rate < 10 || Boolean(refused));
-    this.set("recording", station && (station.recording ? `● ${duration(station.recording_duration)}  ${bytes(station.recording_bytes)}` : "off"));
+    this.set("recording", station && (station.recording ? recorded(station) : "off"));
     this.drawPace(station?.real_time_factor);
     const disarms = this.nextArm === "disarm";
     $("arm").textContent = disarms ? "Disarm" : "Arm";

@@ -4,7 +4,7 @@
 
 import { element } from "../core/dom.js";
 import { digitsOf, exact } from "../core/format.js";
-import { GainPath } from "./sender.js";
+import { GainSender } from "./sender.js";
 
 const MOST_STEPS = 1e6; // of a slider; a seed is typed
 const KEY_STEPS = { ArrowUp: 1, ArrowDown: -1, PageUp: 10, PageDown: -10 };
@@ -25,7 +25,7 @@ export class GainRow {
     this.unfold = unfold;
     this.locked = !isOperator || description.read_only;
     this.text = [description.name, description.description, description.unit].join(" ").toLowerCase();
-    this.path = new GainPath(send, () => this.draw());
+    this.path = new GainSender(send, () => this.draw());
     this.drawn = ""; // the reason
     this.place = element("div", { className: "gain" });
     this.build();

@@ -4,7 +4,7 @@
 const PERIOD = 50; // ms
 const LATE = 300; // ms
 
-export class GainPath {
+export class GainSender {
   /**
    * A reason stays until something is accepted: a hand that goes on pulling must see why nothing moves.
    * @param {(value: any, walks: boolean) => Promise<unknown>} send

@@ -5,7 +5,7 @@
 const TOPIC = "state"; // the table wants it always
 const SILENT = 0.2; // s, as the station counts outages
 
-export class Silence extends EventTarget {
+export class TelemetryTimeout extends EventTarget {
   /** @param {EventTarget} telemetry */
   constructor(telemetry) {
     super();

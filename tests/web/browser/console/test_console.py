@@ -27,7 +27,7 @@ def test_the_bar_shows_what_the_vehicle_says(page: Any, look: Any) -> None:
     look.text("#battery", "^15.6 V$")
     look.text("#tracker", "^100 Hz$")
     look.text("#tick", "^140 µs · 0.0 %$")
-    look.text("#recording", r"^● 00:12\s+84 MB$")
+    look.text("#recording", r"^● 00:12\s+84\sMB$")
     look.text("#flags", "not real time")
 
 
